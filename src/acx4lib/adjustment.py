@@ -1,0 +1,437 @@
+"""Least squares that knows no camera.
+
+Unknowns are of two kinds: the columns of the reduced system, and points, three coordinates each,
+which the observations meet only in small groups and which are eliminated by the Schur
+complement. A `Problem` says what its observations are at a state; everything else is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+from scipy import linalg, stats
+
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.errors import AdjustmentError
+
+S = TypeVar("S")
+
+CHUNK = 2048
+"""Points eliminated at a time; bounds the memory of the dense strips."""
+
+SINGULAR = 1e-11
+"""Eigenvalue of the scaled normal matrix below which a direction is not determined."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equations:
+    """One group of linearised observations, v = estimated - observed.
+
+    Attributes
+    ----------
+    kind : str
+        For reports.
+    v, sigma : ndarray, shape (m, d)
+        An infinite sigma takes a component out.
+    A : ndarray, shape (m, d, k)
+        dv / d(unknowns of the observation's unit); k may be zero.
+    columns : ndarray, shape (n_units, k)
+        Where these unknowns stand in the reduced system; -1 for one that is held.
+    unit : ndarray, shape (m,)
+        Observations of one unit share their columns.
+    B : ndarray, shape (m, d, 3), optional
+        dv / d(point).
+    point : ndarray, shape (m,), optional
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    A: Array
+    columns: Index
+    unit: Index
+    B: Array | None = None
+    point: Index | None = None
+
+
+class Problem(Protocol[S]):
+    """What an adjustment has to know of its application."""
+
+    n_columns: int
+    n_points: int
+    free_points: Mask
+
+    def equations(self, state: S) -> Sequence[Equations]:
+        """Linearise at a state."""
+        ...
+
+    def residuals(self, state: S) -> Sequence[tuple[Array, Array]]:
+        """Return v and sigma of the same groups without derivatives."""
+        ...
+
+    def moved(self, state: S, dx: Array, dp: Array) -> S:
+        """Return the state after a step in the columns and in the points."""
+        ...
+
+    def column_names(self) -> Sequence[str]:
+        """Return a name per column, for messages."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Residuals of one group after the adjustment.
+
+    Attributes
+    ----------
+    kind : str
+    v, sigma, redundancy, w : ndarray, shape (m, d)
+        `redundancy` is the share of an error that shows in its own residual, `w` Baarda's
+        standardised residual with the a priori sigma; NaN where nothing controls it.
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    redundancy: Array
+    w: Array
+
+    @property
+    def used(self) -> Mask:
+        """Which components took part."""
+        return np.isfinite(self.sigma)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """A least-squares solution and its quality.
+
+    Attributes
+    ----------
+    cost : float
+        Weighted sum of squared residuals.
+    iterations : int
+    n_observations, n_unknowns : int
+    cov : ndarray, shape (n_columns, n_columns)
+        Of the reduced unknowns, for unit weight one (a priori).
+    cov_points : ndarray, shape (n_points, 3, 3)
+        A priori; zero for points that are held.
+    undetermined : ndarray, shape (n_columns,)
+        Columns with a part in a direction that the observations leave open.
+    condition : float
+        Of the scaled reduced normal matrix.
+    weakest : ndarray, shape (n_columns,)
+        Its eigenvector with the smallest eigenvalue, in scaled unknowns.
+    groups : tuple of Group
+    """
+
+    cost: float
+    iterations: int
+    n_observations: int
+    n_unknowns: int
+    cov: Array
+    cov_points: Array
+    undetermined: Mask
+    condition: float
+    weakest: Array
+    groups: tuple[Group, ...]
+
+    @property
+    def redundancy(self) -> int:
+        """Degrees of freedom."""
+        return self.n_observations - self.n_unknowns
+
+    @property
+    def sigma0_sq(self) -> float:
+        """A posteriori variance of unit weight; one where there is no redundancy."""
+        return self.cost / self.redundancy if self.redundancy > 0 else 1.0
+
+    @property
+    def chi_square_p(self) -> float:
+        """Two-sided probability of a cost as far from its expectation, were the weights right."""
+        if self.redundancy <= 0:
+            return 1.0
+        below = stats.chi2.cdf(self.cost, self.redundancy)
+        return float(2 * min(below, 1 - below))
+
+    def group(self, kind: str) -> Group:
+        """Return the residuals of one kind."""
+        return next(g for g in self.groups if g.kind == kind)
+
+
+def solve(problem: Problem[S], state: S, *, max_iterations: int = 50) -> tuple[S, Solution]:
+    """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : start values
+    max_iterations : int
+
+    Returns
+    -------
+    state, solution
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge, or observations are fewer than unknowns.
+
+    Notes
+    -----
+    Converged when a full step would move the unknowns by less than 1e-6 of their standard
+    deviations, or when rounding lets no step reduce the cost any more.
+    """
+    state, iterations = _iterate(problem, state, max_iterations)
+    equations = problem.equations(state)
+    return state, _quality(problem, equations, iterations)
+
+
+def _iterate(problem: Problem[S], state: S, max_iterations: int) -> tuple[S, int]:
+    damping = 0.0
+    cost = _cost(problem.residuals(state))
+    if not np.isfinite(cost):
+        msg = "the start values leave points behind a camera or at infinity"
+        raise AdjustmentError(msg)
+    for iteration in range(1, max_iterations + 1):
+        equations = problem.equations(state)
+        n_observations = sum(int(np.isfinite(e.sigma).sum()) for e in equations)
+        n_unknowns = problem.n_columns + 3 * int(problem.free_points.sum())
+        if n_observations < n_unknowns:
+            msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
+            raise AdjustmentError(msg)
+        sigma0_sq = cost / max(n_observations - n_unknowns, 1)
+        while True:
+            dx, dp, decrement = _step(problem, equations, damping)
+            trial = problem.moved(state, dx, dp)
+            trial_cost = _cost(problem.residuals(trial))
+            if trial_cost <= cost:
+                break
+            if decrement <= 1e-8 * sigma0_sq or decrement < 1e-14:
+                return state, iteration  # at the rounding floor
+            damping = max(10 * damping, 1e-6)
+            if damping > 1e12:
+                msg = f"no step reduces the cost any more after {iteration} iterations"
+                raise AdjustmentError(msg)
+        state, cost = trial, trial_cost
+        if damping == 0.0 and decrement <= 1e-12 * sigma0_sq:
+            return state, iteration
+        damping = damping / 10 if damping > 1e-8 else 0.0
+    msg = f"no convergence after {max_iterations} iterations"
+    raise AdjustmentError(msg)
+
+
+def _cost(groups: Sequence[tuple[Array, Array]]) -> float:
+    cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
+    return cost if np.isfinite(cost) else np.inf
+
+
+# --- normal equations ------------------------------------------------------------------------
+
+
+def _step(
+    problem: Problem[S], equations: Sequence[Equations], damping: float
+) -> tuple[Array, Array, float]:
+    """Return the damped Gauss-Newton step and the decrease of cost that it predicts."""
+    N, g = _column_normals(problem.n_columns, equations)
+    V, h = _point_normals(problem, equations)
+    diagonal = N.diagonal().copy()
+    N[np.diag_indices_from(N)] += damping * diagonal
+    V = V + damping * (V * np.eye(3))
+    V_inv = np.linalg.inv(V)
+    for points, strip in _strips(problem, equations):
+        L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
+        Z = (L_inv @ strip).reshape(-1, problem.n_columns)
+        N -= Z.T @ Z
+        g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+    dx = -_solve_scaled(N, g, diagonal)
+    cross = np.zeros_like(h)
+    for e in equations:
+        if e.B is not None and e.point is not None and e.A.shape[2]:
+            Adx = np.einsum("mdk,mk->md", e.A, _gather(dx, e.columns)[e.unit])
+            np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
+    dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
+    dp[~problem.free_points] = 0.0
+    # the undamped gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
+    decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
+    return dx, dp, decrement
+
+
+def _column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
+    """Return A^T P A and A^T P v over all groups, unit by unit."""
+    N, g = np.zeros((n, n)), np.zeros(n)
+    for e in equations:
+        for rows, columns, held in _units(e):
+            P = 1 / e.sigma[rows] ** 2
+            A = e.A[rows].reshape(-1, e.A.shape[2])[:, ~held]
+            PA = P.reshape(-1, 1) * A
+            N[np.ix_(columns, columns)] += A.T @ PA
+            g[columns] += PA.T @ e.v[rows].ravel()
+    return N, g
+
+
+def _units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
+    """Yield the rows of every unit, its columns in the reduced system, and which are held."""
+    if e.A.shape[2] == 0:
+        return
+    order = np.argsort(e.unit, kind="stable")
+    ends = np.cumsum(np.bincount(e.unit, minlength=len(e.columns)))
+    for unit, columns in enumerate(e.columns):
+        rows = order[ends[unit - 1] if unit else 0 : ends[unit]]
+        held = columns < 0
+        if len(rows) and not held.all():
+            yield rows, columns[~held], held
+
+
+def _point_normals(problem: Problem[S], equations: Sequence[Equations]) -> tuple[Array, Array]:
+    """Return B^T P B and B^T P v of every point; the identity where a point is held."""
+    V, h = np.zeros((problem.n_points, 3, 3)), np.zeros((problem.n_points, 3))
+    for e in equations:
+        if e.B is not None and e.point is not None:
+            PB = e.B / e.sigma[:, :, None] ** 2
+            _add_by_point(V, e.point, np.swapaxes(e.B, 1, 2) @ PB)
+            _add_by_point(h, e.point, np.einsum("mdi,md->mi", PB, e.v))
+    V[~problem.free_points] = np.eye(3)
+    h[~problem.free_points] = 0.0
+    return V, h
+
+
+def _add_by_point(total: Array, point: Index, values: Array) -> None:
+    """Add values to their points; fast where the points come in order."""
+    if len(point) == 0:
+        return
+    if np.any(np.diff(point) < 0):
+        np.add.at(total, point, values)
+        return
+    starts = np.flatnonzero(np.diff(point, prepend=-1))
+    total[point[starts]] += np.add.reduceat(values, starts, axis=0)
+
+
+def _strips(
+    problem: Problem[S], equations: Sequence[Equations]
+) -> Iterator[tuple[slice, Array]]:
+    """Yield B^T P A of the points in chunks, dense, shape (points, 3, n_columns)."""
+    products = [
+        (e, np.swapaxes(e.B, 1, 2) @ (e.A / e.sigma[:, :, None] ** 2))
+        for e in equations
+        if e.B is not None and e.point is not None and e.A.shape[2]
+    ]
+    n = problem.n_columns
+    for start in range(0, problem.n_points, CHUNK):
+        chunk = slice(start, min(start + CHUNK, problem.n_points))
+        strip = np.zeros((chunk.stop - start) * 3 * (n + 1))
+        for e, product in products:
+            assert e.point is not None  # noqa: S101  # selected above
+            rows = np.flatnonzero((e.point >= start) & (e.point < chunk.stop))
+            columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
+            at = (e.point[rows] - start)[:, None] * 3 + np.arange(3)
+            flat = at[:, :, None] * (n + 1) + columns[:, None, :]
+            strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
+        dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
+        dense[~problem.free_points[chunk]] = 0.0
+        yield chunk, dense
+
+
+def _gather(dx: Array, columns: Index) -> Array:
+    """Return the entries of dx at columns, zero where a column is -1."""
+    return np.append(dx, 0.0)[columns]
+
+
+def _solve_scaled(N: Array, g: Array, diagonal: Array) -> Array:
+    """Solve N x = g scaled to a unit diagonal, of minimum norm where N is singular."""
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scaled = N * scale[:, None] * scale
+    try:
+        factor = linalg.cho_factor(scaled, lower=True)
+        if np.min(np.abs(np.diagonal(factor[0]))) ** 2 > SINGULAR:
+            return np.asarray(scale * linalg.cho_solve(factor, scale * g))
+    except linalg.LinAlgError:
+        pass
+    values, vectors = linalg.eigh(scaled)
+    keep = values > SINGULAR
+    part = vectors[:, keep]
+    return np.asarray(scale * (part @ ((part.T @ (scale * g)) / values[keep])))
+
+
+# --- quality ---------------------------------------------------------------------------------
+
+
+def _quality(
+    problem: Problem[S], equations: Sequence[Equations], iterations: int
+) -> Solution:
+    """Return covariances, redundancy numbers and tests at the solution."""
+    N, _ = _column_normals(problem.n_columns, equations)
+    diagonal = N.diagonal().copy()
+    V, _ = _point_normals(problem, equations)
+    V_inv = np.linalg.inv(V)
+    for points, strip in _strips(problem, equations):
+        Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(-1, problem.n_columns)
+        N -= Z.T @ Z
+    cov, undetermined, values, weakest = _inverse(N, diagonal)
+    explained = [np.zeros_like(e.v) for e in equations]
+    cov_points = V_inv
+    cov_points[~problem.free_points] = 0.0
+    for points, strip in _strips(problem, equations):
+        gain = V_inv[points] @ strip  # -d(point)/d(columns)
+        cross = -gain @ cov
+        cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
+        for e, part in zip(equations, explained, strict=True):
+            _add_explained_by_points(part, e, points, cross, cov_points)
+    for e, part in zip(equations, explained, strict=True):
+        for rows, columns, held in _units(e):
+            A = e.A[rows][:, :, ~held]
+            part[rows] += np.sum((A @ cov[np.ix_(columns, columns)]) * A, axis=2)
+    used = [np.isfinite(e.sigma) for e in equations]
+    return Solution(
+        cost=_cost([(e.v, e.sigma) for e in equations]),
+        iterations=iterations,
+        n_observations=sum(int(u.sum()) for u in used),
+        n_unknowns=problem.n_columns + 3 * int(problem.free_points.sum()),
+        cov=cov,
+        cov_points=cov_points,
+        undetermined=undetermined,
+        condition=float(values[-1] / max(values[0], 1e-300)) if len(values) else 1.0,
+        weakest=weakest,
+        groups=tuple(_tested(e, part) for e, part in zip(equations, explained, strict=True)),
+    )
+
+
+def _inverse(N: Array, diagonal: Array) -> tuple[Array, Mask, Array, Array]:
+    """Return the (pseudo-)inverse, what it leaves open, eigenvalues and the weakest vector."""
+    if len(N) == 0:
+        return N, np.zeros(0, dtype=bool), np.ones(0), np.zeros(0)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    values, vectors = linalg.eigh(N * scale[:, None] * scale)
+    keep = values > SINGULAR
+    part = vectors[:, keep] * scale[:, None]
+    open_part = np.linalg.norm(vectors[:, ~keep], axis=1)
+    return (part / values[keep]) @ part.T, open_part > 1e-4, values, vectors[:, 0]
+
+
+def _add_explained_by_points(
+    total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
+) -> None:
+    """Add to the variance of adjusted observations what depends on the chunk's points."""
+    if e.B is None or e.point is None:
+        return
+    rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))
+    B, point = e.B[rows], e.point[rows]
+    total[rows] += np.sum((B @ cov_points[point]) * B, axis=2)
+    if e.A.shape[2]:
+        padded = np.concatenate([cross, np.zeros((*cross.shape[:2], 1))], axis=2)
+        columns = e.columns[e.unit[rows]]
+        local = padded[(point - points.start)[:, None], :, columns]  # (rows, k, 3)
+        total[rows] += 2 * np.sum((e.A[rows] @ local) * B, axis=2)
+
+
+def _tested(e: Equations, explained: Array) -> Group:
+    """Return redundancy numbers and Baarda's w of one group."""
+    used = np.isfinite(e.sigma)
+    redundancy = np.where(used, 1 - explained / e.sigma**2, np.nan)
+    controlled = used & (redundancy > 1e-6)
+    w = np.full_like(e.v, np.nan)
+    w[controlled] = e.v[controlled] / (e.sigma[controlled] * np.sqrt(redundancy[controlled]))
+    return Group(kind=e.kind, v=e.v, sigma=e.sigma, redundancy=redundancy, w=w)

@@ -1,0 +1,213 @@
+"""A photogrammetric block: images, measurements, control and trajectory as plain arrays.
+
+Everything stands in the mapping frame; names are text and appear once. Observations are flat
+arrays that point into the names by index.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.camera import Camera
+from acx4lib.frames import Pose
+from acx4lib.geodesy import MappingFrame
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """The images of a block.
+
+    Attributes
+    ----------
+    names, strips : tuple of str
+        One each per image; a strip may be empty.
+    camera_idx, exposure_idx : ndarray, shape (n_images,)
+        Into the block's cameras and the trajectory's exposures.
+    """
+
+    names: tuple[str, ...]
+    camera_idx: Index
+    exposure_idx: Index
+    strips: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Count the images."""
+        return len(self.names)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePoints:
+    """Image measurements.
+
+    Attributes
+    ----------
+    image_idx, point_idx : ndarray, shape (n,)
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+    sigma_px : ndarray, shape (n,)
+    """
+
+    image_idx: Index
+    point_idx: Index
+    colrow: Array
+    sigma_px: Array
+
+    def __len__(self) -> int:
+        """Count the measurements."""
+        return len(self.image_idx)
+
+    def __getitem__(self, keep: Index | Mask) -> ImagePoints:
+        """Select measurements."""
+        return ImagePoints(
+            image_idx=self.image_idx[keep],
+            point_idx=self.point_idx[keep],
+            colrow=self.colrow[keep],
+            sigma_px=self.sigma_px[keep],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurveyedPoints:
+    """Points with surveyed coordinates: control or check points.
+
+    Attributes
+    ----------
+    point_idx : ndarray, shape (k,)
+        Into the block's points.
+    x_m : ndarray, shape (k, 3)
+        m.
+    R_g_m : ndarray, shape (k, 3, 3)
+        Mapping axes to the grid axes along which sigma is given.
+    sigma_m : ndarray, shape (k, 3)
+        East, north, height, m; zero means error-free.
+    """
+
+    point_idx: Index
+    x_m: Array
+    R_g_m: Array
+    sigma_m: Array
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.point_idx)
+
+    def __getitem__(self, keep: Index | Mask) -> SurveyedPoints:
+        """Select points."""
+        return SurveyedPoints(
+            point_idx=self.point_idx[keep],
+            x_m=self.x_m[keep],
+            R_g_m=self.R_g_m[keep],
+            sigma_m=self.sigma_m[keep],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Body poses at the exposures, from GNSS and INS.
+
+    Attributes
+    ----------
+    exposures : tuple of str
+    T_m_b : Pose
+        n_exposures poses of the IMU's body frame.
+    R_g_m : ndarray, shape (n_exposures, 3, 3)
+        Mapping axes to the grid axes along which the positions' sigma is given.
+    sigma_position : ndarray, shape (n_exposures, 3)
+        East, north, height, m.
+    sigma_attitude : ndarray, shape (n_exposures, 3)
+        About the body's x, y, z axes, radians.
+    """
+
+    exposures: tuple[str, ...]
+    T_m_b: Pose
+    R_g_m: Array
+    sigma_position: Array
+    sigma_attitude: Array
+
+    def __len__(self) -> int:
+        """Count the exposures."""
+        return len(self.exposures)
+
+    @property
+    def cov_position(self) -> Array:
+        """Covariance of the positions in the mapping frame, shape (n, 3, 3), m^2."""
+        R_m_g = np.swapaxes(self.R_g_m, -1, -2)
+        return (R_m_g * self.sigma_position[:, None, :] ** 2) @ self.R_g_m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """A block of images with everything measured for it.
+
+    Attributes
+    ----------
+    name : str
+        ``heads``, ``calibration``, ``validation`` or any other.
+    frame : MappingFrame
+    cameras : tuple of Camera
+    images : Images
+    points : tuple of str
+        Names of all points, measured or surveyed.
+    image_points : ImagePoints
+    control, check : SurveyedPoints
+        What takes part as control, and what is only compared.
+    trajectory : Trajectory
+    """
+
+    name: str
+    frame: MappingFrame
+    cameras: tuple[Camera, ...]
+    images: Images
+    points: tuple[str, ...]
+    image_points: ImagePoints
+    control: SurveyedPoints
+    check: SurveyedPoints
+    trajectory: Trajectory
+
+    @property
+    def T_m_b_images(self) -> Pose:
+        """The trajectory's body poses, one per image."""
+        return self.trajectory.T_m_b[self.images.exposure_idx]
+
+    @property
+    def rays(self) -> Index:
+        """Number of measurements of every point, shape (n_points,)."""
+        return np.bincount(self.image_points.point_idx, minlength=len(self.points))
+
+
+def select_camera(block: Block, name: str) -> Block:
+    """Return the part of a block that one camera took; exposures and points stay as they are.
+
+    Parameters
+    ----------
+    block : Block
+    name : str
+        Of the camera.
+
+    Raises
+    ------
+    ValueError
+        Where the block has no such camera.
+    """
+    names = [camera.name for camera in block.cameras]
+    if name not in names:
+        msg = f"block {block.name!r} has no camera {name!r}, only {', '.join(names)}"
+        raise ValueError(msg)
+    keep = np.flatnonzero(block.images.camera_idx == names.index(name))
+    renumbered = np.full(len(block.images), -1)
+    renumbered[keep] = np.arange(len(keep))
+    points = block.image_points[renumbered[block.image_points.image_idx] >= 0]
+    return replace(
+        block,
+        cameras=(block.cameras[names.index(name)],),
+        images=Images(
+            names=tuple(block.images.names[i] for i in keep),
+            camera_idx=np.zeros(len(keep), dtype=np.intp),
+            exposure_idx=block.images.exposure_idx[keep],
+            strips=tuple(block.images.strips[i] for i in keep),
+        ),
+        image_points=replace(points, image_idx=renumbered[points.image_idx]),
+    )

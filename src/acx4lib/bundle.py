@@ -1,0 +1,422 @@
+"""The bundle block adjustment and its uses (sections 2.1 and 2.2).
+
+- Self-calibration: a pose per image, the mounting held at identity (`free_orientation`);
+- the same with observed positions (`free_orientation(..., positions=...)`);
+- single step, eq. (14): a pose per exposure, observed by GNSS and INS, the mounting of every
+  camera free (`mounted_orientation`); four heads on one body are no other case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import adjustment
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.adjustment import Solution
+from acx4lib.block import Block, SurveyedPoints
+from acx4lib.camera import Camera
+from acx4lib.collinearity import mounted_jacobian, rays
+from acx4lib.frames import Pose
+from acx4lib.intersection import intersect, largest_angles
+from acx4lib.network import MOUNT, Layout, Network, PoseObservations, State, camera_poses, layout
+
+SMALLEST_ANGLE = np.radians(2.0)
+"""Tie points whose rays meet at less than this are left out."""
+
+CRITICAL = 3.9
+"""Critical value of a w-test: alpha = 0.01 % per component."""
+
+
+# --- setting up ------------------------------------------------------------------------------
+
+
+def free_orientation(
+    block: Block,
+    *,
+    free: Sequence[str],
+    positions: PoseObservations | None = None,
+    refraction: str = "none",
+) -> Network:
+    """Set up a self-calibrating bundle: every image's exterior orientation is free.
+
+    The trajectory gives start values and is no observation.
+
+    Parameters
+    ----------
+    block : Block
+    free : sequence of str
+        Interior parameters to estimate, names of `camera.INTERIOR`.
+    positions : PoseObservations, optional
+        Observed camera poses, one per image.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Network
+    """
+    n_images = len(block.images)
+    T_m_c = block.T_m_b_images @ _mountings(block.cameras)[block.images.camera_idx]
+    identity = Pose(
+        R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
+    )
+    return _network(
+        block,
+        pose_names=block.images.names,
+        pose_idx=np.arange(n_images),
+        columns=layout(len(block.cameras), n_images, free=free),
+        observed=positions or _unobserved(T_m_c),
+        T_m_b=T_m_c,
+        T_b_c=identity,
+        refraction=refraction,
+    )
+
+
+def mounted_orientation(
+    block: Block,
+    *,
+    free: Sequence[str],
+    free_mount: Sequence[str] = MOUNT,
+    refraction: str = "none",
+) -> Network:
+    """Set up the single step, eq. (14): body poses observed by GNSS and INS, mountings free.
+
+    Parameters
+    ----------
+    block : Block
+    free : sequence of str
+        Interior parameters to estimate, names of `camera.INTERIOR`.
+    free_mount : sequence of str
+        Parts of the mounting to estimate, names of `network.MOUNT`; the others stay at the
+        cameras' values.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Network
+    """
+    trajectory = block.trajectory
+    return _network(
+        block,
+        pose_names=trajectory.exposures,
+        pose_idx=block.images.exposure_idx,
+        columns=layout(len(block.cameras), len(trajectory), free=free, free_mount=free_mount),
+        observed=PoseObservations(
+            T_m_b=trajectory.T_m_b,
+            R_g_m=trajectory.R_g_m,
+            sigma_position=trajectory.sigma_position,
+            sigma_attitude=trajectory.sigma_attitude,
+        ),
+        T_m_b=trajectory.T_m_b,
+        T_b_c=_mountings(block.cameras),
+        refraction=refraction,
+    )
+
+
+def _mountings(cameras: Sequence[Camera]) -> Pose:
+    return Pose(
+        R=np.stack([camera.T_b_c.R for camera in cameras]),
+        r=np.stack([camera.T_b_c.r for camera in cameras]),
+    )
+
+
+def _unobserved(T_m_b: Pose) -> PoseObservations:
+    open_sigma = np.full((len(T_m_b), 3), np.inf)
+    return PoseObservations(
+        T_m_b=T_m_b,
+        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )
+
+
+def _network(
+    block: Block,
+    *,
+    pose_names: tuple[str, ...],
+    pose_idx: Index,
+    columns: Layout,
+    observed: PoseObservations,
+    T_m_b: Pose,
+    T_b_c: Pose,
+    refraction: str,
+) -> Network:
+    """Choose the measurements that take part and give every point a start value."""
+    T_m_c = T_m_b[pose_idx] @ T_b_c[block.images.camera_idx]
+    point_idx = block.image_points.point_idx
+    used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
+    rays_left = np.bincount(point_idx[used], minlength=len(block.points))
+    is_control = np.zeros(len(block.points), dtype=bool)
+    is_control[block.control.point_idx] = np.isfinite(block.control.sigma_m).all(axis=1)
+    x_m, angle = start_points(block, T_m_c, used)
+    too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
+    once = (rays_left == 1) & ~is_control
+    rows = used[~(too_flat | once)[point_idx[used]]]
+    rows = rows[np.argsort(point_idx[rows], kind="stable")]
+    x_m[block.control.point_idx] = block.control.x_m
+    reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
+    return Network(
+        block=block,
+        pose_names=pose_names,
+        pose_idx=pose_idx,
+        layout=columns,
+        image_points=block.image_points[rows],
+        rows=rows,
+        control=block.control[_measured(block, rows, block.control)],
+        observed=observed,
+        start=State(
+            interiors=tuple(camera.interior for camera in block.cameras),
+            T_b_c=T_b_c,
+            T_m_b=T_m_b,
+            x_m=x_m,
+        ),
+        refraction=refraction,
+        left_out=tuple(f"{int(n.sum())} tie points {why}" for why, n in reasons if n.any()),
+    )
+
+
+def _measured(block: Block, rows: Index, surveyed: SurveyedPoints) -> Mask:
+    """Tell which surveyed points are measured in any of the rows."""
+    return np.isin(surveyed.point_idx, block.image_points.point_idx[rows])
+
+
+def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
+    """Return points by intersection of their rays and the largest angle between these.
+
+    Parameters
+    ----------
+    block : Block
+    T_m_c : Pose
+        One per image.
+    rows : ndarray
+        The image points to use.
+
+    Returns
+    -------
+    x_m : ndarray, shape (n_points, 3)
+        m; where rays do not meet in front of the cameras, on a ray at the others' median height.
+    angle : ndarray, shape (n_points,)
+        Radians.
+    """
+    points = block.image_points[rows]
+    poses = T_m_c[points.image_idx]
+    camera_idx = block.images.camera_idx[points.image_idx]
+    directions = np.zeros((len(points), 3))
+    for k, camera in enumerate(block.cameras):
+        of_camera = camera_idx == k
+        directions[of_camera] = rays(camera, poses[of_camera], points.colrow[of_camera])
+    n_points = len(block.points)
+    x_m = intersect(poses.r, directions, points.point_idx, n_points)
+    along = np.sum((x_m[points.point_idx] - poses.r) * directions, axis=1)
+    range_m = np.nanmedian(np.where(along > 0, along, np.nan)) if np.any(along > 0) else 1000.0
+    wild = ~((along > 0.2 * range_m) & (along < 5 * range_m))
+    for row in np.flatnonzero(wild):
+        x_m[points.point_idx[row]] = poses.r[row] + range_m * directions[row]
+    return x_m, largest_angles(directions, points.point_idx, n_points)
+
+
+# --- adjusting -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejection:
+    """One observation taken out as a gross error.
+
+    Attributes
+    ----------
+    kind : str
+        ``image_point``, ``control_point``, ``gnss`` or ``attitude``.
+    row : int
+        Into the block's image points, control points or exposures.
+    component : int
+        Of a control point; -1 where the whole observation went.
+    statistic : float
+        Its w.
+    """
+
+    kind: str
+    row: int
+    component: int
+    statistic: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bundle:
+    """An adjusted bundle.
+
+    Attributes
+    ----------
+    network : Network
+    state : State
+        Estimates.
+    solution : Solution
+        Quality; covariances a priori.
+    rejected : tuple of Rejection
+    """
+
+    network: Network
+    state: State
+    solution: Solution
+    rejected: tuple[Rejection, ...] = ()
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The block's cameras with estimated interior orientation; mounting where mounted."""
+        return tuple(
+            replace(camera, interior=interior, T_b_c=self.state.T_b_c[k])
+            for k, (camera, interior) in enumerate(
+                zip(self.network.block.cameras, self.state.interiors, strict=True)
+            )
+        )
+
+    @property
+    def T_m_c(self) -> Pose:
+        """Camera poses, one per image."""
+        return camera_poses(self.network, self.state)
+
+    @property
+    def oriented(self) -> Mask:
+        """Which images are oriented by their measurements, shape (n_images,)."""
+        is_open = self.solution.undetermined[self.network.layout.pose].any(axis=1)
+        return ~is_open[self.network.pose_idx]
+
+
+def adjust(network: Network) -> Bundle:
+    """Adjust a network as it stands.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    """
+    state, solution = adjustment.solve(network, network.start)
+    return Bundle(network=network, state=state, solution=solution)
+
+
+def adjust_rejecting(
+    block: Block, set_up: Callable[[Block], Network], *, critical: float = CRITICAL
+) -> Bundle:
+    """Adjust and take out gross errors by w-tests until none is left.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block.
+    critical : float
+
+    Returns
+    -------
+    Bundle
+        Of the block without what was rejected.
+
+    Notes
+    -----
+    In every round the observation with the largest w goes, with all others above the critical
+    value that share neither its point nor, for trajectory rows, its pose. Where the spread of a
+    kind's w says that its a priori sigma is too small, w counts in units of that spread: a
+    wrong weight is no gross error.
+    """
+    bundle = adjust(set_up(block))
+    rejected: tuple[Rejection, ...] = ()
+    while found := _gross_errors(bundle, critical):
+        rejected += found
+        network = set_up(without(block, rejected))
+        bundle = adjust(replace(network, start=_warm(network, bundle.state)))
+    return replace(bundle, rejected=rejected)
+
+
+def _warm(network: Network, state: State) -> State:
+    return replace(state, x_m=np.where(np.isfinite(state.x_m), state.x_m, network.start.x_m))
+
+
+def without(block: Block, rejected: Sequence[Rejection]) -> Block:
+    """Return the block without observations.
+
+    Parameters
+    ----------
+    block : Block
+    rejected : sequence of Rejection
+        Rows count in this block.
+
+    Returns
+    -------
+    Block
+        Image points are dropped; control components and trajectory rows get an infinite sigma.
+    """
+    rows = {
+        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp)
+        for kind in ("image_point", "control_point", "gnss", "attitude")
+    }
+    components = [r.component for r in rejected if r.kind == "control_point"]
+    points, control, trajectory = block.image_points, block.control, block.trajectory
+    sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
+    position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
+    sigma_px[rows["image_point"]] = np.inf
+    sigma_m[rows["control_point"], components] = np.inf
+    position[rows["gnss"]] = np.inf
+    attitude[rows["attitude"]] = np.inf
+    return replace(
+        block,
+        image_points=replace(points, sigma_px=sigma_px),
+        control=replace(control, sigma_m=sigma_m),
+        trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
+    )
+
+
+def _gross_errors(bundle: Bundle, critical: float) -> tuple[Rejection, ...]:
+    """Return the observations to take out in this round, the largest w first."""
+    candidates = sorted(_candidates(bundle, critical), key=lambda c: -c[0].statistic)
+    network = bundle.network
+    taken: list[Rejection] = []
+    touched_points: set[int] = set()
+    touched_poses: set[int] = set()
+    for candidate, point, pose in candidates:
+        if point in touched_points or pose in touched_poses:
+            continue
+        taken.append(candidate)
+        touched_points.add(point)
+        if candidate.kind in ("gnss", "attitude"):
+            touched_poses.add(pose)
+            of_pose = network.pose_idx[network.image_points.image_idx] == pose
+            touched_points.update(network.image_points.point_idx[of_pose].tolist())
+    return tuple(taken)
+
+
+def _candidates(bundle: Bundle, critical: float) -> list[tuple[Rejection, int, int]]:
+    """Return every observation above the critical value with its point and pose, -1 for none."""
+    network = bundle.network
+    control = network.control[~np.all(network.control.sigma_m == 0, axis=1)]
+    control_row = np.flatnonzero(np.isin(network.block.control.point_idx, control.point_idx))
+    out = []
+    for group in bundle.solution.groups:
+        w = np.abs(np.nan_to_num(group.w)) / _excess(group.w)
+        worst = w.argmax(axis=1)
+        for row in np.flatnonzero(w.max(axis=1, initial=0.0) > critical):
+            point = pose = component = -1
+            block_row = int(row)
+            if group.kind == "image_point":
+                block_row = int(network.rows[row])
+                point = int(network.image_points.point_idx[row])
+                pose = int(network.pose_idx[network.image_points.image_idx[row]])
+            elif group.kind == "control_point":
+                block_row, component = int(control_row[row]), int(worst[row])
+                point = int(control.point_idx[row])
+            else:
+                pose = block_row
+            statistic = float(w[row, worst[row]])
+            rejection = Rejection(
+                kind=group.kind, row=block_row, component=component, statistic=statistic
+            )
+            out.append((rejection, point, pose))
+    return out
+
+
+def _excess(w: Array) -> float:
+    """Return by how much the spread of w exceeds one, robustly; one for few or good w."""
+    known = np.abs(w[np.isfinite(w)])
+    return max(1.0, float(np.median(known)) / 0.6745) if len(known) >= 20 else 1.0

@@ -1,0 +1,27 @@
+"""What can go wrong with a user's data or with an adjustment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class Acx4Error(Exception):
+    """Anything this library reports to its user as a plain sentence."""
+
+
+class FlightError(Acx4Error):
+    """A flight's files are wrong; every problem is one line.
+
+    Attributes
+    ----------
+    problems : tuple of str
+        ``file:line: column: what is wrong and what was expected``.
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class AdjustmentError(Acx4Error):
+    """An adjustment does not converge or is not determined by its data."""

@@ -1,0 +1,302 @@
+"""Between a flight's own CRS and the topocentric mapping frame in which everything is computed.
+
+The mapping frame `m` is east-north-up at an origin on the ellipsoid, a rigid copy of ECEF: map
+grids have a scale and a curvature that a camera does not see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pyproj.network
+from pyproj.exceptions import CRSError, ProjError
+
+from acx4lib._typing import Array
+from acx4lib.frames import Pose, rotation_from_opk, rotation_from_rph, turn
+
+R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridSystem:
+    """The CRS and the height system in which a flight's numbers are given.
+
+    Attributes
+    ----------
+    crs : str
+        Projected CRS in metres, anything that PROJ understands.
+    heights : str
+        ``"ellipsoidal"``, a geoid grid file, or a vertical CRS whose grid PROJ has.
+
+    Raises
+    ------
+    ValueError
+        Where the CRS or the heights cannot be used; the message says why.
+    """
+
+    crs: str
+    heights: str = "ellipsoidal"
+
+    def __post_init__(self) -> None:
+        pyproj.network.set_network_enabled(active=False)  # results must not depend on a server
+        try:
+            crs = pyproj.CRS.from_user_input(self.crs)
+        except CRSError as error:
+            msg = f"{self.crs!r} is no CRS that PROJ knows"
+            raise ValueError(msg) from error
+        if not crs.is_projected:
+            msg = f"{self.crs!r} ({crs.name}) is not a projected CRS"
+            raise ValueError(msg)
+        if any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info[:2]):
+            msg = f"{self.crs!r} ({crs.name}) is in {crs.axis_info[0].unit_name}, not in metres"
+            raise ValueError(msg)
+        if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
+            msg = f"{self.crs!r} ({crs.name}) does not count east and north"
+            raise ValueError(msg)
+        _ = self._height_transformer
+
+    @cached_property
+    def _crs(self) -> pyproj.CRS:
+        return pyproj.CRS.from_user_input(self.crs)
+
+    @cached_property
+    def _geographic(self) -> pyproj.Transformer:
+        """Easting, northing to longitude, latitude of the CRS's own datum, degrees."""
+        crs = self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
+        return pyproj.Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+
+    @cached_property
+    def _cartesian(self) -> pyproj.Transformer:
+        ellipsoid = self._crs.ellipsoid
+        if ellipsoid is None:
+            msg = f"{self.crs!r} has no ellipsoid"
+            raise ValueError(msg)
+        return pyproj.Transformer.from_pipeline(
+            "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart "
+            f"+a={ellipsoid.semi_major_metre!r} +b={ellipsoid.semi_minor_metre!r}"
+        )
+
+    @cached_property
+    def _height_transformer(self) -> pyproj.Transformer | None:
+        if self.heights == "ellipsoidal":
+            return None
+        try:
+            if Path(self.heights).is_file():
+                return pyproj.Transformer.from_pipeline(
+                    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+                    f'+step +proj=vgridshift +grids="{self.heights}" +multiplier=1 '
+                    "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
+                )
+            return _vertical_transformer(self._crs, self.heights)
+        except (CRSError, ProjError) as error:
+            msg = (
+                f"heights {self.heights!r} is neither 'ellipsoidal', nor a geoid grid file, nor a "
+                f"vertical CRS whose grid is here ({str(error).strip()})"
+            )
+            raise ValueError(msg) from error
+
+    def undulation(self, lonlat: Array) -> Array:
+        """Return ellipsoidal height less the flight's, m, shape (n,); not finite off the grid."""
+        if self._height_transformer is None:
+            return np.zeros(len(lonlat))
+        lon, lat = lonlat.T
+        return np.asarray(self._height_transformer.transform(lon, lat, np.zeros(len(lon)))[2])
+
+    def lonlat_from_grid(self, east_north: Array) -> Array:
+        """Return longitude, latitude in degrees on the CRS's own datum, shape (n, 2)."""
+        return np.stack(self._geographic.transform(*east_north.T), axis=-1).reshape(-1, 2)
+
+    def grid_from_lonlat(self, lonlat: Array) -> Array:
+        """Return easting, northing in m, shape (n, 2)."""
+        east_north = self._geographic.transform(*lonlat.T, direction="INVERSE")
+        return np.stack(east_north, axis=-1).reshape(-1, 2)
+
+    def convergence(self, lonlat: Array) -> Array:
+        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it."""
+        factors = pyproj.Proj(self._crs).get_factors(*lonlat.T)
+        return np.radians(np.asarray(factors.meridian_convergence, dtype=float)).reshape(-1)
+
+    def ecef_from_geographic(self, lonlath: Array) -> Array:
+        """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
+        return np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
+
+    def geographic_from_ecef(self, x_e: Array) -> Array:
+        """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
+        lonlath = self._cartesian.transform(*x_e.T, direction="INVERSE")
+        return np.stack(lonlath, axis=-1).reshape(-1, 3)
+
+
+def _vertical_transformer(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
+    """Transform longitude, latitude, height to ellipsoidal height, without a ballpark."""
+    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    geographic = horizontal.geodetic_crs
+    if geographic is None:
+        msg = f"{crs.name} has no geodetic CRS"
+        raise CRSError(msg)
+    vertical = pyproj.CRS.from_user_input(heights)
+    if not vertical.is_vertical:
+        msg = f"{vertical.name} is not a vertical CRS"
+        raise CRSError(msg)
+    name = f"{geographic.name} + {vertical.name}"
+    compound = pyproj.crs.CompoundCRS(name, [geographic, vertical])
+    return pyproj.Transformer.from_crs(
+        compound, geographic.to_3d(), always_xy=True, allow_ballpark=False, only_best=True
+    )
+
+
+def rotation_enu_to_ecef(lonlat: Array) -> Array:
+    """Return R_e_t: columns east, north, up at geodetic longitude and latitude.
+
+    Parameters
+    ----------
+    lonlat : ndarray, shape (n, 2)
+        Degrees.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+    """
+    lon, lat = np.radians(lonlat).T
+    quarter = np.full_like(lon, np.pi / 2)
+    return turn(2, lon + quarter) @ turn(0, quarter - lat)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MappingFrame:
+    """A topocentric east-north-up frame with its origin on the ellipsoid.
+
+    Attributes
+    ----------
+    grid : GridSystem
+        What the outside world counts in.
+    origin : ndarray, shape (2,)
+        Longitude and latitude, degrees.
+    """
+
+    grid: GridSystem
+    origin: Array
+    _R_e_m: Array = field(init=False, repr=False)
+    _r_e_m: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        origin = np.asarray(self.origin, dtype=float).reshape(1, 2)
+        object.__setattr__(self, "_R_e_m", rotation_enu_to_ecef(origin)[0])
+        object.__setattr__(
+            self, "_r_e_m", self.grid.ecef_from_geographic(np.append(origin, [[0.0]], axis=1))[0]
+        )
+
+    def from_geographic(self, lonlath: Array) -> Array:
+        """Return mapping coordinates of longitude, latitude (deg), ellipsoidal height (m)."""
+        return (self.grid.ecef_from_geographic(lonlath) - self._r_e_m) @ self._R_e_m
+
+    def to_geographic(self, x_m: Array) -> Array:
+        """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
+        return self.grid.geographic_from_ecef(x_m @ self._R_e_m.T + self._r_e_m)
+
+    def from_grid(self, enh: Array) -> Array:
+        """Return mapping coordinates of east, north, height in the flight's system.
+
+        Parameters
+        ----------
+        enh : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        x_m : ndarray, shape (n, 3)
+            m; not finite where the point lies outside the CRS or the geoid grid.
+        """
+        lonlat = self.grid.lonlat_from_grid(enh[:, :2])
+        height = enh[:, 2] + self.grid.undulation(lonlat)
+        return self.from_geographic(np.column_stack([lonlat, height]))
+
+    def to_grid(self, x_m: Array) -> Array:
+        """Return east, north, height in the flight's system; inverse of `from_grid`."""
+        lonlath = self.to_geographic(x_m)
+        height = lonlath[:, 2] - self.grid.undulation(lonlath[:, :2])
+        return np.column_stack([self.grid.grid_from_lonlat(lonlath[:, :2]), height])
+
+    def grid_axes(self, x_m: Array) -> Array:
+        """Return R_g_m at points: mapping axes to grid east, grid north, ellipsoid normal.
+
+        Parameters
+        ----------
+        x_m : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        ndarray, shape (n, 3, 3)
+        """
+        lonlat = self.to_geographic(x_m)[:, :2]
+        R_g_t = turn(2, self.grid.convergence(lonlat))
+        return R_g_t @ np.swapaxes(rotation_enu_to_ecef(lonlat), -1, -2) @ self._R_e_m
+
+    def pose_from_grid(self, enh: Array, opk: Array) -> Pose:
+        """Return T_m_b of positions in the grid and attitudes against it.
+
+        Parameters
+        ----------
+        enh : ndarray, shape (n, 3)
+            m, in the flight's system.
+        opk : ndarray, shape (n, 3)
+            omega, phi, kappa against grid east, grid north and the ellipsoid normal, radians.
+        """
+        r_m = self.from_grid(enh)
+        return Pose(R=np.swapaxes(self.grid_axes(r_m), -1, -2) @ rotation_from_opk(opk), r=r_m)
+
+    def pose_to_grid(self, T_m: Pose) -> tuple[Array, Array]:
+        """Return east, north, height and omega, phi, kappa (rad); inverse of `pose_from_grid`."""
+        R_g = self.grid_axes(T_m.r) @ T_m.R
+        return self.to_grid(T_m.r), Pose(R=R_g, r=T_m.r).opk
+
+    def pose_from_geographic(self, lonlath: Array, rph: Array) -> Pose:
+        """Return T_m_b of geographic positions with roll, pitch and true heading.
+
+        Parameters
+        ----------
+        lonlath : ndarray, shape (n, 3)
+            Longitude, latitude in degrees, height in the flight's height system.
+        rph : ndarray, shape (n, 3)
+            Radians, forward-right-down against north-east-down.
+
+        Returns
+        -------
+        Pose
+            Of the body frame forward-left-up.
+        """
+        lonlath = np.array(lonlath, dtype=float)
+        lonlath[:, 2] += self.grid.undulation(lonlath[:, :2])
+        R_t_b = R_ENU_NED @ rotation_from_rph(rph) @ R_FRD_FLU
+        R_m_t = self._R_e_m.T @ rotation_enu_to_ecef(lonlath[:, :2])
+        return Pose(R=R_m_t @ R_t_b, r=self.from_geographic(lonlath))
+
+
+def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
+    """Return the mapping frame at the mean of positions.
+
+    Parameters
+    ----------
+    grid : GridSystem
+    lonlat : ndarray, shape (n, 2)
+        Degrees.
+    """
+    on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
+    centre = grid.ecef_from_geographic(on_ellipsoid).mean(axis=0)
+    return MappingFrame(grid=grid, origin=grid.geographic_from_ecef(centre[None])[0, :2])
+
+
+def rotate_covariance(R: Array, cov: Array) -> Array:
+    """Return R cov R^T over leading axes."""
+    return R @ cov @ np.swapaxes(R, -1, -2)
+
+
+def sigma_along(R: Array, cov: Array) -> Array:
+    """Return standard deviations of covariances (..., 3, 3) along the rows of R, shape (..., 3)."""
+    turned = rotate_covariance(R, cov)
+    return np.sqrt(np.maximum(np.diagonal(turned, axis1=-2, axis2=-1), 0.0))
+
+

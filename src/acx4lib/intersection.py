@@ -1,0 +1,106 @@
+"""Start values: forward intersection of rays and space resection of images."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from acx4lib._typing import Array, Index
+from acx4lib.camera import Camera, correct, xy_from_colrow
+from acx4lib.frames import Pose
+
+R_C_CV = np.diag([1.0, -1.0, -1.0])
+"""OpenCV's camera looks along +z with y down."""
+
+
+def intersect(origins: Array, directions: Array, point_idx: Index, n_points: int) -> Array:
+    """Return the points nearest to bundles of rays, in the sense of least squared distances.
+
+    Parameters
+    ----------
+    origins, directions : ndarray, shape (n, 3)
+        Of the rays; unit directions.
+    point_idx : ndarray, shape (n,)
+        Which point a ray belongs to.
+    n_points : int
+
+    Returns
+    -------
+    ndarray, shape (n_points, 3)
+        NaN where fewer than two rays meet or all are parallel.
+    """
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    normal = np.zeros((n_points, 3, 3))
+    right = np.zeros((n_points, 3))
+    np.add.at(normal, point_idx, across)
+    np.add.at(right, point_idx, np.einsum("nij,nj->ni", across, origins))
+    meets = np.linalg.det(normal) > 1e-9  # about 0.003 degrees between two rays
+    out = np.full((n_points, 3), np.nan)
+    out[meets] = np.linalg.solve(normal[meets], right[meets][..., None])[..., 0]
+    return out
+
+
+def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
+    """Return the largest angle between any two rays of every point.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n, 3)
+        Unit vectors.
+    point_idx : ndarray, shape (n,)
+    n_points : int
+
+    Returns
+    -------
+    ndarray, shape (n_points,)
+        Radians; zero for fewer than two rays.
+    """
+    order = np.argsort(point_idx, kind="stable")
+    counts = np.bincount(point_idx, minlength=n_points)
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    out = np.zeros(n_points)
+    for count in np.unique(counts[counts > 1]):
+        points = np.flatnonzero(counts == count)
+        d = directions[order[starts[points][:, None] + np.arange(count)]]
+        # chords stay exact where the arc cosine of nearly parallel rays does not
+        chord = np.linalg.norm(d[:, :, None] - d[:, None, :], axis=-1).max(axis=(1, 2))
+        out[points] = 2 * np.arcsin(np.minimum(chord / 2, 1.0))
+    return out
+
+
+def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
+    """Return a camera's pose from measured points with known coordinates.
+
+    A start value, not an adjustment: OpenCV's SQPnP on corrected image points.
+
+    Parameters
+    ----------
+    camera : Camera
+    colrow : ndarray, shape (n, 2)
+        Pixels, at least three.
+    x_m : ndarray, shape (n, 3)
+        m, in a plane or not.
+
+    Returns
+    -------
+    Pose
+        T_m_c.
+
+    Raises
+    ------
+    ValueError
+        Where fewer than three points are given or no pose is found.
+    """
+    if len(colrow) < 3:
+        msg = f"a resection needs three points or more, got {len(colrow)}"
+        raise ValueError(msg)
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
+    centre = x_m.mean(axis=0)
+    found, rvec, tvec = cv2.solvePnP(
+        x_m - centre, ideal * [1, -1], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+    )
+    if not found:
+        msg = "no pose found that fits the points"
+        raise ValueError(msg)
+    R_m_cv = cv2.Rodrigues(rvec)[0].T
+    return Pose(R=R_m_cv @ R_C_CV, r=centre - R_m_cv @ tvec[:, 0])

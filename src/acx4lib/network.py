@@ -1,0 +1,390 @@
+"""The equations of a bundle block: one model for every use (sections 2.1 and 2.2).
+
+Every image hangs on a *pose* through a *mounting*: ``T_m_c = T_m_b @ T_b_c``, eq. (14). Which of
+the two is free, held or observed is all that distinguishes the uses; `bundle` sets them up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.adjustment import Equations
+from acx4lib.block import Block, ImagePoints, SurveyedPoints
+from acx4lib.camera import INTERIOR, Camera, Interior, correct, correct_jacobian, xy_from_colrow
+from acx4lib.collinearity import (
+    mounted_jacobian,
+    pinhole,
+    pinhole_jacobian,
+    refraction_lift,
+    to_camera,
+    to_camera_jacobian,
+)
+from acx4lib.frames import Pose, exp, log, log_jacobian, transform
+
+MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
+"""The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
+
+POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseObservations:
+    """Positions and attitudes of poses, observed.
+
+    Attributes
+    ----------
+    T_m_b : Pose
+        n_poses observed poses.
+    R_g_m : ndarray, shape (n_poses, 3, 3)
+        Mapping axes to the axes along which position sigma is given.
+    sigma_position : ndarray, shape (n_poses, 3)
+        m; infinite where a position is no observation.
+    sigma_attitude : ndarray, shape (n_poses, 3)
+        About the pose's own axes, radians; infinite where an attitude is no observation.
+    """
+
+    T_m_b: Pose
+    R_g_m: Array
+    sigma_position: Array
+    sigma_attitude: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """Which unknown stands in which column; nobody else counts.
+
+    Attributes
+    ----------
+    interior : ndarray, shape (n_cameras, 9)
+        Columns of the interior parameters in the order of `camera.INTERIOR`, -1 where held.
+    mount : ndarray, shape (n_cameras, 6)
+        Columns of the mountings in the order of `MOUNT`, -1 where held.
+    pose : ndarray, shape (n_poses, 6)
+        Columns of the poses.
+    """
+
+    interior: Index
+    mount: Index
+    pose: Index
+
+    @property
+    def n_columns(self) -> int:
+        """Number of unknowns that are not points."""
+        return int(sum(np.sum(part >= 0) for part in (self.interior, self.mount, self.pose)))
+
+
+def layout(
+    n_cameras: int, n_poses: int, *, free: Sequence[str], free_mount: Sequence[str] = ()
+) -> Layout:
+    """Number the columns: per camera its interior and mounting, then the poses.
+
+    Parameters
+    ----------
+    n_cameras, n_poses : int
+    free : sequence of str
+        Interior parameters to estimate, names of `camera.INTERIOR`.
+    free_mount : sequence of str
+        Names of `MOUNT`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    unknown = sorted((set(free) - set(INTERIOR)) | (set(free_mount) - set(MOUNT)))
+    if unknown:
+        msg = f"no such parameter: {', '.join(unknown)}"
+        raise ValueError(msg)
+    is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
+    per_camera = np.tile(is_free, (n_cameras, 1))
+    columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
+    first = int(per_camera.sum())
+    return Layout(
+        interior=columns[:, : len(INTERIOR)],
+        mount=columns[:, len(INTERIOR) :],
+        pose=first + np.arange(6 * n_poses).reshape(n_poses, 6),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """All unknowns of a bundle.
+
+    Attributes
+    ----------
+    interiors : tuple of Interior
+        One per camera.
+    T_b_c : Pose
+        Mountings, one per camera.
+    T_m_b : Pose
+        One per pose.
+    x_m : ndarray, shape (n_points, 3)
+        m.
+    """
+
+    interiors: tuple[Interior, ...]
+    T_b_c: Pose
+    T_m_b: Pose
+    x_m: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network:
+    """A block made ready for adjustment: what is observed, what is free; an adjustment's problem.
+
+    Attributes
+    ----------
+    block : Block
+    pose_names : tuple of str
+        Image or exposure names.
+    pose_idx : ndarray, shape (n_images,)
+        Which pose an image hangs on.
+    layout : Layout
+    image_points : ImagePoints
+        What takes part, sorted by point.
+    rows : ndarray, shape (n,)
+        Where these measurements stand in the block.
+    control : SurveyedPoints
+        What takes part as control; an infinite sigma takes a component out.
+    observed : PoseObservations
+    start : State
+    refraction : str
+        ``"none"`` or ``"standard"``.
+    left_out : tuple of str
+        What was not used and why, in sentences.
+    """
+
+    block: Block
+    pose_names: tuple[str, ...]
+    pose_idx: Index
+    layout: Layout
+    image_points: ImagePoints
+    rows: Index
+    control: SurveyedPoints
+    observed: PoseObservations
+    start: State
+    refraction: str = "none"
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def n_columns(self) -> int:
+        """Number of unknowns that are not points."""
+        return self.layout.n_columns
+
+    @property
+    def n_points(self) -> int:
+        """Number of points of the block, used or not."""
+        return len(self.block.points)
+
+    @property
+    def free_points(self) -> Mask:
+        """Which points are unknowns: those measured, unless given free of error."""
+        free = np.bincount(self.image_points.point_idx, minlength=self.n_points) > 0
+        free[self.control.point_idx] = True
+        free[self.control.point_idx[np.all(self.control.sigma_m == 0, axis=1)]] = False
+        return free
+
+    def column_names(self) -> list[str]:
+        """Return ``camera/parameter`` and ``pose/parameter`` for every column."""
+        names = [""] * self.n_columns
+        owners = [camera.name for camera in self.block.cameras]
+        for part, rows, labels in (
+            (self.layout.interior, owners, INTERIOR),
+            (self.layout.mount, owners, MOUNT),
+            (self.layout.pose, self.pose_names, POSE),
+        ):
+            for columns, owner in zip(part, rows, strict=True):
+                for column, label in zip(columns, labels, strict=True):
+                    if column >= 0:
+                        names[column] = f"{owner}/{label}"
+        return names
+
+    def moved(self, state: State, dx: Array, dp: Array) -> State:
+        """Return the state after a step; rotations turn about their own axes."""
+        padded = np.append(dx, 0.0)
+        interior = np.array([i.to_array() for i in state.interiors])
+        # a wild step may not make a focal length negative; damping takes over from there
+        interior = interior + padded[self.layout.interior]
+        interior[:, 0] = np.maximum(interior[:, 0], 1e-3)
+        mount, pose = padded[self.layout.mount], padded[self.layout.pose]
+        return State(
+            interiors=tuple(Interior.from_array(row) for row in interior),
+            T_b_c=_moved_pose(state.T_b_c, mount),
+            T_m_b=_moved_pose(state.T_m_b, pose),
+            x_m=state.x_m + dp,
+        )
+
+    def residuals(self, state: State) -> list[tuple[Array, Array]]:
+        """Return v and sigma of image points, control points, positions and attitudes."""
+        v_image = _image_residuals(self, state)[0]
+        return [
+            (v_image, _image_sigma(self)),
+            (_control_residuals(self, state), _control_sigma(self)),
+            (_position_residuals(self, state), self.observed.sigma_position),
+            (_attitude_residuals(self, state), self.observed.sigma_attitude),
+        ]
+
+    def equations(self, state: State) -> list[Equations]:
+        """Linearise image points, control points, positions and attitudes."""
+        return [
+            _image_equations(self, state),
+            _control_equations(self, state),
+            _position_equations(self, state),
+            _attitude_equations(self, state),
+        ]
+
+
+def _moved_pose(T: Pose, step: Array) -> Pose:
+    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
+
+
+# --- observations ----------------------------------------------------------------------------
+
+
+def camera_poses(network: Network, state: State) -> Pose:
+    """Return T_m_c of every image."""
+    return state.T_m_b[network.pose_idx] @ state.T_b_c[network.block.images.camera_idx]
+
+
+def _image_sigma(network: Network) -> Array:
+    return np.repeat(network.image_points.sigma_px[:, None], 2, axis=1)
+
+
+def _image_residuals(network: Network, state: State) -> tuple[Array, Array, Pose]:
+    """Return v in pixels (col, row), camera coordinates and pose of every measurement."""
+    points, images = network.image_points, network.block.images
+    T_m_c = camera_poses(network, state)[points.image_idx]
+    x_m = state.x_m[points.point_idx]
+    if network.refraction == "standard":
+        x_m = x_m + refraction_lift(T_m_c.r, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
+    x_c = to_camera(T_m_c, x_m)
+    camera_idx = images.camera_idx[points.image_idx]
+    f = np.array([i.f for i in state.interiors])[camera_idx]
+    v = pinhole(f, x_c)
+    for k, (camera, interior) in enumerate(
+        zip(network.block.cameras, state.interiors, strict=True)
+    ):
+        rows = camera_idx == k
+        measured = xy_from_colrow(camera, points.colrow[rows])
+        v[rows] = (v[rows] - correct(interior, measured)) / _px(camera)
+    return v, x_c, T_m_c
+
+
+def _px(camera: Camera) -> Array:
+    """Return mm per px along col and row; rows count downwards."""
+    return np.array([camera.pixel_mm, -camera.pixel_mm])
+
+
+def _image_equations(network: Network, state: State) -> Equations:
+    points, images = network.image_points, network.block.images
+    v, x_c, T_m_c = _image_residuals(network, state)
+    camera_idx = images.camera_idx[points.image_idx]
+    f = np.array([i.f for i in state.interiors])[camera_idx]
+    by_pose, by_point = to_camera_jacobian(T_m_c, x_c)
+    by_x_c = pinhole_jacobian(f, x_c)
+    by_interior = np.zeros((len(points), 2, len(INTERIOR)))
+    per_px = np.empty((len(points), 2, 1))
+    for k, (camera, interior) in enumerate(
+        zip(network.block.cameras, state.interiors, strict=True)
+    ):
+        rows = camera_idx == k
+        measured = xy_from_colrow(camera, points.colrow[rows])
+        by_interior[rows] = -correct_jacobian(interior, measured)
+        per_px[rows] = 1 / _px(camera)[:, None]
+    by_interior[:, :, 0] += x_c[:, :2] / -x_c[:, 2:]
+    by_x_c *= per_px
+    by_interior *= per_px
+    A, columns = _pose_parts(network, state, by_x_c @ by_pose)
+    free = np.flatnonzero((network.layout.interior >= 0).any(axis=0))
+    return Equations(
+        kind="image_point",
+        v=v,
+        sigma=_image_sigma(network),
+        A=np.concatenate([by_interior[:, :, free], A], axis=2),
+        columns=np.concatenate(
+            [network.layout.interior[images.camera_idx][:, free], columns], axis=1
+        ),
+        unit=points.image_idx,
+        B=by_x_c @ by_point,
+        point=points.point_idx,
+    )
+
+
+def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array, Index]:
+    """Carry derivatives by the camera pose to the body pose and, where free, the mounting."""
+    images, points = network.block.images, network.image_points
+    T_m_b = state.T_m_b[network.pose_idx]
+    by_body, by_mount = mounted_jacobian(T_m_b, state.T_b_c[images.camera_idx])
+    pose_columns = network.layout.pose[network.pose_idx]
+    if np.all(network.layout.mount < 0):
+        return by_camera @ by_body[points.image_idx], pose_columns
+    both = np.concatenate([by_mount, by_body], axis=2)
+    columns = np.concatenate([network.layout.mount[images.camera_idx], pose_columns], axis=1)
+    return by_camera @ both[points.image_idx], columns
+
+
+def _control_sigma(network: Network) -> Array:
+    # a point with all sigma zero is held; a single component of zero is a micrometre
+    return np.maximum(network.control.sigma_m, 1e-6)[~_held(network)]
+
+
+def _held(network: Network) -> Mask:
+    return np.all(network.control.sigma_m == 0, axis=1)
+
+
+def _control_residuals(network: Network, state: State) -> Array:
+    control = network.control
+    v = transform(control.R_g_m, state.x_m[control.point_idx] - control.x_m)
+    return v[~_held(network)]
+
+
+def _control_equations(network: Network, state: State) -> Equations:
+    control = network.control[~_held(network)]
+    n = len(control)
+    return Equations(
+        kind="control_point",
+        v=_control_residuals(network, state),
+        sigma=_control_sigma(network),
+        A=np.zeros((n, 3, 0)),
+        columns=np.zeros((1, 0), dtype=np.intp),
+        unit=np.zeros(n, dtype=np.intp),
+        B=control.R_g_m,
+        point=control.point_idx,
+    )
+
+
+def _position_residuals(network: Network, state: State) -> Array:
+    observed = network.observed
+    return transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
+
+
+def _position_equations(network: Network, state: State) -> Equations:
+    n = len(network.pose_names)
+    return Equations(
+        kind="gnss",
+        v=_position_residuals(network, state),
+        sigma=network.observed.sigma_position,
+        A=network.observed.R_g_m,
+        columns=network.layout.pose[:, :3],
+        unit=np.arange(n),
+    )
+
+
+def _attitude_residuals(network: Network, state: State) -> Array:
+    return log(np.swapaxes(network.observed.T_m_b.R, -1, -2) @ state.T_m_b.R)
+
+
+def _attitude_equations(network: Network, state: State) -> Equations:
+    v = _attitude_residuals(network, state)
+    return Equations(
+        kind="attitude",
+        v=v,
+        sigma=network.observed.sigma_attitude,
+        A=log_jacobian(v),
+        columns=network.layout.pose[:, 3:],
+        unit=np.arange(len(v)),
+    )
