@@ -399,6 +399,32 @@ def _quality(
     )
 
 
+def cross_covariance(
+    problem: Problem[S], state: S, solution: Solution, points: Index
+) -> Array:
+    """Return the a priori covariance of some points with the reduced unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : the solution's
+    solution : Solution
+    points : ndarray, shape (k,)
+
+    Returns
+    -------
+    ndarray, shape (k, 3, n_columns)
+    """
+    equations = problem.equations(state)
+    V, _ = _point_normals(problem, equations)
+    out = np.zeros((len(points), 3, problem.n_columns))
+    for chunk, strip in _strips(problem, equations):
+        here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
+        gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
+        out[here] = -gain @ solution.cov
+    return out
+
+
 def _inverse(N: Array, diagonal: Array) -> tuple[Array, Mask, Array, Array]:
     """Return the (pseudo-)inverse, what it leaves open, eigenvalues and the weakest vector."""
     if len(N) == 0:

@@ -6,10 +6,21 @@ rotation about the *camera's* axes, ``R_m_c <- R_m_c exp(delta)``, rad.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 
-from acx4lib._typing import Array
-from acx4lib.camera import Camera, colrow_from_xy, correct, distort, xy_from_colrow
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.camera import (
+    INTERIOR,
+    Camera,
+    colrow_from_xy,
+    correct,
+    correct_jacobian,
+    distort,
+    xy_from_colrow,
+)
 from acx4lib.frames import Pose, skew, transform
 
 
@@ -142,6 +153,93 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
     ray_c = np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)])
     return transform(T_m_c.R, ray_c / np.linalg.norm(ray_c, axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """Measured image points with the camera and the pose of each.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+    camera_idx : ndarray, shape (n,)
+    T_m_c : Pose
+        n camera poses.
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+    """
+
+    cameras: tuple[Camera, ...]
+    camera_idx: Index
+    T_m_c: Pose
+    colrow: Array
+
+    def by_camera(self) -> Iterator[tuple[Camera, Mask, Array]]:
+        """Yield every camera, which measurements are its own, and these in mm."""
+        for k, camera in enumerate(self.cameras):
+            own = self.camera_idx == k
+            yield camera, own, xy_from_colrow(camera, self.colrow[own])
+
+    @property
+    def px_per_mm(self) -> Array:
+        """Along col and row, shape (n, 2); rows count downwards."""
+        pixel_mm = np.array([camera.pixel_mm for camera in self.cameras])[self.camera_idx]
+        return np.array([1.0, -1.0]) / pixel_mm[:, None]
+
+    @property
+    def f(self) -> Array:
+        """Focal lengths, shape (n,), mm."""
+        return np.array([camera.interior.f for camera in self.cameras])[self.camera_idx]
+
+
+def image_residuals(seen: Measurement, x_m: Array) -> Array:
+    """Return projected less corrected measured image points, eqs (1)-(11), as col, row in px.
+
+    Parameters
+    ----------
+    seen : Measurement
+    x_m : ndarray, shape (n, 3)
+        The point of each measurement, m.
+
+    Returns
+    -------
+    v : ndarray, shape (n, 2)
+        NaN for points behind the camera.
+    """
+    v = pinhole(seen.f, to_camera(seen.T_m_c, x_m))
+    for camera, own, xy in seen.by_camera():
+        v[own] -= correct(camera.interior, xy)
+    return v * seen.px_per_mm
+
+
+def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Return `image_residuals` and its derivatives.
+
+    Parameters
+    ----------
+    seen : Measurement
+    x_m : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    v : ndarray, shape (n, 2)
+    by_interior : ndarray, shape (n, 2, 9)
+        Columns in the order of `camera.INTERIOR`.
+    by_pose : ndarray, shape (n, 2, 6)
+        By the camera pose.
+    by_point : ndarray, shape (n, 2, 3)
+    """
+    x_c = to_camera(seen.T_m_c, x_m)
+    v = pinhole(seen.f, x_c)
+    by_interior = np.zeros((len(x_m), 2, len(INTERIOR)))
+    for camera, own, xy in seen.by_camera():
+        v[own] -= correct(camera.interior, xy)
+        by_interior[own] = -correct_jacobian(camera.interior, xy)
+    by_interior[:, :, 0] -= x_c[:, :2] / x_c[:, 2:]
+    by_pose, by_point = to_camera_jacobian(seen.T_m_c, x_c)
+    scale = seen.px_per_mm[:, :, None]
+    by_x_c = pinhole_jacobian(seen.f, x_c) * scale
+    return v * scale[:, :, 0], by_interior * scale, by_x_c @ by_pose, by_x_c @ by_point
 
 
 def refraction_lift(r_m_c: Array, x_m: Array) -> Array:

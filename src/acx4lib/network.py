@@ -14,14 +14,13 @@ import numpy as np
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Equations
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.camera import INTERIOR, Camera, Interior, correct, correct_jacobian, xy_from_colrow
+from acx4lib.camera import INTERIOR, Interior
 from acx4lib.collinearity import (
+    Measurement,
+    image_derivatives,
+    image_residuals,
     mounted_jacobian,
-    pinhole,
-    pinhole_jacobian,
     refraction_lift,
-    to_camera,
-    to_camera_jacobian,
 )
 from acx4lib.frames import Pose, exp, log, log_jacobian, transform
 
@@ -220,9 +219,8 @@ class Network:
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
         """Return v and sigma of image points, control points, positions and attitudes."""
-        v_image = _image_residuals(self, state)[0]
         return [
-            (v_image, _image_sigma(self)),
+            (image_residuals(*_seen(self, state)), _image_sigma(self)),
             (_control_residuals(self, state), _control_sigma(self)),
             (_position_residuals(self, state), self.observed.sigma_position),
             (_attitude_residuals(self, state), self.observed.sigma_attitude),
@@ -254,52 +252,29 @@ def _image_sigma(network: Network) -> Array:
     return np.repeat(network.image_points.sigma_px[:, None], 2, axis=1)
 
 
-def _image_residuals(network: Network, state: State) -> tuple[Array, Array, Pose]:
-    """Return v in pixels (col, row), camera coordinates and pose of every measurement."""
-    points, images = network.image_points, network.block.images
+def _seen(network: Network, state: State) -> tuple[Measurement, Array]:
+    """Return the measurements with their camera poses, and the points where they appear."""
+    points = network.image_points
     T_m_c = camera_poses(network, state)[points.image_idx]
     x_m = state.x_m[points.point_idx]
     if network.refraction == "standard":
         x_m = x_m + refraction_lift(T_m_c.r, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
-    x_c = to_camera(T_m_c, x_m)
-    camera_idx = images.camera_idx[points.image_idx]
-    f = np.array([i.f for i in state.interiors])[camera_idx]
-    v = pinhole(f, x_c)
-    for k, (camera, interior) in enumerate(
-        zip(network.block.cameras, state.interiors, strict=True)
-    ):
-        rows = camera_idx == k
-        measured = xy_from_colrow(camera, points.colrow[rows])
-        v[rows] = (v[rows] - correct(interior, measured)) / _px(camera)
-    return v, x_c, T_m_c
-
-
-def _px(camera: Camera) -> Array:
-    """Return mm per px along col and row; rows count downwards."""
-    return np.array([camera.pixel_mm, -camera.pixel_mm])
+    cameras = [
+        camera.with_interior(interior)
+        for camera, interior in zip(network.block.cameras, state.interiors, strict=True)
+    ]
+    camera_idx = network.block.images.camera_idx[points.image_idx]
+    return Measurement(
+        cameras=tuple(cameras), camera_idx=camera_idx, T_m_c=T_m_c, colrow=points.colrow
+    ), x_m
 
 
 def _image_equations(network: Network, state: State) -> Equations:
     points, images = network.image_points, network.block.images
-    v, x_c, T_m_c = _image_residuals(network, state)
-    camera_idx = images.camera_idx[points.image_idx]
-    f = np.array([i.f for i in state.interiors])[camera_idx]
-    by_pose, by_point = to_camera_jacobian(T_m_c, x_c)
-    by_x_c = pinhole_jacobian(f, x_c)
-    by_interior = np.zeros((len(points), 2, len(INTERIOR)))
-    per_px = np.empty((len(points), 2, 1))
-    for k, (camera, interior) in enumerate(
-        zip(network.block.cameras, state.interiors, strict=True)
-    ):
-        rows = camera_idx == k
-        measured = xy_from_colrow(camera, points.colrow[rows])
-        by_interior[rows] = -correct_jacobian(interior, measured)
-        per_px[rows] = 1 / _px(camera)[:, None]
-    by_interior[:, :, 0] += x_c[:, :2] / -x_c[:, 2:]
-    by_x_c *= per_px
-    by_interior *= per_px
-    A, columns = _pose_parts(network, state, by_x_c @ by_pose)
+    measurement, x_m = _seen(network, state)
+    v, by_interior, by_pose, by_point = image_derivatives(measurement, x_m)
     free = np.flatnonzero((network.layout.interior >= 0).any(axis=0))
+    A, columns = _pose_parts(network, state, by_pose)
     return Equations(
         kind="image_point",
         v=v,
@@ -309,7 +284,7 @@ def _image_equations(network: Network, state: State) -> Equations:
             [network.layout.interior[images.camera_idx][:, free], columns], axis=1
         ),
         unit=points.image_idx,
-        B=by_x_c @ by_point,
+        B=by_point,
         point=points.point_idx,
     )
 

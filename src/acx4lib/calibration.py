@@ -1,0 +1,242 @@
+"""What a calibration says: estimates, their covariance, and what the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib._typing import Array, Mask
+from acx4lib.bundle import Bundle
+from acx4lib.camera import INTERIOR, Camera
+from acx4lib.frames import opk_jacobian
+from acx4lib.network import MOUNT, Layout, layout
+
+LIMIT_LEVER_M = 1.0
+LIMIT_BORESIGHT_DEG = 0.1
+LIMIT_INTERIOR = 0.002
+"""Standard deviations above which a lever arm, a boresight angle or f, xp, yp (as a share of f)
+count as not determined."""
+
+REPORTED = {
+    "f": ("f_mm", "mm"),
+    "xp": ("xp_mm", "mm"),
+    "yp": ("yp_mm", "mm"),
+    "k1": ("k1", "mm^-2"),
+    "k2": ("k2", "mm^-4"),
+    "k3": ("k3", "mm^-6"),
+    "p1": ("p1", "mm^-1"),
+    "p2": ("p2", "mm^-1"),
+    "b1": ("b1", "1"),
+    "lever_x": ("lever_x_m", "m"),
+    "lever_y": ("lever_y_m", "m"),
+    "lever_z": ("lever_z_m", "m"),
+    "boresight_x": ("boresight_omega_deg", "deg"),
+    "boresight_y": ("boresight_phi_deg", "deg"),
+    "boresight_z": ("boresight_kappa_deg", "deg"),
+}
+"""The library's name of every parameter, and its name and unit in results."""
+
+HELP = {
+    "f": "two flying heights with control points or accurate GNSS heights",
+    "xp": "strips flown in opposite directions, and control points",
+    "yp": "strips flown in opposite directions, and control points",
+    "lever_x": "strips flown in opposite directions, and control points",
+    "lever_y": "strips flown in opposite directions, and control points",
+    "lever_z": "two flying heights and control points, or f held",
+    "boresight_x": "strips flown in opposite directions, and control points",
+    "boresight_y": "strips flown in opposite directions, and control points",
+    "boresight_z": "tie points over overlapping strips, or control points",
+}
+DISTORTION_HELP = "more measurements, spread to the corners of the images"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """Cameras calibrated by one method.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        With estimated interior orientation and mounting.
+    layout : Layout
+        Which parameters were estimated; it has no poses.
+    cov : ndarray, shape (n, n)
+        A priori covariance in the units of the library: mm, m, and radians about the camera's
+        axes.
+    sigma0_sq : float
+        A posteriori variance of unit weight of the method's adjustment.
+    open_columns : ndarray, shape (n,)
+        Columns that the observations leave open altogether.
+    """
+
+    cameras: tuple[Camera, ...]
+    layout: Layout
+    cov: Array
+    sigma0_sq: float
+    open_columns: Mask
+
+    @property
+    def n_columns(self) -> int:
+        """Number of estimated parameters."""
+        return self.layout.n_columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter as results report it.
+
+    Attributes
+    ----------
+    camera, name, key, unit : str
+        `key` is the library's name, `name` has the unit.
+    value, sigma : float
+        `sigma` a posteriori; infinite where the observations leave it open.
+    """
+
+    camera: str
+    name: str
+    key: str
+    unit: str
+    value: float
+    sigma: float
+
+
+def from_bundle(bundle: Bundle) -> Calibration:
+    """Return what a bundle says of its cameras."""
+    columns = bundle.network.layout
+    n = int(np.sum(columns.interior >= 0) + np.sum(columns.mount >= 0))
+    return Calibration(
+        cameras=bundle.cameras,
+        layout=Layout(
+            interior=columns.interior, mount=columns.mount, pose=np.zeros((0, 6), dtype=np.intp)
+        ),
+        cov=bundle.solution.cov[:n, :n],
+        sigma0_sq=bundle.solution.sigma0_sq,
+        open_columns=bundle.solution.undetermined[:n],
+    )
+
+
+def given(cameras: Sequence[Camera]) -> Calibration:
+    """Return cameras taken as they are: nothing estimated, no covariance."""
+    return Calibration(
+        cameras=tuple(cameras),
+        layout=layout(len(cameras), 0, free=()),
+        cov=np.zeros((0, 0)),
+        sigma0_sq=1.0,
+        open_columns=np.zeros(0, dtype=bool),
+    )
+
+
+def parameters(calibration: Calibration) -> list[Parameter]:
+    """Return every estimated parameter with its a posteriori standard deviation."""
+    sigma = np.sqrt(np.diag(reported_covariance(calibration)))
+    open_columns = _open_reported(calibration)
+    out = []
+    for k, camera in enumerate(calibration.cameras):
+        values = _reported_values(camera)
+        for key, column in zip((*INTERIOR, *MOUNT), _columns(calibration, k), strict=True):
+            if column >= 0:
+                name, unit = REPORTED[key]
+                out.append(
+                    Parameter(
+                        camera=camera.name,
+                        name=name,
+                        key=key,
+                        unit=unit,
+                        value=values[key],
+                        sigma=np.inf if open_columns[column] else float(sigma[column]),
+                    )
+                )
+    return sorted(out, key=lambda p: _position(calibration, p))
+
+
+def _position(calibration: Calibration, parameter: Parameter) -> int:
+    names = [camera.name for camera in calibration.cameras]
+    columns = _columns(calibration, names.index(parameter.camera))
+    return int(columns[(*INTERIOR, *MOUNT).index(parameter.key)])
+
+
+def _columns(calibration: Calibration, k: int) -> Array:
+    return np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
+
+
+def _reported_values(camera: Camera) -> dict[str, float]:
+    values = dict(zip(INTERIOR, camera.interior.to_array(), strict=True))
+    lever_and_angles = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
+    return {k: float(v) for k, v in (values | dict(zip(MOUNT, lever_and_angles))).items()}  # noqa: B905
+
+
+def to_reported(calibration: Calibration) -> Array:
+    """Return d(reported parameters) / d(columns): boresight angles in degrees.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+    """
+    J = np.eye(calibration.n_columns)
+    for k, camera in enumerate(calibration.cameras):
+        columns = calibration.layout.mount[k, 3:]
+        if np.all(columns >= 0):
+            J[np.ix_(columns, columns)] = np.degrees(opk_jacobian(camera.T_b_c.opk))
+    return J
+
+
+def reported_covariance(calibration: Calibration) -> Array:
+    """Return the a posteriori covariance of the reported parameters, shape (n, n)."""
+    J = to_reported(calibration)
+    return calibration.sigma0_sq * J @ calibration.cov @ J.T
+
+
+def _open_reported(calibration: Calibration) -> Mask:
+    """Return which reported parameters have a part in what is left open."""
+    return (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
+
+
+def is_determined(calibration: Calibration) -> Mask:
+    """Tell for every reported parameter whether the data determine it, shape (n,)."""
+    f = {camera.name: camera.interior.f for camera in calibration.cameras}
+    limits = []
+    for p in parameters(calibration):
+        if p.key in ("f", "xp", "yp"):
+            limits.append(LIMIT_INTERIOR * f[p.camera])
+        elif p.key.startswith("lever"):
+            limits.append(LIMIT_LEVER_M)
+        elif p.key.startswith("boresight"):
+            limits.append(LIMIT_BORESIGHT_DEG)
+        else:
+            limits.append(np.inf)
+    sigma = np.array([p.sigma for p in parameters(calibration)])
+    return (sigma <= np.array(limits)) & np.isfinite(sigma)
+
+
+def not_determined(calibration: Calibration) -> list[str]:
+    """Return one sentence per parameter that the data do not determine.
+
+    Each names its standard deviation, the largest correlations and the geometry that helps.
+    """
+    listed = parameters(calibration)
+    cov = reported_covariance(calibration)
+    sigma = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    correlation = cov / sigma[:, None] / sigma
+    out = []
+    for i in np.flatnonzero(~is_determined(calibration)):
+        p = listed[i]
+        how = (
+            "left open by the observations"
+            if np.isinf(p.sigma)
+            else f"sigma {p.sigma:.3g} {p.unit}"
+        )
+        strongest = sorted(
+            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(correlation[i, j])
+        )[:2]
+        with_others = ", ".join(
+            f"{correlation[i, j]:+.2f} with {listed[j].name}" for j in strongest
+        )
+        helps = HELP.get(p.key, DISTORTION_HELP)
+        out.append(
+            f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
+            f"it would need: {helps}"
+        )
+    return out

@@ -1,0 +1,318 @@
+"""Boresight and lever arm: the two-step and the single-step method (section 2.2, Table 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib._typing import Array, Mask
+from acx4lib.block import Block
+from acx4lib.bundle import (
+    Bundle,
+    Rejection,
+    adjust,
+    adjust_rejecting,
+    free_orientation,
+    mounted_orientation,
+    without,
+)
+from acx4lib.calibration import Calibration, from_bundle
+from acx4lib.camera import Camera
+from acx4lib.errors import AdjustmentError
+from acx4lib.frames import Pose, exp, log, skew, transform
+from acx4lib.network import MOUNT, Layout, PoseObservations, layout
+
+LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounting:
+    """The outcome of one method.
+
+    Attributes
+    ----------
+    method : str
+    calibration : Calibration
+    bundle : Bundle
+        The adjustment behind it.
+    per_image : Pose, optional
+        Two-step only: eqs (12) and (13), the mounting that every image shows, T_b_c.
+    averaged : ndarray, optional
+        Two-step only: which images entered the mean, shape (n_images,).
+    """
+
+    method: str
+    calibration: Calibration
+    bundle: Bundle
+    per_image: Pose | None = None
+    averaged: Mask | None = None
+
+
+def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
+    """Return what of the mounting is estimated, given ``"lever_arm"``, ``"boresight"`` held."""
+    return tuple(
+        name
+        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
+        if part not in fix
+        for name in names
+    )
+
+
+def single_step(
+    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+) -> Mounting:
+    """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
+
+    Parameters
+    ----------
+    block : Block
+    free : sequence of str
+        Interior parameters, names of `camera.INTERIOR`.
+    fix : sequence of str
+        ``"lever_arm"`` and ``"boresight"`` stay at the cameras' values where named.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    """
+    bundle = adjust_rejecting(
+        block,
+        lambda b: mounted_orientation(
+            b, free=free, free_mount=free_mount(fix), refraction=refraction
+        ),
+    )
+    return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
+
+
+def two_step(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    rejected: Sequence[Rejection] = (),
+    refraction: str = "none",
+) -> Mounting:
+    """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
+
+    Parameters
+    ----------
+    block : Block
+    free, fix, refraction
+        As in `single_step`.
+    rejected : sequence of Rejection
+        Gross errors found elsewhere; none are looked for here.
+
+    Raises
+    ------
+    AdjustmentError
+        Where control does not orient the block, or the bundle does not converge.
+    """
+    cleaned = without(block, rejected)
+    network = free_orientation(cleaned, free=free, refraction=refraction)
+    _require_control(cleaned)
+    bundle = replace(adjust(network), rejected=tuple(rejected))
+    return _averaged("two_step", bundle, free=free, estimated=free_mount(fix))
+
+
+def two_step_gnss(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    rejected: Sequence[Rejection] = (),
+    refraction: str = "none",
+) -> Mounting:
+    """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
+
+    The cameras' lever arms are held; an unknown one is zero there, and the interior orientation
+    absorbs it.
+
+    Parameters
+    ----------
+    block, free, fix, rejected, refraction
+        As in `two_step`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where the bundle does not converge.
+    """
+    cleaned = without(block, rejected)
+    lever = np.stack([camera.T_b_c.r for camera in block.cameras])[block.images.camera_idx]
+    T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
+    positions = PoseObservations(
+        T_m_b=Pose(R=T_m_b.R, r=T_m_b.r + transform(T_m_b.R, lever)),
+        R_g_m=cleaned.trajectory.R_g_m[exposure],
+        sigma_position=cleaned.trajectory.sigma_position[exposure],
+        sigma_attitude=np.full((len(T_m_b), 3), np.inf),
+    )
+    network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
+    bundle = replace(adjust(network), rejected=tuple(rejected))
+    held = {*fix, "lever_arm"}
+    return _averaged("two_step_gnss", bundle, free=free, estimated=free_mount(tuple(held)))
+
+
+def _require_control(block: Block) -> None:
+    """Raise where fewer than three points off one line are control in images."""
+    usable = np.isfinite(block.control.sigma_m).all(axis=1)
+    usable &= block.rays[block.control.point_idx] > 0
+    x_m = block.control.x_m[usable]
+    spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False) if len(x_m) else np.zeros(3)
+    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
+        msg = (
+            f"{len(x_m)} control points in images do not orient the block: "
+            "three that do not lie on one line are needed"
+        )
+        raise AdjustmentError(msg)
+
+
+# --- eqs (12) and (13) -----------------------------------------------------------------------
+
+
+def _averaged(
+    method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
+) -> Mounting:
+    """Average the mountings of all images, camera by camera, and propagate their covariance."""
+    block = bundle.network.block
+    T_b_c = mountings_per_image(bundle)
+    trajectory, exposure = block.trajectory, block.images.exposure_idx
+    finite = np.isfinite(trajectory.sigma_position) & np.isfinite(trajectory.sigma_attitude)
+    entering = bundle.oriented & finite.all(axis=1)[exposure]
+    by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
+    cov_pose = _pose_covariances(bundle)
+    cov_trajectory = trajectory_covariances(block)
+    sigma0_sq = bundle.solution.sigma0_sq
+    per_image = _sandwich(by_camera_pose, cov_pose)
+    per_image += _sandwich(by_trajectory, cov_trajectory[exposure])
+    n_cameras, n_images = len(block.cameras), len(block.images)
+    weights = np.zeros((n_cameras, 6, n_images, 6))
+    cameras = list(bundle.cameras)
+    for k, camera in enumerate(block.cameras):
+        idx = np.flatnonzero(entering & (block.images.camera_idx == k))
+        if len(idx) == 0:
+            msg = f"no image of {camera.name} is oriented and has a trajectory row to compare with"
+            raise AdjustmentError(msg)
+        mean, weights[k][:, idx] = _weighted_mean(T_b_c[idx], per_image[idx])
+        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, estimated)
+    columns = layout(n_cameras, 0, free=free, free_mount=estimated)
+    J = _by_bundle(bundle, weights, by_camera_pose, columns)
+    K = _by_exposures(block, weights, by_trajectory, columns)
+    cov = J @ bundle.solution.cov @ J.T
+    cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
+    calibration = Calibration(
+        cameras=tuple(cameras),
+        layout=columns,
+        cov=cov,
+        sigma0_sq=sigma0_sq,
+        open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
+    )
+    return Mounting(
+        method=method,
+        calibration=calibration,
+        bundle=bundle,
+        per_image=T_b_c,
+        averaged=entering,
+    )
+
+
+def mountings_per_image(bundle: Bundle) -> Pose:
+    """Return T_b_c of every image, eqs (12) and (13): trajectory against bundle."""
+    return bundle.network.block.T_m_b_images.inverse @ bundle.T_m_c
+
+
+def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
+    """Return d(lever arm, boresight) by the camera poses and by the trajectory.
+
+    Boresights turn about the camera's axes, attitudes about the body's.
+
+    Returns
+    -------
+    by_camera_pose, by_trajectory : ndarray, shape (n_images, 6, 6)
+    """
+    R_b_m = np.swapaxes(bundle.network.block.T_m_b_images.R, -1, -2)
+    by_camera_pose = np.zeros((len(T_b_c), 6, 6))
+    by_camera_pose[:, :3, :3] = R_b_m
+    by_camera_pose[:, 3:, 3:] = np.eye(3)
+    by_trajectory = np.zeros_like(by_camera_pose)
+    by_trajectory[:, :3, :3] = -R_b_m
+    by_trajectory[:, :3, 3:] = skew(T_b_c.r)
+    by_trajectory[:, 3:, 3:] = -np.swapaxes(T_b_c.R, -1, -2)
+    return by_camera_pose, by_trajectory
+
+
+def trajectory_covariances(block: Block) -> Array:
+    """Return the covariances of the body poses, shape (n_exposures, 6, 6); zero where rejected."""
+    trajectory = block.trajectory
+    used = np.where(np.isfinite(trajectory.sigma_position), trajectory.sigma_position, 0.0)
+    out = np.zeros((len(trajectory), 6, 6))
+    out[:, :3, :3] = replace(trajectory, sigma_position=used).cov_position
+    attitude = np.where(np.isfinite(trajectory.sigma_attitude), trajectory.sigma_attitude, 0.0)
+    out[:, [3, 4, 5], [3, 4, 5]] = attitude**2
+    return out
+
+
+def _pose_covariances(bundle: Bundle) -> Array:
+    """Return the covariances of the poses, shape (n_poses, 6, 6)."""
+    columns = bundle.network.layout.pose
+    return bundle.solution.cov[columns[:, :, None], columns[:, None, :]]
+
+
+def _sandwich(J: Array, cov: Array) -> Array:
+    return J @ cov @ np.swapaxes(J, -1, -2)
+
+
+def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
+    """Return the mean mounting and the weight matrices of its images, shape (6, n, 6)."""
+    weights = np.zeros((6, len(T_b_c), 6))
+    for part in (slice(0, 3), slice(3, 6)):
+        P = np.linalg.inv(cov[:, part, part])
+        weights[part, :, part] = np.moveaxis(np.linalg.inv(P.sum(axis=0)) @ P, 0, 1)
+    r = np.einsum("inj,nj->i", weights[:3, :, :3], T_b_c.r)
+    R = T_b_c.R[0]
+    for _ in range(20):
+        step = np.einsum("inj,nj->i", weights[3:, :, 3:], log(R.T @ T_b_c.R))
+        R = R @ exp(step)
+        if np.linalg.norm(step) < 1e-14:
+            break
+    return Pose(R=R, r=r), weights
+
+
+def _with_mounting(
+    estimated_camera: Camera, declared: Camera, mean: Pose, estimated: Sequence[str]
+) -> Camera:
+    """Return the camera with the mean mounting, held parts as declared."""
+    return replace(
+        estimated_camera,
+        T_b_c=Pose(
+            R=mean.R if BORESIGHT[0] in estimated else declared.T_b_c.R,
+            r=mean.r if LEVER_ARM[0] in estimated else declared.T_b_c.r,
+        ),
+    )
+
+
+def _by_bundle(bundle: Bundle, weights: Array, by_pose: Array, columns: Layout) -> Array:
+    """Return d(interior, mean mounting) / d(columns of the bundle), shape (n, n_columns)."""
+    source = bundle.network.layout
+    J = np.zeros((columns.n_columns, source.n_columns))
+    free = source.interior >= 0
+    J[columns.interior[free], source.interior[free]] = 1.0
+    for k, mount in enumerate(columns.mount):
+        mean = np.einsum("ina,nab->inb", weights[k], by_pose).reshape(6, -1)
+        J[np.ix_(mount[mount >= 0], source.pose.ravel())] = mean[mount >= 0]
+    return J
+
+
+def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: Layout) -> Array:
+    """Return d(mean mounting) / d(body poses), shape (n, n_exposures, 6)."""
+    K = np.zeros((columns.n_columns, len(block.trajectory), 6))
+    for k, mount in enumerate(columns.mount):
+        mean = np.einsum("ina,nab->inb", weights[k], by_trajectory)
+        total = np.zeros((6, len(block.trajectory), 6))
+        np.add.at(total, (slice(None), block.images.exposure_idx), mean)
+        K[mount[mount >= 0]] = total[mount >= 0]
+    return K

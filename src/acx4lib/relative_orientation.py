@@ -1,0 +1,262 @@
+"""Calibration of the heads and their orientation in the synthetic frame (2.1, 4.1, Table 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib._typing import Array, Index
+from acx4lib.adjustment import cross_covariance
+from acx4lib.block import Block, select_camera
+from acx4lib.bundle import Bundle, adjust_rejecting, free_orientation
+from acx4lib.camera import Camera
+from acx4lib.errors import AdjustmentError
+from acx4lib.frames import Pose, exp, log, opk_jacobian, skew, transform
+from acx4lib.mounting import trajectory_covariances
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Heads:
+    """The self-calibrations of all heads.
+
+    Attributes
+    ----------
+    bundles : dict of str to Bundle
+        By head.
+    failures : dict of str to str
+        Why a head could not be adjusted.
+    """
+
+    bundles: dict[str, Bundle]
+    failures: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelativeOrientation:
+    """Heads in the synthetic frame, as Table 1 counts them.
+
+    Attributes
+    ----------
+    heads : tuple of Camera
+        With calibrated interior orientation.
+    xyz_mm : ndarray, shape (n_heads, 3)
+        Xc, Yc, Zc: where a head stands over the synthetic image, whose plane is Z = 0.
+    opk : ndarray, shape (n_heads, 3)
+        omega, phi, kappa of eq. (6) from the synthetic frame to the head, radians.
+    cov : ndarray, shape (6 n_heads, 6 n_heads)
+        A posteriori, head by head Xc, Yc, Zc (mm), omega, phi, kappa (rad).
+    n_exposures : int
+    """
+
+    heads: tuple[Camera, ...]
+    xyz_mm: Array
+    opk: Array
+    cov: Array
+    n_exposures: int
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, shape (n_heads, 6): mm and radians."""
+        return np.sqrt(np.maximum(np.diag(self.cov), 0.0)).reshape(-1, 6)
+
+
+def calibrate_heads(
+    block: Block, heads: Sequence[str], *, free: Sequence[str], refraction: str = "none"
+) -> Heads:
+    """Adjust every head by itself, exterior orientation free, gross errors taken out.
+
+    Parameters
+    ----------
+    block : Block
+    heads : sequence of str
+        Cameras of the block.
+    free : sequence of str
+        Interior parameters, names of `camera.INTERIOR`; the others are held.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Heads
+        A head that cannot be adjusted stands in `failures`.
+    """
+    bundles, failures = {}, {}
+    for name in heads:
+        try:
+            bundles[name] = adjust_rejecting(
+                select_camera(block, name),
+                lambda b: free_orientation(b, free=free, refraction=refraction),
+            )
+        except AdjustmentError as error:
+            failures[name] = str(error)
+    return Heads(bundles=bundles, failures=failures)
+
+
+def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> RelativeOrientation:
+    """Orient heads in the synthetic frame, averaged over the exposures that all heads have.
+
+    Parameters
+    ----------
+    bundles : mapping of str to Bundle
+        Self-calibrations; the first head is the reference.
+    synthetic : Camera
+        Its declared mounting turns the body frame into the synthetic frame.
+
+    Returns
+    -------
+    RelativeOrientation
+
+    Raises
+    ------
+    AdjustmentError
+        Where the heads share no oriented exposure.
+
+    Notes
+    -----
+    Covariances come from the heads' full covariance matrices, from the control points that the
+    heads share, and from the trajectory; all exposures share a head's interior orientation, so
+    their scatter would claim too little.
+    """
+    fits = list(bundles.values())
+    images, exposures = _common(fits)
+    T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
+    T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]
+    R_b_s = synthetic.T_b_c.R
+    scale, height = _scale(fits[0], images[0])
+    R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
+    xyz, opk = np.zeros((len(fits), 3)), np.zeros((len(fits), 3))
+    for k, T in enumerate(T_m_h):
+        xyz[k] = (scale[:, None] * transform(R_s_m, T.r - T_m_h[0].r)).mean(axis=0)
+        opk[k] = Pose(R=mean_rotation(R_s_m @ T.R), r=xyz[k]).opk
+    xyz[:, 2] += fits[0].state.interiors[0].f
+    xyz[:, :2] -= xyz[:, :2].mean(axis=0)
+    J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
+    cov = _covariance(fits, images, exposures, J, K)
+    to_opk = np.eye(6 * len(fits))
+    for k in range(len(fits)):
+        angles = slice(6 * k + 3, 6 * k + 6)
+        to_opk[angles, angles] = opk_jacobian(opk[k])
+    return RelativeOrientation(
+        heads=tuple(fit.cameras[0] for fit in fits),
+        xyz_mm=xyz,
+        opk=opk,
+        cov=to_opk @ cov @ to_opk.T,
+        n_exposures=len(exposures),
+    )
+
+
+def mean_rotation(R: Array) -> Array:
+    """Return the mean of rotations near each other, shape (n, 3, 3) to (3, 3)."""
+    mean = R[0]
+    for _ in range(20):
+        step = log(mean.T @ R).mean(axis=0)
+        mean = mean @ exp(step)
+        if np.linalg.norm(step) < 1e-14:
+            break
+    return mean
+
+
+def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
+    """Return for every head its images at the exposures that all heads have, and these."""
+    sets = []
+    for fit in fits:
+        exposure = fit.network.block.images.exposure_idx
+        attitude = np.isfinite(fit.network.block.trajectory.sigma_attitude).all(axis=1)
+        sets.append(set(exposure[fit.oriented & attitude[exposure]].tolist()))
+    exposures = np.array(sorted(set.intersection(*sets)), dtype=np.intp)
+    if len(exposures) == 0:
+        msg = "the heads share no exposure at which all of them are oriented"
+        raise AdjustmentError(msg)
+    images = []
+    for fit in fits:
+        exposure = fit.network.block.images.exposure_idx
+        at = np.full(len(fit.network.block.trajectory), -1)
+        at[exposure] = np.arange(len(exposure))
+        images.append(at[exposures])
+    return images, exposures
+
+
+def _scale(first: Bundle, images: Index) -> tuple[Array, Array]:
+    """Return mm in the first head per m on the ground, and its height over it in m."""
+    points = first.network.image_points
+    z = first.state.x_m[points.point_idx, 2]
+    n_images = len(first.network.block.images)
+    count = np.bincount(points.image_idx, minlength=n_images)
+    ground = np.bincount(points.image_idx, z, minlength=n_images) / np.maximum(count, 1)
+    height = first.T_m_c.r[images, 2] - ground[images]
+    return first.state.interiors[0].f / height, height
+
+
+def _jacobians(
+    T_m_b: Pose, T_m_h: Sequence[Pose], R_b_s: Array, *, scale: Array, height: Array
+) -> tuple[Array, Array]:
+    """Return the derivatives of (Xc, Yc, Zc, rotation about the head's axes) of all heads.
+
+    Returns
+    -------
+    by_pose : ndarray, shape (n_heads, 6, n_heads, n_exposures, 6)
+        By the heads' poses.
+    by_body : ndarray, shape (n_heads, 6, n_exposures, 6)
+        By the trajectory.
+    """
+    n_heads, n = len(T_m_h), len(T_m_b)
+    by_pose, by_body = np.zeros((n_heads, 6, n_heads, n, 6)), np.zeros((n_heads, 6, n, 6))
+    R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
+    per_mm = np.moveaxis(scale[:, None, None] * R_s_m, 0, 1) / n  # (3, n, 3)
+    for k, T in enumerate(T_m_h):
+        d_m = T.r - T_m_h[0].r
+        d_b = np.einsum("nji,nj->ni", T_m_b.R, d_m)
+        by_pose[k, :3, k, :, :3] += per_mm
+        by_pose[k, :3, 0, :, :3] -= per_mm
+        # the scale itself hangs on the first head's height
+        by_pose[k, :3, 0, :, 2] -= np.einsum("inj,nj->in", per_mm, d_m) / height
+        by_pose[k, 3:, k, :, 3:] = np.eye(3)[:, None, :] / n
+        turned = scale[:, None, None] * R_b_s.T @ skew(d_b)
+        by_body[k, :3, :, 3:] = np.moveaxis(turned, 0, 1) / n
+        R_h_b = np.swapaxes(T.R, -1, -2) @ T_m_b.R
+        by_body[k, 3:, :, 3:] = -np.moveaxis(R_h_b, 0, 1) / n
+    by_pose[:, :2] -= by_pose[:, :2].mean(axis=0)
+    by_body[:, :2] -= by_body[:, :2].mean(axis=0)
+    return by_pose, by_body
+
+
+def _covariance(
+    fits: Sequence[Bundle], images: Sequence[Index], exposures: Index, J: Array, K: Array
+) -> Array:
+    """Return the covariance (6 n_heads) from heads, the control that they share, and trajectory."""
+    n_heads = len(fits)
+    columns = [
+        fit.network.layout.pose[idx].ravel() for fit, idx in zip(fits, images, strict=True)
+    ]
+    sigma0 = [np.sqrt(fit.solution.sigma0_sq) for fit in fits]
+    shared = [_by_control(fit, own) for fit, own in zip(fits, columns, strict=True)]
+    cov = np.zeros((6 * n_heads, 6 * n_heads))
+    for a in range(n_heads):
+        J_a = J[:, :, a].reshape(6 * n_heads, -1)
+        for b in range(n_heads):
+            J_b = J[:, :, b].reshape(6 * n_heads, -1)
+            if a == b:
+                between = fits[a].solution.cov[np.ix_(columns[a], columns[a])]
+            else:
+                between = shared[a] @ shared[b].T
+            cov += sigma0[a] * sigma0[b] * J_a @ between @ J_b.T
+    by_body = K.reshape(6 * n_heads, len(exposures), 6)
+    cov_body = trajectory_covariances(fits[0].network.block)[exposures]
+    return cov + np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+
+
+def _by_control(fit: Bundle, columns: Index) -> Array:
+    """Return d(columns) / d(control coordinates) in units of the coordinates' sigma.
+
+    Shape (n_columns, 3 n_control) over all control points of the block, so that heads match.
+    """
+    network = fit.network
+    control = network.control
+    cross = cross_covariance(network, fit.state, fit.solution, control.point_idx)
+    sigma = np.where(control.sigma_m > 0, control.sigma_m, np.inf)
+    by_control = (control.R_g_m @ cross) / sigma[:, :, None]
+    out = np.zeros((len(network.block.points), 3, len(columns)))
+    out[control.point_idx] = by_control[:, :, columns]
+    return out[network.block.control.point_idx].reshape(-1, len(columns)).T

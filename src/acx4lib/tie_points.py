@@ -1,0 +1,179 @@
+"""Tie points between heads in the synthetic image, and refinement by them (2.1, Figure 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib._typing import Array, Index
+from acx4lib.block import Block
+from acx4lib.relative_orientation import RelativeOrientation
+from acx4lib.synthetic_image import synthetic_from_head
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiePoints:
+    """Points that two heads measured at one exposure.
+
+    Attributes
+    ----------
+    head_a, head_b : ndarray, shape (n,)
+        head_a < head_b.
+    exposure_idx, point_idx : ndarray, shape (n,)
+    colrow_a, colrow_b : ndarray, shape (n, 2)
+    sigma_px : ndarray, shape (n,)
+        Of a measurement, the larger of the two.
+    """
+
+    head_a: Index
+    head_b: Index
+    exposure_idx: Index
+    point_idx: Index
+    colrow_a: Array
+    colrow_b: Array
+    sigma_px: Array
+
+    def __len__(self) -> int:
+        """Count the tie points."""
+        return len(self.head_a)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Overlap:
+    """Differences b less a of one pair of heads in the synthetic image.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    xy : ndarray, shape (n, 2)
+        Where, mm.
+    d : ndarray, shape (n, 2)
+        mm.
+    """
+
+    head_a: int
+    head_b: int
+    xy: Array
+    d: Array
+
+    @property
+    def mean(self) -> Array:
+        """Average difference in x and y, mm."""
+        return self.d.mean(axis=0)
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the differences in x and y, mm."""
+        return np.sqrt(np.mean(self.d**2, axis=0))
+
+
+def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
+    """Return every point that two heads measured at one exposure.
+
+    Parameters
+    ----------
+    block : Block
+        Of the heads.
+    orientation : RelativeOrientation
+        Says which cameras are heads and in which order.
+    """
+    names = [camera.name for camera in block.cameras]
+    head_of = np.full(len(names), -1)
+    for k, head in enumerate(orientation.heads):
+        head_of[names.index(head.name)] = k
+    points = block.image_points
+    head = head_of[block.images.camera_idx[points.image_idx]]
+    exposure = block.images.exposure_idx[points.image_idx]
+    order = np.lexsort((head, points.point_idx, exposure))
+    order = order[head[order] >= 0]
+    pairs = []
+    for ahead in range(1, len(orientation.heads)):
+        a, b = order[:-ahead], order[ahead:]
+        same = (exposure[a] == exposure[b]) & (points.point_idx[a] == points.point_idx[b])
+        pairs.append(np.stack([a[same], b[same]]))
+    a, b = np.concatenate(pairs, axis=1)
+    return TiePoints(
+        head_a=head[a],
+        head_b=head[b],
+        exposure_idx=exposure[a],
+        point_idx=points.point_idx[a],
+        colrow_a=points.colrow[a],
+        colrow_b=points.colrow[b],
+        sigma_px=np.maximum(points.sigma_px[a], points.sigma_px[b]),
+    )
+
+
+def overlaps(ties: TiePoints, orientation: RelativeOrientation) -> list[Overlap]:
+    """Return the differences of all pairs of heads that share tie points."""
+    out = []
+    n_heads = len(orientation.heads)
+    for a in range(n_heads):
+        for b in range(a + 1, n_heads):
+            own = (ties.head_a == a) & (ties.head_b == b)
+            if own.any():
+                xy_a = synthetic_from_head(orientation, a, ties.colrow_a[own])
+                xy_b = synthetic_from_head(orientation, b, ties.colrow_b[own])
+                out.append(Overlap(head_a=a, head_b=b, xy=(xy_a + xy_b) / 2, d=xy_b - xy_a))
+    return out
+
+
+def refine_by_mean_differences(
+    orientation: RelativeOrientation, ties: TiePoints
+) -> RelativeOrientation:
+    """Shift the heads so that the average differences of their overlaps vanish.
+
+    The paper's refinement: Xc and Yc of every head by least squares over the pairs' mean
+    differences, each weighted with its number of points; the mean of all heads stays.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    ties : TiePoints
+
+    Returns
+    -------
+    RelativeOrientation
+        Its covariance has what the tie points repair of the heads' errors, and their noise.
+    """
+    shifts, gain, counts = _shifts(orientation, ties)
+    xyz = orientation.xyz_mm.copy()
+    xyz[:, :2] += shifts
+    n = orientation.cov.shape[0]
+    step = np.minimum(orientation.sigma.ravel(), 1e-4) + 1e-7
+    J = np.eye(n)
+    for i in range(n):
+        ahead, _, _ = _shifts(_varied(orientation, i, step[i]), ties)
+        behind, _, _ = _shifts(_varied(orientation, i, -step[i]), ties)
+        change = (ahead - behind) / (2 * step[i])
+        J[0::6, i] += change[:, 0]
+        J[1::6, i] += change[:, 1]
+    pixel_mm = orientation.heads[0].pixel_mm
+    variance = 2 * (np.mean(ties.sigma_px) * pixel_mm) ** 2 / counts
+    noise = (gain * variance) @ gain.T
+    cov = J @ orientation.cov @ J.T
+    cov[0::6, 0::6] += noise
+    cov[1::6, 1::6] += noise
+    return replace(orientation, xyz_mm=xyz, cov=cov)
+
+
+def _varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
+    """Return the orientation with one of its parameters changed."""
+    xyz, opk = orientation.xyz_mm.copy(), orientation.opk.copy()
+    (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += step
+    return replace(orientation, xyz_mm=xyz, opk=opk)
+
+
+def _shifts(orientation: RelativeOrientation, ties: TiePoints) -> tuple[Array, Array, Array]:
+    """Return the heads' shifts (mm), d(shifts) / d(mean differences), and points per pair."""
+    found = overlaps(ties, orientation)
+    n_heads = len(orientation.heads)
+    A = np.zeros((len(found), n_heads))
+    for row, overlap in enumerate(found):
+        A[row, overlap.head_a], A[row, overlap.head_b] = -1.0, 1.0
+    counts = np.array([len(overlap.d) for overlap in found], dtype=float)
+    root = np.sqrt(counts)[:, None]
+    # minimum norm: the shifts sum to zero, the mean of the heads stays where it is
+    gain = -np.linalg.pinv(root * A) * root.T
+    means = np.array([overlap.mean for overlap in found])
+    return gain @ means, gain, counts
