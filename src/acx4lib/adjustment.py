@@ -152,14 +152,18 @@ class Solution:
     @property
     def chi_square_p(self) -> float:
         """Two-sided probability of a cost as far from its expectation, were the weights right."""
-        if self.redundancy <= 0:
-            return 1.0
-        below = stats.chi2.cdf(self.cost, self.redundancy)
-        return float(2 * min(below, 1 - below))
+        return two_sided_p(self.cost, self.redundancy)
 
     def group(self, kind: str) -> Group:
         """Return the residuals of one kind."""
         return next(g for g in self.groups if g.kind == kind)
+
+
+def two_sided_p(cost: float, redundancy: int) -> float:
+    """Return the probability of a chi-square variable as far out; one without redundancy."""
+    if redundancy <= 0:
+        return 1.0
+    return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
 
 
 def solve(problem: Problem[S], state: S, *, max_iterations: int = 50) -> tuple[S, Solution]:

@@ -159,6 +159,7 @@ def _network(
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[block.control.point_idx] = block.control.x_m
     reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
+    left_out = {why: int(which.sum()) for why, which in reasons if which.any()}
     return Network(
         block=block,
         pose_names=pose_names,
@@ -175,7 +176,7 @@ def _network(
             x_m=x_m,
         ),
         refraction=refraction,
-        left_out=tuple(f"{int(n.sum())} tie points {why}" for why, n in reasons if n.any()),
+        left_out=left_out,
     )
 
 
@@ -277,6 +278,20 @@ class Bundle:
     def T_m_c(self) -> Pose:
         """Camera poses, one per image."""
         return camera_poses(self.network, self.state)
+
+    @property
+    def camera_pose_covariances(self) -> Array:
+        """A priori covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
+        network, images = self.network, self.network.block.images
+        T_m_b = self.state.T_m_b[network.pose_idx]
+        by_body, by_mount = mounted_jacobian(T_m_b, self.state.T_b_c[images.camera_idx])
+        J = np.concatenate([by_mount, by_body], axis=2)
+        columns = np.concatenate(
+            [network.layout.mount[images.camera_idx], network.layout.pose[network.pose_idx]], axis=1
+        )
+        padded = np.pad(self.solution.cov, (0, 1))  # column -1, one that is held, has no variance
+        cov = padded[columns[:, :, None], columns[:, None, :]]
+        return J @ cov @ np.swapaxes(J, 1, 2)
 
     @property
     def oriented(self) -> Mask:
@@ -390,7 +405,7 @@ def _gross_errors(bundle: Bundle, critical: float) -> tuple[Rejection, ...]:
 def _candidates(bundle: Bundle, critical: float) -> list[tuple[Rejection, int, int]]:
     """Return every observation above the critical value with its point and pose, -1 for none."""
     network = bundle.network
-    control = network.control[~np.all(network.control.sigma_m == 0, axis=1)]
+    control = network.control[~network.held_control]
     control_row = np.flatnonzero(np.isin(network.block.control.point_idx, control.point_idx))
     out = []
     for group in bundle.solution.groups:

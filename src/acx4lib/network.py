@@ -7,7 +7,7 @@ the two is free, held or observed is all that distinguishes the uses; `bundle` s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -153,8 +153,8 @@ class Network:
     start : State
     refraction : str
         ``"none"`` or ``"standard"``.
-    left_out : tuple of str
-        What was not used and why, in sentences.
+    left_out : dict of str to int
+        How many tie points were not used, by the reason.
     """
 
     block: Block
@@ -167,7 +167,7 @@ class Network:
     observed: PoseObservations
     start: State
     refraction: str = "none"
-    left_out: tuple[str, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
 
     @property
     def n_columns(self) -> int:
@@ -184,8 +184,13 @@ class Network:
         """Which points are unknowns: those measured, unless given free of error."""
         free = np.bincount(self.image_points.point_idx, minlength=self.n_points) > 0
         free[self.control.point_idx] = True
-        free[self.control.point_idx[np.all(self.control.sigma_m == 0, axis=1)]] = False
+        free[self.control.point_idx[self.held_control]] = False
         return free
+
+    @property
+    def held_control(self) -> Mask:
+        """Which control points are given free of error."""
+        return np.all(self.control.sigma_m == 0, axis=1)
 
     def column_names(self) -> list[str]:
         """Return ``camera/parameter`` and ``pose/parameter`` for every column."""
@@ -304,21 +309,17 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
 
 def _control_sigma(network: Network) -> Array:
     # a point with all sigma zero is held; a single component of zero is a micrometre
-    return np.maximum(network.control.sigma_m, 1e-6)[~_held(network)]
-
-
-def _held(network: Network) -> Mask:
-    return np.all(network.control.sigma_m == 0, axis=1)
+    return np.maximum(network.control.sigma_m, 1e-6)[~network.held_control]
 
 
 def _control_residuals(network: Network, state: State) -> Array:
     control = network.control
     v = transform(control.R_g_m, state.x_m[control.point_idx] - control.x_m)
-    return v[~_held(network)]
+    return v[~network.held_control]
 
 
 def _control_equations(network: Network, state: State) -> Equations:
-    control = network.control[~_held(network)]
+    control = network.control[~network.held_control]
     n = len(control)
     return Equations(
         kind="control_point",

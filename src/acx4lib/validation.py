@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle import CRITICAL, SMALLEST_ANGLE, Rejection
 from acx4lib.calibration import Calibration
 from acx4lib.geodesy import rotate_covariance
 from acx4lib.georeferencing import (
     Georeferenced,
+    Intersections,
     Rays,
     directions,
     georeference,
@@ -67,7 +69,11 @@ class Validation:
     rejected : tuple of Rejection
     n_failed : int
         Pairs whose rays meet at less than 2 degrees.
-    left_out : tuple of str
+    n_left_out : int
+        Check points in fewer than two images.
+    cost : float
+        Weighted sum of squared residuals of all points' rays, the trajectory's sigma included.
+    redundancy : int
     """
 
     method: str
@@ -77,7 +83,24 @@ class Validation:
     points: Differences
     rejected: tuple[Rejection, ...]
     n_failed: int
-    left_out: tuple[str, ...]
+    n_left_out: int
+    cost: float
+    redundancy: int
+
+    @property
+    def n_observations(self) -> int:
+        """Number of image coordinates of the points."""
+        return self.redundancy + 3 * len(self.points)
+
+    @property
+    def sigma0_sq(self) -> float:
+        """Variance of unit weight; one where there is no redundancy."""
+        return self.cost / self.redundancy if self.redundancy > 0 else 1.0
+
+    @property
+    def chi_square_p(self) -> float:
+        """Two-sided probability of a cost as far from its expectation."""
+        return two_sided_p(self.cost, self.redundancy)
 
 
 def validate(
@@ -115,7 +138,7 @@ def validate(
     pairs, n_failed = _pairs(block, georeferenced, selected)
     used = np.bincount(selected.group, minlength=len(block.check))
     points = _renumbered(selected, used >= 2)
-    short = int(np.sum(used < 2))
+    P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
     return Validation(
         method=method,
         block=block,
@@ -124,7 +147,9 @@ def validate(
         points=_differences(block, georeferenced, *points, refraction),
         rejected=rejected,
         n_failed=n_failed,
-        left_out=(f"{short} check points in fewer than two images",) if short else (),
+        n_left_out=int(np.sum(used < 2)),
+        cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
+        redundancy=fit.v.size - 3 * points[0].n_groups,
     )
 
 
@@ -168,11 +193,18 @@ def _fitting(
         statistic[testable[out]] = w[out]
 
 
-def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str) -> Array:
-    """Return the larger of the two standardised residuals of every measurement, shape (n,)."""
+def _weighted_fit(
+    block: Block, georeferenced: Georeferenced, group: Rays, refraction: str
+) -> tuple[Array, Intersections]:
+    """Intersect with weights that have the trajectory's part."""
     first = intersect_rays(block, georeferenced, group, refraction=refraction)
     P = np.linalg.inv(first.cov_v)
-    fit = intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
+    return P, intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
+
+
+def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str) -> Array:
+    """Return the larger of the two standardised residuals of every measurement, shape (n,)."""
+    P, fit = _weighted_fit(block, georeferenced, group, refraction)
     B = fit.by_point
     normal = np.zeros((group.n_groups, 3, 3))
     np.add.at(normal, group.group, np.swapaxes(B, 1, 2) @ P @ B)

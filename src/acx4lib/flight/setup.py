@@ -1,0 +1,138 @@
+"""What flight.toml says, as the library's own values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4lib.camera import INTERIOR, Camera, Interior
+from acx4lib.flight.document import Toml
+from acx4lib.frames import Pose, rotation_from_opk
+from acx4lib.geodesy import GridSystem
+
+SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
+LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
+MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
+ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
+"""What a stage may estimate, and the library's name for it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Synthetic:
+    """The virtual camera that the synthetic stage renders, and the heads it is made of."""
+
+    camera: str
+    heads: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Apriori:
+    """Standard deviations of what has none in its file; units as the names say."""
+
+    image_point_px: float = 0.5
+    gnss_horizontal_m: float = 0.05
+    gnss_vertical_m: float = 0.10
+    roll_pitch_deg: float = 0.005
+    heading_deg: float = 0.008
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setup:
+    """What flight.toml says.
+
+    Attributes
+    ----------
+    name : str
+    grid : GridSystem
+    refraction : str
+        ``none`` or ``standard``.
+    cameras : dict of str to Camera
+    synthetic : Synthetic or None
+    apriori : Apriori
+    estimate_heads, estimate_mounting : tuple of str
+        Interior parameters that the stages estimate, the library's names.
+    fix : tuple of str
+        What the mounting stage holds fixed: ``lever_arm``, ``boresight``.
+    """
+
+    name: str
+    grid: GridSystem
+    refraction: str
+    cameras: dict[str, Camera]
+    synthetic: Synthetic | None
+    apriori: Apriori
+    estimate_heads: tuple[str, ...]
+    estimate_mounting: tuple[str, ...]
+    fix: tuple[str, ...]
+
+
+def setup_of(toml: Toml) -> Setup:
+    """Return what a flight.toml says, after nothing wrong was found with it."""
+    synthetic = toml.table("synthetic")
+    heads = toml.table("stages", "heads").get("estimate", ["xp_mm", "yp_mm", "k1", "p1", "p2"])
+    mounting = toml.table("stages", "mounting")
+    everything = [name for name in ESTIMABLE if name != "b1"]
+    return Setup(
+        name=toml.values["name"],
+        grid=grid_of(toml),
+        refraction=toml.values.get("refraction", "none"),
+        cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
+        synthetic=Synthetic(camera=synthetic["camera"], heads=tuple(synthetic["heads"]))
+        if synthetic
+        else None,
+        apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
+        estimate_heads=tuple(ESTIMABLE[name] for name in heads),
+        estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
+        fix=tuple(mounting.get("fix", ())),
+    )
+
+
+def camera_of(name: str, table: dict[str, Any]) -> Camera:
+    """Return a camera from its table in flight.toml, with valid values."""
+    opk = np.radians([float(table.get(key, 0.0)) for key in MOUNT])
+    lever = np.array([float(table.get(key, 0.0)) for key in LEVER])
+    lens = {key.removesuffix("_mm"): float(table.get(key, 0.0)) for key in LENS}
+    return Camera(
+        name=name,
+        width_px=int(table["width_px"]),
+        height_px=int(table["height_px"]),
+        pixel_mm=float(table["pixel_um"]) / 1000.0,
+        interior=Interior(f=float(table["focal_mm"]), **lens),
+        T_b_c=Pose(R=rotation_from_opk(opk), r=lever),
+    )
+
+
+def grid_of(toml: Toml) -> GridSystem:
+    """Return the CRS and the heights; a geoid grid by its whole path."""
+    return GridSystem(crs=toml.values["crs"], heights=_heights(toml))
+
+
+def _heights(toml: Toml) -> str:
+    """Return the heights as the grid system takes them: a file by its whole path."""
+    heights: str = toml.values["heights"]
+    path, _ = named_file(toml.folder, toml.folder, heights)
+    return str(path) if path is not None else heights
+
+
+def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
+    """Return a named file of a flight with links resolved, or None and what is wrong with it.
+
+    Parameters
+    ----------
+    flight : Path
+        Folder that the file must not leave.
+    folder : Path
+        The name is relative to it.
+    name : str
+    """
+    try:
+        path = (folder / name).resolve()
+        if not path.is_relative_to(flight.resolve()):
+            return None, "lies outside the flight"
+        return (path, "") if path.is_file() else (None, "is not there")
+    except (OSError, RuntimeError, ValueError) as error:
+        return None, f"is no file name that can be used ({str(error).splitlines()[0]})"

@@ -1,0 +1,158 @@
+"""What the tables of a block say against each other and against flight.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib._typing import Array
+from acx4lib.camera import Camera, inside
+from acx4lib.flight.blocks import BlockTables, index_of, lonlat_of, measured_control, used_exposures
+from acx4lib.flight.document import Toml
+from acx4lib.flight.problems import Problem, did_you_mean
+from acx4lib.flight.setup import Setup, named_file
+from acx4lib.flight.tables import Table
+from acx4lib.geodesy import GridSystem
+
+
+def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
+    """Yield what names something that is not there, and cells that are none of the choices."""
+    cameras = toml.table("cameras")
+    if cameras:
+        yield from _unknown(tables.images, "camera", cameras, f"must be a camera of {toml.file}")
+    for table, column, other in (
+        (tables.images, "exposure", tables.trajectory),
+        (tables.image_points, "image", tables.images),
+    ):
+        if len(other) and column in other.text:
+            expected = f"must have a row in {other.file}"
+            yield from _unknown(table, column, other.text[column], expected)
+    yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
+    yield from _file_problems(tables.images, toml.folder, toml.folder / tables.name)
+    if tables.name == "heads":
+        yield from _head_problems(tables.images, toml)
+
+
+def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:
+    hints: dict[str, str] = {}
+    known = frozenset(known)
+    for row, name in enumerate(table.text.get(column, ())):
+        if name and name not in known:
+            if name not in hints and len(hints) < 20:  # looking for the nearest name is slow
+                hints[name] = did_you_mean(name, known)
+            yield table.problem(row, column, f"{name!r} is unknown{hints.get(name, '')}", expected)
+
+
+def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Problem]:
+    for row, name in enumerate(images.text.get("file", ())):
+        _, wrong = named_file(flight, folder, name) if name else (None, "")
+        if wrong:
+            expected = f"must be a file under {folder}, links resolved"
+            yield images.problem(row, "file", f"{name!r} {wrong}", expected)
+
+
+def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
+    """Yield where the heads' images and the declared heads do not agree."""
+    heads = toml.get("synthetic", "heads")
+    if toml.values and "synthetic" not in toml.values:
+        yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
+    if not isinstance(heads, list) or "camera" not in images.text:
+        return
+    declared = [head for head in heads if isinstance(head, str)]
+    for row, name in enumerate(images.text["camera"]):
+        if name in toml.table("cameras") and name not in declared:
+            expected = f"must be one of synthetic.heads in {toml.file}"
+            yield images.problem(row, "camera", f"{name!r} is no head", expected)
+    for head in declared:
+        if head not in images.text["camera"] and head in toml.table("cameras"):
+            expected = f"every head needs images in {images.file}"
+            yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
+
+
+def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
+    """Yield measurements that lie outside the sensor; rows with unknown names are left alone."""
+    images, measured = tables.images, tables.image_points
+    if not (images.has("image", "camera") and measured.has("image", "col_px", "row_px")):
+        return
+    image_idx = index_of(measured.text["image"], images.text["image"])
+    names = tuple(setup.cameras)
+    camera_idx = np.append(index_of(images.text["camera"], names), -1)[image_idx]
+    colrow = measured.stack("col_px", "row_px")
+    for i, name in enumerate(names):
+        camera = setup.cameras[name]
+        outside = (camera_idx == i) & ~inside(camera, colrow) & np.isfinite(colrow).all(axis=1)
+        for row in np.flatnonzero(outside):
+            yield _outside(measured, int(row), camera, colrow[row])
+
+
+def _outside(measured: Table, row: int, camera: Camera, colrow: Array) -> Problem:
+    beyond_col = not -0.5 <= colrow[0] <= camera.width_px - 0.5
+    column, size = ("col_px", camera.width_px) if beyond_col else ("row_px", camera.height_px)
+    swapped = bool(inside(camera, colrow[::-1]))
+    found = measured.text[column][row].strip() + (" (col and row swapped?)" if swapped else "")
+    expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
+    return measured.problem(row, column, found, expected)
+
+
+def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
+    """Yield positions that the CRS or the geoid grid does not cover."""
+    for table, used in (
+        (tables.trajectory, used_exposures(tables)),
+        (tables.control, measured_control(tables)),
+    ):
+        rows = np.flatnonzero(used)
+        lonlat = lonlat_of(table, grid)
+        on_earth = np.isfinite(lonlat[:, 0]) & np.isfinite(lonlat[:, 1])
+        for row in map(int, rows[~on_earth[rows]]):
+            yield _nowhere(table, row, grid)
+        rows = rows[on_earth[rows]]
+        undulation = grid.undulation(lonlat[rows])
+        for row in map(int, rows[~np.isfinite(undulation)]):
+            found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
+            column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
+            expected = f"must lie inside the geoid grid {grid.heights}"
+            yield table.problem(row, column, found, expected)
+
+
+def _nowhere(table: Table, row: int, grid: GridSystem) -> Problem:
+    east, north = (table.text[name][row].strip() for name in ("east_m", "north_m"))
+    expected = f"must be a position that {grid.crs} covers, easting first"
+    return table.problem(row, "east_m", f"{east}, {north} is nowhere", expected)
+
+
+def height_problems(tables: BlockTables) -> Iterator[Problem]:
+    """Yield exposures below the control points that they see, or below all of the block."""
+    measured = measured_control(tables)
+    if not measured.any():
+        return
+    height = tables.control.numbers["height_m"]
+    lowest = int(np.flatnonzero(measured)[np.argmin(height[measured])])
+    highest = _highest_seen(tables)
+    trajectory = tables.trajectory
+    for row in np.flatnonzero(used_exposures(tables)):
+        control = highest.get(trajectory.text["exposure"][row], lowest)
+        if trajectory.numbers["height_m"][row] <= height[control]:
+            found = (
+                f"{trajectory.text['height_m'][row].strip()} is below control point "
+                f"{tables.control.text['point'][control]!r} at {height[control]:g}"
+            )
+            expected = f"must lie above the control points of {tables.control.file}"
+            yield trajectory.problem(int(row), "height_m", found, expected)
+
+
+def _highest_seen(tables: BlockTables) -> dict[str, int]:
+    """Return the row of the highest control point measured at every exposure that has any."""
+    rows = {name: row for row, name in enumerate(tables.control.text["point"])}
+    exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
+    height = tables.control.numbers["height_m"]
+    highest: dict[str, int] = {}
+    text = tables.image_points.text
+    for image, point in zip(text["image"], text["point"], strict=True):
+        row = rows.get(point)
+        if row is not None:
+            before = highest.setdefault(exposure[image], row)
+            if height[row] > height[before]:
+                highest[exposure[image]] = row
+    return highest

@@ -1,0 +1,547 @@
+"""Turns what the stages computed into the rows of a results folder, and a calibration back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4lib import accuracy, results, standards
+from acx4lib._typing import Array
+from acx4lib.block import Block
+from acx4lib.bundle import CRITICAL, Bundle, Rejection
+from acx4lib.calibration import (
+    REPORTED,
+    Calibration,
+    from_bundle,
+    is_determined,
+    not_determined,
+    parameters,
+    reported_covariance,
+    to_reported,
+)
+from acx4lib.camera import INTERIOR, Camera, Interior
+from acx4lib.frames import Pose, opk_jacobian, rotation_from_opk
+from acx4lib.georeferencing import pose_covariances
+from acx4lib.mounting import Mounting
+from acx4lib.network import MOUNT, Layout, Network
+from acx4lib.relative_orientation import RelativeOrientation
+from acx4lib.validation import Differences, Validation, compare
+
+COMPONENTS = {
+    "image_point": ("col_px", "row_px"),
+    "control_point": ("east_m", "north_m", "height_m"),
+    "gnss": ("east_m", "north_m", "height_m"),
+    "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
+}
+"""Components of the residuals of every kind; attitudes turn about the body's x, y, z axes."""
+
+RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """One method's results, ready to be written.
+
+    Attributes
+    ----------
+    stage, method : str
+    tables : dict of str to DataFrame
+        By the names of `results.COLUMNS`.
+    summary : dict
+        Objects of summary.json.
+    """
+
+    stage: str
+    method: str
+    tables: dict[str, pd.DataFrame]
+    summary: dict[str, dict[str, object]] = field(default_factory=dict)
+
+
+def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
+    """Write a stage's records in place of what the folder has of this stage.
+
+    Parameters
+    ----------
+    folder : path
+    stage : str
+        Old rows of these methods go, also where a method has no record any more.
+    records : iterable of Record
+    """
+    records = list(records)
+    names = {name for record in records for name in record.tables}
+    merged = {
+        name: pd.concat(
+            [r.tables[name] for r in records if name in r.tables], ignore_index=True
+        )
+        for name in sorted(names)
+    }
+    summary = {key: value for record in records for key, value in record.summary.items()}
+    results.replace(folder, [stage], tables=merged, summary=summary)
+
+
+# --- bundles ---------------------------------------------------------------------------------
+
+
+def of_bundle(
+    stage: str,
+    method: str,
+    bundle: Bundle,
+    *,
+    calibration: Calibration | None = None,
+    summary_key: str | None = None,
+) -> Record:
+    """Return all rows of an adjusted bundle.
+
+    Parameters
+    ----------
+    stage, method : str
+    bundle : Bundle
+    calibration : Calibration, optional
+        What the method says of its cameras; by default what the bundle does.
+    summary_key : str, optional
+        By default ``stage/method``.
+    """
+    said = calibration or from_bundle(bundle)
+    tables = calibration_tables(stage, method, said)
+    tables["exterior_orientation"] = _exterior_table(stage, method, bundle)
+    tables["residuals"] = _residual_table(stage, method, bundle)
+    tables["rejected"] = rejected_table(
+        stage, method, bundle.network.block, bundle.rejected, pose_names=_exposures(bundle)
+    )
+    tables["check_points"] = _check_table(stage, method, bundle)
+    solution = bundle.solution
+    entry: dict[str, object] = {
+        "n_observations": solution.n_observations,
+        "n_unknowns": solution.n_unknowns,
+        "redundancy": solution.redundancy,
+        "sigma0_squared": solution.sigma0_sq,
+        "chi_square_p": solution.chi_square_p,
+        "iterations": solution.iterations,
+        "converged": True,
+        "n_rejected": len(bundle.rejected),
+        "n_left_out": sum(bundle.network.left_out.values()),
+        "condition": solution.condition,
+        "not_determined": not_determined(said),
+        "notes": [
+            f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()
+        ],
+    }
+    return Record(
+        stage=stage,
+        method=method,
+        tables=tables,
+        summary={summary_key or f"{stage}/{method}": entry},
+    )
+
+
+def of_mounting(mounting: Mounting) -> Record:
+    """Return all rows of one method of the mounting stage."""
+    return of_bundle(
+        "mounting", mounting.method, mounting.bundle, calibration=mounting.calibration
+    )
+
+
+def of_left_out(stage: str, method: str, reason: str) -> Record:
+    """Return the record of a method that was left out, with the reason."""
+    entry: dict[str, object] = {"converged": False, "left_out": [f"{stage}/{method}: {reason}"]}
+    return Record(stage=stage, method=method, tables={}, summary={f"{stage}/{method}": entry})
+
+
+def of_failure(stage: str, method: str, reason: str, *, summary_key: str) -> Record:
+    """Return the record of an adjustment that failed, with the reason."""
+    entry: dict[str, object] = {"converged": False, "not_determined": [reason]}
+    return Record(stage=stage, method=method, tables={}, summary={summary_key: entry})
+
+
+def calibration_tables(
+    stage: str, method: str, calibration: Calibration
+) -> dict[str, pd.DataFrame]:
+    """Return the parameters that are determined, and their covariance."""
+    keep = np.flatnonzero(is_determined(calibration))
+    listed = [parameters(calibration)[i] for i in keep]
+    cov = reported_covariance(calibration)[np.ix_(keep, keep)]
+    rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
+    names = [f"{p.camera}/{p.name}" for p in listed]
+    return {
+        "parameters": _frame("parameters", rows),
+        "covariance": _covariance_table(stage, method, names, cov),
+    }
+
+
+def _frame(table: str, rows: Sequence[Sequence[object]]) -> pd.DataFrame:
+    return pd.DataFrame(list(rows), columns=list(results.COLUMNS[table]))
+
+
+def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array) -> pd.DataFrame:
+    n = len(names)
+    return pd.DataFrame(
+        {
+            "stage": stage,
+            "method": method,
+            "row": np.repeat(np.array(names, dtype=object), n),
+            "column": np.tile(np.array(names, dtype=object), n),
+            "value": cov.ravel(),
+        }
+    )
+
+
+def _exposures(bundle: Bundle) -> tuple[str, ...]:
+    return bundle.network.block.trajectory.exposures
+
+
+def _exterior_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    network = bundle.network
+    cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
+    oriented = np.flatnonzero(bundle.oriented)
+    names = [network.block.images.names[i] for i in oriented]
+    return exterior_table(
+        stage, method, network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented]
+    )
+
+
+def exterior_table(
+    stage: str, method: str, block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array
+) -> pd.DataFrame:
+    """Return camera poses against the grid with their standard deviations.
+
+    Parameters
+    ----------
+    stage, method : str
+    block : Block
+    names : sequence of str
+        Of the images.
+    T_m_c : Pose
+    cov : ndarray, shape (n, 6, 6)
+        Position in m, mapping frame; rotation about the camera's axes, radians.
+    """
+    enh, opk = block.frame.pose_to_grid(T_m_c)
+    R_g_m = block.frame.grid_axes(T_m_c.r)
+    to_opk = opk_jacobian(opk)
+    cov_r = R_g_m @ cov[:, :3, :3] @ np.swapaxes(R_g_m, 1, 2)
+    cov_opk = to_opk @ cov[:, 3:, 3:] @ np.swapaxes(to_opk, 1, 2)
+    sigma_r = np.sqrt(np.diagonal(cov_r, axis1=1, axis2=2))
+    sigma_opk = np.degrees(np.sqrt(np.diagonal(cov_opk, axis1=1, axis2=2)))
+    frame = pd.DataFrame(
+        np.column_stack([enh, np.degrees(opk), sigma_r, sigma_opk]),
+        columns=list(results.COLUMNS["exterior_orientation"][3:]),
+    )
+    frame.insert(0, "stage", stage)
+    frame.insert(1, "method", method)
+    frame.insert(2, "image", list(names))
+    return frame
+
+
+def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    network, parts = bundle.network, []
+    for group in bundle.solution.groups:
+        where, point = _observed_at(network, group.kind)
+        used = group.used
+        rows, components = np.nonzero(used)
+        unit = np.degrees(1.0) if group.kind == "attitude" else 1.0
+        parts.append(
+            pd.DataFrame(
+                {
+                    "stage": stage,
+                    "method": method,
+                    "kind": group.kind,
+                    "image_or_exposure": where[rows],
+                    "point": point[rows],
+                    "component": np.array(COMPONENTS[group.kind], dtype=object)[components],
+                    "v": unit * group.v[used],
+                    "sigma": unit * group.sigma[used],
+                    "redundancy": group.redundancy[used],
+                    "w": group.w[used],
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
+    """Return the names of image or exposure, and of the point, of every row of a group."""
+    points = np.array(network.block.points, dtype=object)
+    if kind == "image_point":
+        images = np.array(network.block.images.names, dtype=object)
+        seen = network.image_points
+        return images[seen.image_idx], points[seen.point_idx]
+    if kind == "control_point":
+        names = points[network.control.point_idx[~network.held_control]]
+        return np.full(len(names), "", dtype=object), names
+    poses = np.array(network.pose_names, dtype=object)
+    return poses, np.full(len(poses), "", dtype=object)
+
+
+def rejected_table(
+    stage: str,
+    method: str,
+    block: Block,
+    rejected: Sequence[Rejection],
+    *,
+    pose_names: Sequence[str],
+) -> pd.DataFrame:
+    """Return every observation that was taken out as a gross error."""
+    rows = []
+    for r in rejected:
+        where, point, what = "", "", "measurement"
+        if r.kind == "image_point":
+            where = block.images.names[block.image_points.image_idx[r.row]]
+            point = block.points[block.image_points.point_idx[r.row]]
+        elif r.kind == "control_point":
+            point = block.points[block.control.point_idx[r.row]]
+            what = COMPONENTS["control_point"][r.component]
+        else:
+            where = pose_names[r.row]
+            what = "position" if r.kind == "gnss" else "attitude"
+        reason = f"{what}: w = {r.statistic:.1f} exceeds {CRITICAL:g}"
+        rows.append((stage, method, r.kind, where, point, r.statistic, reason))
+    return _frame("rejected", rows)
+
+
+def _check_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    """Return the differences at check points that the bundle estimated as tie points."""
+    network = bundle.network
+    block = network.block
+    seen = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    check = np.flatnonzero(seen[block.check.point_idx] >= 2)
+    idx = block.check.point_idx[check]
+    d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
+    return _point_table(stage, method, [block.points[i] for i in idx], seen[idx], d, sigma)
+
+
+def _point_table(
+    stage: str, method: str, names: Sequence[str], n_images: Array, d: Array, sigma: Array
+) -> pd.DataFrame:
+    frame = pd.DataFrame(
+        np.column_stack([d, sigma]), columns=list(results.COLUMNS["check_points"][4:])
+    )
+    frame.insert(0, "stage", stage)
+    frame.insert(1, "method", method)
+    frame.insert(2, "point", list(names))
+    frame.insert(3, "n_images", n_images)
+    return frame
+
+
+# --- relative orientation --------------------------------------------------------------------
+
+
+def of_relative_orientation(
+    stage: str, method: str, orientation: RelativeOrientation
+) -> Record:
+    """Return the rows of heads oriented in the synthetic frame."""
+    degrees = np.array([1.0, 1.0, 1.0, *np.degrees(np.ones(3))])
+    values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
+    sigma = orientation.sigma * degrees
+    rows, names = [], []
+    for k, head in enumerate(orientation.heads):
+        for j, name in enumerate(RELATIVE):
+            unit = "mm" if j < 3 else "deg"
+            rows.append((stage, method, head.name, name, values[k, j], sigma[k, j], unit))
+            names.append(f"{head.name}/{name}")
+    scale = np.tile(degrees, len(orientation.heads))
+    cov = orientation.cov * scale[:, None] * scale
+    return Record(
+        stage=stage,
+        method=method,
+        tables={
+            "parameters": _frame("parameters", rows),
+            "covariance": _covariance_table(stage, method, names, cov),
+        },
+        summary={f"{stage}/{method}": {"n_exposures": orientation.n_exposures, "converged": True}},
+    )
+
+
+def read_relative_orientation(
+    found: results.Results, stage_method: str, cameras: Mapping[str, Camera]
+) -> RelativeOrientation:
+    """Return the heads as a results folder has them.
+
+    Parameters
+    ----------
+    found : Results
+    stage_method : str
+        ``heads/relative_orientation`` or ``synthetic/refined``.
+    cameras : mapping of str to Camera
+        As the flight declares them.
+
+    Raises
+    ------
+    FlightError
+        Where the folder does not have them.
+    """
+    names = results.cameras(found, stage_method)
+    values = np.array(
+        [results.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
+    )
+    cov = results.covariance(found, stage_method)
+    labels = [f"{n}/{p}" for n in names for p in RELATIVE]
+    scale = np.tile([1.0, 1.0, 1.0, *np.radians(np.ones(3))], len(names))
+    entry = found.summary.get(stage_method, {})
+    return RelativeOrientation(
+        heads=tuple(_estimated(found, "heads/bundle", cameras[name]) for name in names),
+        xyz_mm=values[:, :3],
+        opk=np.radians(values[:, 3:]),
+        cov=cov.loc[labels, labels].to_numpy() * scale[:, None] * scale,
+        n_exposures=int(str(entry.get("n_exposures", 0))),
+    )
+
+
+def _estimated(found: results.Results, stage_method: str, camera: Camera) -> Camera:
+    """Return a declared camera with what a method estimated of it."""
+    values = results.parameters(found, stage_method, camera.name)["value"].to_dict()
+    declared = np.concatenate(
+        [camera.interior.to_array(), camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]
+    )
+    said = np.array(
+        [
+            values.get(REPORTED[key][0], old)
+            for key, old in zip((*INTERIOR, *MOUNT), declared, strict=True)
+        ]
+    )
+    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
+    return replace(
+        camera,
+        interior=Interior.from_array(interior),
+        T_b_c=Pose(R=rotation_from_opk(np.radians(angles)), r=lever),
+    )
+
+
+# --- mounting and validation -----------------------------------------------------------------
+
+
+def read_calibration(
+    found: results.Results, stage_method: str, cameras: Sequence[Camera]
+) -> Calibration:
+    """Return a calibration as a results folder has it; inverse of `calibration_tables`.
+
+    Parameters
+    ----------
+    found : Results
+    stage_method : str
+    cameras : sequence of Camera
+        As the flight declares them; what has no row keeps the declared value.
+
+    Raises
+    ------
+    FlightError
+        Where the folder does not have the method.
+    """
+    estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
+    columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
+    names = list(results.covariance(found, stage_method).index)
+    for k, camera in enumerate(cameras):
+        for j, key in enumerate((*INTERIOR, *MOUNT)):
+            label = f"{camera.name}/{REPORTED[key][0]}"
+            if label in names:
+                columns[k, j] = names.index(label)
+    sigma0_sq = float(str(found.summary[stage_method]["sigma0_squared"]))
+    reported = Calibration(
+        cameras=estimated,
+        layout=Layout(
+            interior=columns[:, : len(INTERIOR)],
+            mount=columns[:, len(INTERIOR) :],
+            pose=np.zeros((0, 6), dtype=np.intp),
+        ),
+        cov=np.zeros((len(names), len(names))),
+        sigma0_sq=sigma0_sq,
+        open_columns=np.zeros(len(names), dtype=bool),
+    )
+    back = np.linalg.inv(to_reported(reported))
+    cov = results.covariance(found, stage_method).to_numpy() / sigma0_sq
+    return replace(reported, cov=back @ cov @ back.T)
+
+
+def calibrated_methods(found: results.Results) -> tuple[str, ...]:
+    """Return the methods of the mounting stage that left parameters, single step first."""
+    order = ("single_step", "two_step_gnss", "two_step")
+    listed = found.parameters
+    present = set(listed.loc[listed["stage"] == "mounting", "method"])
+    return tuple(m for m in order if m in present)
+
+
+def of_validation(validation: Validation) -> Record:
+    """Return all rows of one method's validation."""
+    method, block = validation.method, validation.block
+    points = validation.points
+    names = [block.points[block.check.point_idx[i]] for i in points.point_idx]
+    cov = pose_covariances(block, validation.georeferenced)
+    tables = {
+        "validation": _pair_table(method, block, validation.pairs),
+        "check_points": _point_table(
+            "validation", method, names, points.n_images, points.d, points.sigma
+        ),
+        "exterior_orientation": exterior_table(
+            *("validation", method, block, block.images.names),
+            T_m_c=validation.georeferenced.T_m_c,
+            cov=cov,
+        ),
+        "rejected": rejected_table(
+            "validation",
+            method,
+            block,
+            validation.rejected,
+            pose_names=block.trajectory.exposures,
+        ),
+    }
+    return Record(
+        stage="validation",
+        method=method,
+        tables=tables,
+        summary={f"validation/{method}": _validation_summary(validation)},
+    )
+
+
+def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:
+    images = np.array(block.images.names, dtype=object)
+    points = np.array(block.points, dtype=object)
+    frame = pd.DataFrame(
+        np.column_stack([pairs.d, pairs.sigma]),
+        columns=list(results.COLUMNS["validation"][4:]),
+    )
+    frame.insert(0, "method", method)
+    frame.insert(1, "point", points[block.check.point_idx[pairs.point_idx]])
+    frame.insert(2, "image_a", images[pairs.image_idx[:, 0]])
+    frame.insert(3, "image_b", images[pairs.image_idx[:, 1]])
+    return frame
+
+
+def _validation_summary(validation: Validation) -> dict[str, object]:
+    over_pairs = accuracy.from_differences(validation.pairs.d)
+    over_points = accuracy.from_differences(validation.points.d)
+    survey = validation.block.check.sigma_m[validation.points.point_idx]
+    survey_sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)) if len(survey) else [0] * 3)
+    return {
+        "n_observations": validation.n_observations,
+        "n_unknowns": 3 * len(validation.points),
+        "redundancy": validation.redundancy,
+        "sigma0_squared": validation.sigma0_sq,
+        "chi_square_p": validation.chi_square_p,
+        "iterations": 1,
+        "converged": True,
+        "n_rejected": len(validation.rejected),
+        "n_left_out": validation.n_left_out,
+        "n_pairs": len(validation.pairs),
+        "n_failed_pairs": validation.n_failed,
+        "n_points": len(validation.points),
+        **_statistics(over_pairs),
+        "points": {
+            **_statistics(over_points),
+            "t": _test(accuracy.mean_test(over_points)),
+            "classes": standards.classes(over_points, survey_sigma=survey_sigma),
+        },
+    }
+
+
+def _statistics(said: accuracy.Accuracy) -> dict[str, object]:
+    return {"mean": list(said.mean), "std": list(said.std), "rms": list(said.rms)}
+
+
+def _test(test: accuracy.AxisTest) -> dict[str, object]:
+    return {
+        "statistic": list(test.statistic),
+        "critical": test.critical,
+        "accepted": list(test.accepted),
+    }

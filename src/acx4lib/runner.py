@@ -1,0 +1,213 @@
+"""Runs the parametrised notebooks, stage after stage, and keeps what they leave.
+
+A notebook runs beside the results folder, in a copy of it; only one that has run to its end
+changes the folder. The executed notebooks say nothing of when and where they ran, so that two
+runs of one flight are equal byte for byte.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from acx4lib import flight as flights
+from acx4lib import notebooks, results
+from acx4lib.errors import Acx4Error
+
+NOTEBOOKS_PATH = Path(__file__).parents[2] / "notebooks"
+"""Where the notebooks lie: beside ``src`` in a clone."""
+
+NOTEBOOKS: Mapping[str, str] = {
+    "flight": "00-flight",
+    "heads": "01-head-calibration",
+    "synthetic": "02-synthetic-image",
+    "mounting": "03-mounting-calibration",
+    "validation": "04-validation",
+}
+"""The notebook of every stage; ``flight`` only shows the data, and always runs first."""
+
+DECISIVE = ("heads/bundle", "mounting/single_step")
+"""Methods that must be determined; the others are left out where they are not."""
+
+Tell = Callable[[str, int, int], None]
+"""Called with the stage, the cells that are done, and the number of cells."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """What a run did, as sentences of one line where there is something to say.
+
+    Attributes
+    ----------
+    ran : tuple of str
+        Names of the stages.
+    skipped : tuple of str
+        Stages whose block the flight does not have.
+    not_determined : tuple of str
+        Parameters of `DECISIVE` methods that the data do not determine.
+    left_out : tuple of str
+        Methods that were left out, and why.
+    """
+
+    ran: tuple[str, ...]
+    skipped: tuple[str, ...]
+    not_determined: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """A stage that is to run: its notebook with the values of all its parameters."""
+
+    stage: str
+    notebook: Path
+    values: dict[str, Any]
+
+
+def run(
+    flight_path: str | Path,
+    results_path: str | Path,
+    *,
+    stages: Sequence[str] = results.STAGES,
+    parameters: Mapping[str, Any] | None = None,
+    notebooks_path: Path = NOTEBOOKS_PATH,
+    tell: Tell | None = None,
+) -> RunReport:
+    """Run the notebooks of a flight.
+
+    A stage whose block is not in the flight is skipped, and its old results are removed.
+
+    Parameters
+    ----------
+    flight_path, results_path : path
+        The flight, and the folder for the results, made where it is not there.
+    stages : sequence of str
+        Those of `results.STAGES` that are to run; the others keep their results.
+    parameters : mapping, optional
+        Values of further parameters of the notebooks, such as ``seed``; each notebook takes
+        those that it has.
+    notebooks_path : Path
+    tell : callable, optional
+        Progress.
+
+    Raises
+    ------
+    FlightError
+        The flight's files are wrong, or results of an earlier stage are missing.
+    AdjustmentError
+        A stage does not converge, or is not determined.
+    NotebookError
+        A notebook failed for another reason. Like the two above, it carries the sentences
+        `RunReport.not_determined` of the stages before it as notes.
+    ValueError
+        Unknown stage, or a parameter that no notebook has or that is of another type.
+    """
+    flight = flights.read(flight_path)
+    chosen = _chosen(stages)
+    skipped = {stage: reason for stage in chosen if (reason := _missing(flight, stage))}
+    ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
+    given = {**(parameters or {}), "flight_path": str(flight_path)}
+    jobs = [_job(stage, notebooks_path, given) for stage in ran]
+    _check_known(parameters or {}, jobs)
+    folder = Path(results_path)
+    results.replace(folder, list(skipped), tables={}, summary={})
+    for stage in skipped:
+        (folder / "notebooks" / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
+    done: list[str] = []
+    try:
+        for job in jobs:
+            _run_job(job, folder, tell or (lambda *_: None))
+            done.append(job.stage)
+    except Acx4Error as error:
+        for line in _messages(folder, done, "not_determined", DECISIVE):
+            error.add_note(line)
+        raise
+    return RunReport(
+        ran=tuple(ran[1:]),
+        skipped=tuple(f"{stage}: skipped, {reason}" for stage, reason in skipped.items()),
+        not_determined=tuple(_messages(folder, done, "not_determined", DECISIVE)),
+        left_out=tuple(_messages(folder, done, "left_out", done)),
+    )
+
+
+def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
+    """Return the stages in their order."""
+    unknown = [stage for stage in stages if stage not in results.STAGES]
+    if unknown:
+        known = ", ".join(results.STAGES)
+        msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
+        raise ValueError(msg)
+    return tuple(stage for stage in results.STAGES if stage in stages)
+
+
+def _missing(flight: flights.Flight, stage: str) -> str:
+    """Return why a stage cannot run; empty where it can."""
+    block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
+    if block not in flight.blocks:
+        return f"the flight has no block {block}"
+    if stage == "synthetic" and flight.synthetic is None:
+        return "flight.toml has no table [synthetic]"
+    return ""
+
+
+def _messages(
+    folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
+) -> Iterator[str]:
+    """Yield the sentences that methods of the given stages left in the summary."""
+    for name, entry in results.read(folder).summary.items():
+        mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
+        if mine and name.partition("/")[0] in stages:
+            yield from results.messages(entry, key)
+
+
+def _job(stage: str, notebooks_path: Path, given: Mapping[str, Any]) -> _Job:
+    """Return the job of a stage."""
+    notebook = notebooks_path / f"{NOTEBOOKS[stage]}.ipynb"
+    if not notebook.is_file():
+        msg = f"{notebook}: no such notebook; run from a clone of the project"
+        raise FileNotFoundError(msg)
+    return _Job(stage=stage, notebook=notebook, values=notebooks.with_defaults(notebook, given))
+
+
+def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
+    known = {name for job in jobs for name in job.values} - {"flight_path", "results_path"}
+    if given.keys() - known:
+        unknown = ", ".join(sorted(given.keys() - known))
+        msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
+        raise ValueError(msg)
+
+
+def _run_job(job: _Job, folder: Path, tell: Tell) -> None:
+    """Run a notebook in a copy of the results, and keep what it left where it succeeds."""
+    failed = folder / "failed" / job.notebook.name
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".running-") as temporary:
+        staging = folder / Path(temporary).name
+        for name in results.FILES:
+            shutil.copyfile(folder / name, staging / name)
+        executed = staging / "notebooks" / job.notebook.name
+        try:
+            notebooks.execute(
+                job.notebook,
+                executed,
+                parameters={**job.values, "results_path": str(staging)},
+                on_cell=lambda done, total: tell(job.stage, done, total),
+            )
+        except Acx4Error:
+            notebooks.scrub(executed, hidden=staging.name)
+            _move(executed, failed)
+            raise
+        notebooks.scrub(executed, hidden=staging.name)
+        for path in sorted(path for path in staging.rglob("*") if path.is_file()):
+            _move(path, folder / path.relative_to(staging))
+    failed.unlink(missing_ok=True)
+    if failed.parent.is_dir() and not any(failed.parent.iterdir()):
+        failed.parent.rmdir()
+
+
+def _move(path: Path, target: Path) -> None:
+    target.parent.mkdir(exist_ok=True)
+    path.replace(target)

@@ -1,0 +1,57 @@
+"""Flights that were never flown, for tests, for the book, and for planning.
+
+Exact geometry in ECEF over hills, with an implementation of its own of everything that the
+library computes: rotations, ellipsoid, lens. Nothing is shared, so that no sign can cancel.
+Conventions are those of the flight-data contract: body forward, left, up; boresight camera to
+body; distortion a function of the measured point.
+"""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from acx4lib.simulate.designs import acx4_plan, single_head_plan
+from acx4lib.simulate.flights import SimulatedFlight, simulate_plan
+from acx4lib.simulate.plan import Options
+from acx4lib.simulate.writer import truth_path, write
+
+__all__ = [
+    "DESIGNS",
+    "Options",
+    "SimulatedFlight",
+    "acx4",
+    "simulate_plan",
+    "single_head",
+    "truth_path",
+    "write",
+]
+
+
+def acx4(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
+    """Simulate the paper's flight: four heads, a synthetic camera, three blocks.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same bytes.
+    options : Options
+        Noise, tie points, GNSS errors, blocks.
+    """
+    return simulate_plan(acx4_plan(), seed, options)
+
+
+def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
+    """Simulate a flight of one ordinary camera, turned by 90 degrees on its mount.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same bytes.
+    options : Options
+        Noise, tie points, GNSS errors, blocks.
+    """
+    return simulate_plan(single_head_plan(), seed, options)
+
+
+DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
+    {"acx4": acx4, "single-head": single_head}
+)

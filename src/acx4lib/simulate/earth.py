@@ -1,0 +1,134 @@
+"""The simulator's own Earth: ellipsoid, map grid, attitudes and terrain.
+
+PROJ serves for the map projection alone. Latitudes and longitudes are in radians, positions
+in metres, attitudes are `scipy.spatial.transform.Rotation`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
+
+_NORTH_STEP = 1e-5  # rad, 64 m: the step's error and rounding are both below 2e-11 rad
+_METRES_PER_RAD = 6.37e6
+_HILLS = (  # amplitude m, wavelength m, azimuth deg, phase rad
+    (30.0, 4300.0, 20.0, 0.4),
+    (23.0, 2650.0, 105.0, 2.1),
+    (15.0, 1480.0, 62.0, 4.0),
+    (8.0, 830.0, 151.0, 1.2),
+    (3.0, 310.0, 85.0, 5.3),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """A map grid on its ellipsoid.
+
+    Attributes
+    ----------
+    crs : str
+        Projected CRS in metres, as PROJ names it.
+    """
+
+    crs: str
+
+    @cached_property
+    def _projection(self) -> Transformer:
+        crs = CRS.from_user_input(self.crs)
+        return Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+
+    @cached_property
+    def _ellipsoid(self) -> tuple[float, float]:
+        ellipsoid = CRS.from_user_input(self.crs).ellipsoid
+        if ellipsoid is None:
+            msg = f"{self.crs} has no ellipsoid"
+            raise ValueError(msg)
+        return ellipsoid.semi_major_metre, 1 / ellipsoid.inverse_flattening
+
+    def geodetic_from_grid(self, x_g: Array) -> Array:
+        """Compute latitude, longitude and height of grid coordinates, shape (n, 3)."""
+        lon, lat = self._projection.transform(x_g[:, 0], x_g[:, 1], direction="INVERSE")
+        return np.column_stack([np.radians(lat), np.radians(lon), x_g[:, 2]])
+
+    def grid_from_geodetic(self, llh: Array) -> Array:
+        """Compute east, north and height of geodetic coordinates, shape (n, 3)."""
+        east, north = self._projection.transform(np.degrees(llh[:, 1]), np.degrees(llh[:, 0]))
+        return np.column_stack([east, north, llh[:, 2]])
+
+    def ecef_from_geodetic(self, llh: Array) -> Array:
+        """Compute geocentric coordinates, shape (n, 3)."""
+        a, flattening = self._ellipsoid
+        lat, lon, height = llh.T
+        e_sq = flattening * (2 - flattening)
+        n = a / np.sqrt(1 - e_sq * np.sin(lat) ** 2)
+        return np.column_stack(
+            [
+                (n + height) * np.cos(lat) * np.cos(lon),
+                (n + height) * np.cos(lat) * np.sin(lon),
+                (n * (1 - e_sq) + height) * np.sin(lat),
+            ]
+        )
+
+    def convergence(self, llh: Array) -> Array:
+        """Compute the azimuth of grid north, rad, from the direction in which north is drawn.
+
+        Two points on the meridian are projected; the projection is conformal.
+        """
+        step = np.array([_NORTH_STEP, 0.0, 0.0])
+        drawn = self.grid_from_geodetic(llh + step) - self.grid_from_geodetic(llh - step)
+        return -np.arctan2(drawn[:, 0], drawn[:, 1])
+
+
+def axes_of_enu_in_ecef(llh: Array) -> Array:
+    """Compute the rotations from local east, north, up to ECEF, shape (n, 3, 3)."""
+    (sin_lat, sin_lon), (cos_lat, cos_lon) = np.sin(llh[:, :2].T), np.cos(llh[:, :2].T)
+    east = np.column_stack([-sin_lon, cos_lon, np.zeros(len(llh))])
+    up = np.column_stack([cos_lat * cos_lon, cos_lat * sin_lon, sin_lat])
+    return np.stack([east, np.cross(up, east), up], axis=-1)
+
+
+def attitude_from_rph(rph: Array) -> Rotation:
+    """Compute the body's attitude in east, north, up; `rph` in rad, heading from true north."""
+    R_ned_frd = Rotation.from_euler("ZYX", rph[:, ::-1])
+    return Rotation.from_matrix(ENU_FROM_NED) * R_ned_frd * Rotation.from_matrix(FRD_FROM_FLU)
+
+
+def rph_from_attitude(R_enu_b: Rotation) -> Array:
+    """Compute roll, pitch and heading, rad, heading from 0 to 2 pi."""
+    R_ned_frd = Rotation.from_matrix(ENU_FROM_NED) * R_enu_b * Rotation.from_matrix(FRD_FROM_FLU)
+    rph = R_ned_frd.as_euler("ZYX")[:, ::-1]
+    rph[:, 2] %= 2 * np.pi
+    return rph
+
+
+def opk_from_attitude(R_enu_b: Rotation, convergence: Array) -> Array:
+    """Compute omega, phi, kappa, rad, of an attitude against the grid."""
+    return (Rotation.from_rotvec(convergence[:, None] * [0.0, 0.0, 1.0]) * R_enu_b).as_euler("XYZ")
+
+
+def rotation_from_opk_deg(opk_deg: tuple[float, float, float]) -> Rotation:
+    """Compute the transpose of eq. (6): image to object."""
+    return Rotation.from_euler("XYZ", opk_deg, degrees=True)
+
+
+def terrain_height(llh: Array, mean_height: float) -> Array:
+    """Compute the height, m, of smooth hills at a place; the same at every run."""
+    east, north = (
+        _METRES_PER_RAD * np.cos(llh[:, 0].mean()) * llh[:, 1],
+        _METRES_PER_RAD * llh[:, 0],
+    )
+    height = np.full(len(llh), mean_height)
+    for amplitude, wavelength, azimuth_deg, phase in _HILLS:
+        azimuth = np.radians(azimuth_deg)
+        way = east * np.sin(azimuth) + north * np.cos(azimuth)
+        height += amplitude * np.sin(2 * np.pi * way / wavelength + phase)
+    return height

@@ -1,0 +1,145 @@
+"""A flight from its plan: fly, look, measure, write down."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.simulate import tables
+from acx4lib.simulate.earth import Array
+from acx4lib.simulate.fly import Track, fly, record, stream
+from acx4lib.simulate.observe import Sight, ground_points, look, strew_tie_points
+from acx4lib.simulate.plan import BlockPlan, Options, Plan
+from acx4lib.simulate.texts import flight_toml, truth
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedFlight:
+    """A flight that was never flown.
+
+    Attributes
+    ----------
+    name : str
+        Name of the design.
+    toml : str
+        Text of flight.toml.
+    tables : mapping of str to DataFrame
+        The flight's tables by their path inside the flight's folder.
+    truth : dict
+        True values, for JSON.
+    """
+
+    name: str
+    toml: str
+    tables: Mapping[str, pd.DataFrame]
+    truth: dict[str, Any]
+
+
+def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
+    """Simulate a planned flight.
+
+    Raises
+    ------
+    ValueError
+        On a negative seed, a block that the plan does not have, or more tie points than it sees.
+    """
+    if seed < 0:
+        msg = f"seed must be zero or positive, got {seed}"
+        raise ValueError(msg)
+    plan = _with_blocks(plan, options)
+    files: dict[str, pd.DataFrame] = {}
+    tracks: dict[str, Track] = {}
+    points: dict[str, Array] = {}
+    for name, block in plan.blocks.items():
+        tracks[name] = fly(plan, block, stream(seed, plan.name, name, "fly"))
+        path, names, x_g = _surveyed(plan, name)
+        points.update(zip(names, x_g, strict=True))
+        if path not in files:
+            rng = stream(seed, plan.name, path)
+            files[path] = tables.control_points(plan, names, x_g, options, rng)
+        files.update(_block_tables(plan, name, tracks[name], seed, options))
+    return SimulatedFlight(
+        name=plan.name,
+        toml=flight_toml(plan, options),
+        tables=files,
+        truth=truth(plan, seed, options, tracks, points),
+    )
+
+
+def _with_blocks(plan: Plan, options: Options) -> Plan:
+    """Keep the blocks asked for, with as many tie points as asked for."""
+    wanted = tuple(plan.blocks) if options.blocks is None else options.blocks
+    unknown = sorted({*wanted, *options.tie_points} - set(plan.blocks))
+    if unknown or not wanted:
+        msg = f"blocks {unknown or 'none'} asked for; {plan.name} has {list(plan.blocks)}"
+        raise ValueError(msg)
+    return replace(
+        plan,
+        blocks={
+            name: replace(block, tie_points=options.tie_points.get(name, block.tie_points))
+            for name, block in plan.blocks.items()
+            if name in wanted
+        },
+    )
+
+
+def _surveyed(plan: Plan, name: str) -> tuple[str, list[str], Array]:
+    """Return file, names and true coordinates of the surveyed points of a block."""
+    block = plan.blocks[name]
+    if len(block.targets):
+        names = [f"N{i:02d}" for i in range(1, len(block.targets) + 1)]
+        return f"{name}/control_points.csv", names, ground_points(plan, block, block.targets)
+    names = [f"P{i:02d}" for i in range(1, len(plan.control) + 1)]
+    return "control_points.csv", names, ground_points(plan, block, plan.control)
+
+
+def _block_tables(
+    plan: Plan, name: str, track: Track, seed: int, options: Options
+) -> dict[str, pd.DataFrame]:
+    """Tabulate images, measurements and trajectory of a block."""
+    block = plan.blocks[name]
+    _, names, x_g = _surveyed(plan, name)
+    surveyed = look(plan, block, track, x_g)
+    rng = stream(seed, plan.name, name, "tie points")
+    ties, tie_sight = strew_tie_points(plan, block, track, block.tie_points, rng)
+    sight = Sight(
+        colrow=np.concatenate([surveyed.colrow, tie_sight.colrow], axis=2),
+        seen=np.concatenate([surveyed.seen, tie_sight.seen], axis=2),
+    )
+    rng = stream(seed, plan.name, name, "image points")
+    points = _pointing(plan, block, names, len(ties), options, rng)
+    images = tables.images(block, track)
+    measured = tables.image_points(images["image"], points, sight, rng)
+    rng = stream(seed, plan.name, name, "trajectory")
+    recorded = record(track, plan.noise, options, rng)
+    return {
+        f"{name}/images.csv": images,
+        f"{name}/image_points.csv": measured,
+        f"{name}/trajectory.csv": tables.trajectory(plan, recorded),
+    }
+
+
+def _pointing(
+    plan: Plan,
+    block: BlockPlan,
+    surveyed: list[str],
+    n_ties: int,
+    options: Options,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Say how well every point can be pointed at."""
+    sigma = np.full(len(surveyed) + n_ties, plan.noise.image_px)
+    if len(block.targets):
+        low, high = plan.noise.target_px
+        sigma[: len(surveyed)] = rng.uniform(low, high, len(surveyed)).round(1)
+    points = pd.DataFrame(
+        {
+            "point": [*surveyed, *(f"T{i:05d}" for i in range(1, n_ties + 1))],
+            "noise_px": options.image_noise * sigma,
+        }
+    )
+    if len(block.targets):
+        points["sigma_px"] = sigma * (options.image_noise or 1.0)
+    return points

@@ -1,0 +1,199 @@
+"""What a flight is planned to be: blocks, strips, exposures, control points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acx4lib.simulate.earth import Array
+from acx4lib.simulate.lens import Camera
+
+BLOCKS = ("heads", "calibration", "validation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What may be changed in a simulated flight.
+
+    Attributes
+    ----------
+    image_noise, control_noise, gnss_noise, attitude_noise : float
+        Factors on the standard deviations: 1 is the design's noise, 0 gives exact data. The
+        flight's files state the changed sigma, or the design's where the factor is 0.
+    tie_points : mapping of str to int
+        Tie points of a block with at least three rays in every camera; the design's number for
+        blocks not named.
+    gnss_shift_m : tuple of float
+        Constant error of the trajectory, east, north, height.
+    gnss_drift_m_per_min : tuple of float
+        Error that grows from zero at the first exposure of every block.
+    blocks : tuple of str, optional
+        Blocks to simulate; all of the design by default.
+    """
+
+    image_noise: float = 1.0
+    control_noise: float = 1.0
+    gnss_noise: float = 1.0
+    attitude_noise: float = 1.0
+    tie_points: Mapping[str, int] = field(default_factory=dict)
+    gnss_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gnss_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    blocks: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("image_noise", "control_noise", "gnss_noise", "attitude_noise"):
+            factor = getattr(self, name)
+            if not 0 <= factor < np.inf:
+                msg = f"{name} must be zero or positive, got {factor}"
+                raise ValueError(msg)
+        for block, n_points in self.tie_points.items():
+            if block not in BLOCKS or n_points < 0:
+                msg = f"tie_points: block {block!r} with {n_points} points; known are {BLOCKS}"
+                raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strip:
+    """One strip; places are forward and left of the block's centre along its azimuth.
+
+    Attributes
+    ----------
+    n : int
+        Number of exposures.
+    height_m : float
+        Above mean ground.
+    base_m : float
+        Between exposures.
+    turn_deg : float
+        Direction of flight against the block's azimuth, clockwise.
+    forward_m, left_m : float
+        The strip's middle.
+    """
+
+    n: int
+    height_m: float
+    base_m: float
+    turn_deg: float = 0.0
+    forward_m: float = 0.0
+    left_m: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockPlan:
+    """One block of a flight.
+
+    Attributes
+    ----------
+    letter : str
+        What its exposures' names begin with.
+    cameras : tuple of str
+        Cameras that expose together.
+    centre_m : tuple of float
+        East and north of the middle.
+    azimuth_deg : float
+        Grid azimuth of the block.
+    strips : tuple of Strip
+        In the order of flight.
+    start_s : float
+        Time of the first exposure, seconds of the week.
+    tie_points : int
+        Tie points with at least three rays in every camera.
+    tie_area_m : tuple of float
+        Half of the length and width over which they are strewn.
+    targets : ndarray, shape (n, 2)
+        Natural targets of the block's own, forward and left; none in a block that shares the
+        flight's control points.
+    """
+
+    letter: str
+    cameras: tuple[str, ...]
+    centre_m: tuple[float, float]
+    azimuth_deg: float
+    strips: tuple[Strip, ...]
+    start_s: float
+    tie_points: int
+    tie_area_m: tuple[float, float]
+    targets: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviations of a design: px, m, deg."""
+
+    image_px: float
+    gnss_horizontal_m: float
+    gnss_vertical_m: float
+    roll_pitch_deg: float
+    heading_deg: float
+    control_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
+    target_px: tuple[float, float] = (1.0, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """A whole flight.
+
+    Attributes
+    ----------
+    name, title : str
+        What the simulator and flight.toml call it.
+    crs : str
+        CRS of the grid.
+    ground_m : float
+        Mean ellipsoidal height of the ground.
+    cameras : dict of str to Camera
+        As they truly are.
+    approximate : dict of str to dict
+        What flight.toml says of them besides the sensor.
+    synthetic, heads : str and tuple of str
+        The synthetic camera and its heads, empty for an ordinary camera.
+    head_angles_deg : dict of str to tuple
+        Omega, phi, kappa of the heads in the synthetic frame.
+    noise : Noise
+        Standard deviations.
+    angles : str
+        Form of the trajectory: `grid` (omega, phi, kappa) or `geodetic` (roll, pitch, heading).
+    control : ndarray, shape (n, 2)
+        Signalised points, forward and left of the calibration block's centre.
+    blocks : dict of str to BlockPlan
+        By name of the folder.
+    """
+
+    name: str
+    title: str
+    crs: str
+    ground_m: float
+    cameras: Mapping[str, Camera]
+    approximate: Mapping[str, Mapping[str, float]]
+    noise: Noise
+    angles: str
+    control: Array
+    blocks: Mapping[str, BlockPlan]
+    synthetic: str = ""
+    heads: tuple[str, ...] = ()
+    head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+
+def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: float) -> Array:
+    """Lay points out in rows, each moved by up to `play_m`, the same at every run.
+
+    Returns
+    -------
+    places : ndarray, shape (n_forward * n_left, 2)
+        Forward and left, m.
+    """
+    forward, left = np.meshgrid(
+        np.linspace(-half_m[0], half_m[0], n_forward), np.linspace(-half_m[1], half_m[1], n_left)
+    )
+    count = np.arange(forward.size)[:, None]
+    play = (count * [0.7548776662, 0.5698402910]) % 1 * 2 - 1
+    return np.column_stack([forward.ravel(), left.ravel()]) + play_m * play
+
+
+def grid_from_field(block: BlockPlan, places: Array) -> Array:
+    """Compute east and north of places forward and left of a block's centre."""
+    azimuth = np.radians(block.azimuth_deg)
+    forward = np.array([np.sin(azimuth), np.cos(azimuth)])
+    left = np.array([-forward[1], forward[0]])
+    en: Array = np.asarray(block.centre_m) + places[:, :1] * forward + places[:, 1:] * left
+    return en
