@@ -35,9 +35,7 @@ def estimates(truth: dict[str, tuple[float, ...]]) -> dict[str, np.ndarray]:
     heads = calibrate_heads(read.heads, HEADS, free=KEYS)
     oriented = relative_orientation(heads.bundles, read.cameras[read.synthetic.camera])
     return {
-        name: np.array(
-            [getattr(camera.interior, key) for key in KEYS] + [oriented.xyz_mm[k, 2]]
-        )
+        name: np.array([getattr(camera.interior, key) for key in KEYS] + [oriented.xyz_mm[k, 2]])
         for k, (name, camera) in enumerate(zip(HEADS, oriented.heads, strict=True))
     }
 
@@ -45,9 +43,7 @@ def estimates(truth: dict[str, tuple[float, ...]]) -> dict[str, np.ndarray]:
 def table_1() -> dict[str, np.ndarray]:
     """Return the same quantities as the paper prints them."""
     names = ("xp_mm", "yp_mm", "k1", "p1", "p2", "Zc_mm")
-    return {
-        head: np.array([paper.value(1, name, head) for name in names]) for head in HEADS
-    }
+    return {head: np.array([paper.value(1, name, head) for name in names]) for head in HEADS}
 
 
 def main() -> None:

@@ -1,8 +1,10 @@
 """Array types of the library."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Array = NDArray[np.floating[Any]]
+Index = NDArray[np.integer[Any]]
 Mask = NDArray[np.bool_]

@@ -60,9 +60,20 @@ class Equations:
 class Problem(Protocol[S]):
     """What an adjustment has to know of its application."""
 
-    n_columns: int
-    n_points: int
-    free_points: Mask
+    @property
+    def n_columns(self) -> int:
+        """Number of reduced unknowns."""
+        ...
+
+    @property
+    def n_points(self) -> int:
+        """Number of points, free or held."""
+        ...
+
+    @property
+    def free_points(self) -> Mask:
+        """Which points are unknowns."""
+        ...
 
     def equations(self, state: S) -> Sequence[Equations]:
         """Linearise at a state."""
@@ -166,7 +177,9 @@ def two_sided_p(cost: float, redundancy: int) -> float:
     return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
 
 
-def solve(problem: Problem[S], state: S, *, max_iterations: int = 50) -> tuple[S, Solution]:
+def solve(
+    problem: Problem[S], state: S, *, max_iterations: int = 50, tolerance: float = 1e-6
+) -> tuple[S, Solution]:
     """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
 
     Parameters
@@ -174,6 +187,8 @@ def solve(problem: Problem[S], state: S, *, max_iterations: int = 50) -> tuple[S
     problem : Problem
     state : start values
     max_iterations : int
+    tolerance : float
+        In standard deviations of the unknowns.
 
     Returns
     -------
@@ -186,15 +201,17 @@ def solve(problem: Problem[S], state: S, *, max_iterations: int = 50) -> tuple[S
 
     Notes
     -----
-    Converged when a full step would move the unknowns by less than 1e-6 of their standard
-    deviations, or when rounding lets no step reduce the cost any more.
+    Converged when a full step moves the unknowns by less than `tolerance`, or when rounding lets
+    no step reduce the cost any more.
     """
-    state, iterations = _iterate(problem, state, max_iterations)
+    state, iterations = _iterate(problem, state, max_iterations, tolerance)
     equations = problem.equations(state)
     return state, _quality(problem, equations, iterations)
 
 
-def _iterate(problem: Problem[S], state: S, max_iterations: int) -> tuple[S, int]:
+def _iterate(
+    problem: Problem[S], state: S, max_iterations: int, tolerance: float
+) -> tuple[S, int]:
     damping = 0.0
     cost = _cost(problem.residuals(state))
     if not np.isfinite(cost):
@@ -202,34 +219,53 @@ def _iterate(problem: Problem[S], state: S, max_iterations: int) -> tuple[S, int
         raise AdjustmentError(msg)
     for iteration in range(1, max_iterations + 1):
         equations = problem.equations(state)
-        n_observations = sum(int(np.isfinite(e.sigma).sum()) for e in equations)
-        n_unknowns = problem.n_columns + 3 * int(problem.free_points.sum())
-        if n_observations < n_unknowns:
-            msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
-            raise AdjustmentError(msg)
-        sigma0_sq = cost / max(n_observations - n_unknowns, 1)
-        while True:
-            dx, dp, decrement = _step(problem, equations, damping)
-            trial = problem.moved(state, dx, dp)
-            trial_cost = _cost(problem.residuals(trial))
-            if trial_cost <= cost:
-                break
-            if decrement <= 1e-8 * sigma0_sq or decrement < 1e-14:
-                return state, iteration  # at the rounding floor
-            damping = max(10 * damping, 1e-6)
-            if damping > 1e12:
-                msg = f"no step reduces the cost any more after {iteration} iterations"
-                raise AdjustmentError(msg)
-        state, cost = trial, trial_cost
-        if damping == 0.0 and decrement <= 1e-12 * sigma0_sq:
+        sigma0_sq = cost / max(_degrees_of_freedom(problem, equations), 1)
+        descent = _descend(problem, state, equations, cost=cost, damping=damping, unit=sigma0_sq)
+        if descent is None:
+            return state, iteration
+        state, cost, damping, decrement = descent
+        if damping == 0.0 and decrement <= tolerance**2 * sigma0_sq:
             return state, iteration
         damping = damping / 10 if damping > 1e-8 else 0.0
     msg = f"no convergence after {max_iterations} iterations"
     raise AdjustmentError(msg)
 
 
+def _descend(
+    problem: Problem[S],
+    state: S,
+    equations: Sequence[Equations],
+    *,
+    cost: float,
+    damping: float,
+    unit: float,
+) -> tuple[S, float, float, float] | None:
+    """Damp until a step reduces the cost; None where only rounding is left to reduce."""
+    while damping <= 1e12:
+        dx, dp, decrement = _step(problem, equations, damping)
+        trial = problem.moved(state, dx, dp)
+        trial_cost = _cost(problem.residuals(trial))
+        if trial_cost <= cost:
+            return trial, trial_cost, damping, decrement
+        if decrement <= 1e-8 * unit or decrement < 1e-14:
+            return None
+        damping = max(10 * damping, 1e-6)
+    msg = "no step reduces the cost any more"
+    raise AdjustmentError(msg)
+
+
+def _degrees_of_freedom(problem: Problem[S], equations: Sequence[Equations]) -> int:
+    n_observations = sum(int(np.isfinite(e.sigma).sum()) for e in equations)
+    n_unknowns = problem.n_columns + 3 * int(problem.free_points.sum())
+    if n_observations < n_unknowns:
+        msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
+        raise AdjustmentError(msg)
+    return n_observations - n_unknowns
+
+
 def _cost(groups: Sequence[tuple[Array, Array]]) -> float:
-    cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
+    with np.errstate(over="ignore"):  # of a wild step
+        cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
     return cost if np.isfinite(cost) else np.inf
 
 
@@ -314,9 +350,7 @@ def _add_by_point(total: Array, point: Index, values: Array) -> None:
     total[point[starts]] += np.add.reduceat(values, starts, axis=0)
 
 
-def _strips(
-    problem: Problem[S], equations: Sequence[Equations]
-) -> Iterator[tuple[slice, Array]]:
+def _strips(problem: Problem[S], equations: Sequence[Equations]) -> Iterator[tuple[slice, Array]]:
     """Yield B^T P A of the points in chunks, dense, shape (points, 3, n_columns)."""
     products = [
         (e, np.swapaxes(e.B, 1, 2) @ (e.A / e.sigma[:, :, None] ** 2))
@@ -328,10 +362,10 @@ def _strips(
         chunk = slice(start, min(start + CHUNK, problem.n_points))
         strip = np.zeros((chunk.stop - start) * 3 * (n + 1))
         for e, product in products:
-            assert e.point is not None  # noqa: S101  # selected above
-            rows = np.flatnonzero((e.point >= start) & (e.point < chunk.stop))
+            point = np.asarray(e.point)
+            rows = np.flatnonzero((point >= start) & (point < chunk.stop))
             columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
-            at = (e.point[rows] - start)[:, None] * 3 + np.arange(3)
+            at = (point[rows] - start)[:, None] * 3 + np.arange(3)
             flat = at[:, :, None] * (n + 1) + columns[:, None, :]
             strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
         dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
@@ -363,9 +397,7 @@ def _solve_scaled(N: Array, g: Array, diagonal: Array) -> Array:
 # --- quality ---------------------------------------------------------------------------------
 
 
-def _quality(
-    problem: Problem[S], equations: Sequence[Equations], iterations: int
-) -> Solution:
+def _quality(problem: Problem[S], equations: Sequence[Equations], iterations: int) -> Solution:
     """Return covariances, redundancy numbers and tests at the solution."""
     N, _ = _column_normals(problem.n_columns, equations)
     diagonal = N.diagonal().copy()
@@ -403,9 +435,7 @@ def _quality(
     )
 
 
-def cross_covariance(
-    problem: Problem[S], state: S, solution: Solution, points: Index
-) -> Array:
+def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
     """Return the a priori covariance of some points with the reduced unknowns.
 
     Parameters

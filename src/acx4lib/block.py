@@ -132,10 +132,18 @@ class Trajectory:
         return len(self.exposures)
 
     @property
-    def cov_position(self) -> Array:
-        """Covariance of the positions in the mapping frame, shape (n, 3, 3), m^2."""
+    def cov(self) -> Array:
+        """Covariances of the poses, shape (n, 6, 6): mapping frame in m, body axes in radians.
+
+        Zero where a position or an attitude is not known, that is its sigma is infinite.
+        """
+        out = np.zeros((len(self), 6, 6))
+        variance = np.where(np.isfinite(self.sigma_position), self.sigma_position, 0.0) ** 2
         R_m_g = np.swapaxes(self.R_g_m, -1, -2)
-        return (R_m_g * self.sigma_position[:, None, :] ** 2) @ self.R_g_m
+        out[:, :3, :3] = (R_m_g * variance[:, None, :]) @ self.R_g_m
+        known = np.where(np.isfinite(self.sigma_attitude), self.sigma_attitude, 0.0)
+        out[:, [3, 4, 5], [3, 4, 5]] = known**2
+        return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,18 +204,31 @@ def select_camera(block: Block, name: str) -> Block:
     if name not in names:
         msg = f"block {block.name!r} has no camera {name!r}, only {', '.join(names)}"
         raise ValueError(msg)
-    keep = np.flatnonzero(block.images.camera_idx == names.index(name))
+    k = names.index(name)
+    own = select_images(block, block.images.camera_idx == k)
+    images = replace(own.images, camera_idx=np.zeros(len(own.images), dtype=np.intp))
+    return replace(own, cameras=(block.cameras[k],), images=images)
+
+
+def select_images(block: Block, keep: Mask) -> Block:
+    """Return the part of a block that some images saw; exposures and points stay as they are.
+
+    Parameters
+    ----------
+    block : Block
+    keep : ndarray, shape (n_images,)
+    """
+    kept = np.flatnonzero(keep)
     renumbered = np.full(len(block.images), -1)
-    renumbered[keep] = np.arange(len(keep))
+    renumbered[kept] = np.arange(len(kept))
     points = block.image_points[renumbered[block.image_points.image_idx] >= 0]
     return replace(
         block,
-        cameras=(block.cameras[names.index(name)],),
         images=Images(
-            names=tuple(block.images.names[i] for i in keep),
-            camera_idx=np.zeros(len(keep), dtype=np.intp),
-            exposure_idx=block.images.exposure_idx[keep],
-            strips=tuple(block.images.strips[i] for i in keep),
+            names=tuple(block.images.names[i] for i in kept),
+            camera_idx=block.images.camera_idx[kept],
+            exposure_idx=block.images.exposure_idx[kept],
+            strips=tuple(block.images.strips[i] for i in kept),
         ),
         image_points=replace(points, image_idx=renumbered[points.image_idx]),
     )

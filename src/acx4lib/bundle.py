@@ -65,11 +65,9 @@ def free_orientation(
     )
     return _network(
         block,
-        pose_names=block.images.names,
-        pose_idx=np.arange(n_images),
+        poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
         columns=layout(len(block.cameras), n_images, free=free),
         observed=positions or _unobserved(T_m_c),
-        T_m_b=T_m_c,
         T_b_c=identity,
         refraction=refraction,
     )
@@ -102,8 +100,9 @@ def mounted_orientation(
     trajectory = block.trajectory
     return _network(
         block,
-        pose_names=trajectory.exposures,
-        pose_idx=block.images.exposure_idx,
+        poses=_Poses(
+            names=trajectory.exposures, idx=block.images.exposure_idx, T_m_b=trajectory.T_m_b
+        ),
         columns=layout(len(block.cameras), len(trajectory), free=free, free_mount=free_mount),
         observed=PoseObservations(
             T_m_b=trajectory.T_m_b,
@@ -111,7 +110,6 @@ def mounted_orientation(
             sigma_position=trajectory.sigma_position,
             sigma_attitude=trajectory.sigma_attitude,
         ),
-        T_m_b=trajectory.T_m_b,
         T_b_c=_mountings(block.cameras),
         refraction=refraction,
     )
@@ -134,19 +132,26 @@ def _unobserved(T_m_b: Pose) -> PoseObservations:
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Poses:
+    """Start poses with their names, and which of them every image hangs on."""
+
+    names: tuple[str, ...]
+    idx: Index
+    T_m_b: Pose
+
+
 def _network(
     block: Block,
     *,
-    pose_names: tuple[str, ...],
-    pose_idx: Index,
+    poses: _Poses,
     columns: Layout,
     observed: PoseObservations,
-    T_m_b: Pose,
     T_b_c: Pose,
     refraction: str,
 ) -> Network:
     """Choose the measurements that take part and give every point a start value."""
-    T_m_c = T_m_b[pose_idx] @ T_b_c[block.images.camera_idx]
+    T_m_c = poses.T_m_b[poses.idx] @ T_b_c[block.images.camera_idx]
     point_idx = block.image_points.point_idx
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     rays_left = np.bincount(point_idx[used], minlength=len(block.points))
@@ -162,8 +167,8 @@ def _network(
     left_out = {why: int(which.sum()) for why, which in reasons if which.any()}
     return Network(
         block=block,
-        pose_names=pose_names,
-        pose_idx=pose_idx,
+        pose_names=poses.names,
+        pose_idx=poses.idx,
         layout=columns,
         image_points=block.image_points[rows],
         rows=rows,
@@ -172,7 +177,7 @@ def _network(
         start=State(
             interiors=tuple(camera.interior for camera in block.cameras),
             T_b_c=T_b_c,
-            T_m_b=T_m_b,
+            T_m_b=poses.T_m_b,
             x_m=x_m,
         ),
         refraction=refraction,
@@ -296,7 +301,7 @@ class Bundle:
     @property
     def oriented(self) -> Mask:
         """Which images are oriented by their measurements, shape (n_images,)."""
-        is_open = self.solution.undetermined[self.network.layout.pose].any(axis=1)
+        is_open: Mask = np.any(self.solution.undetermined[self.network.layout.pose], axis=1)
         return ~is_open[self.network.pose_idx]
 
 

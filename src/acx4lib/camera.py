@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from acx4lib._typing import Array
-from acx4lib.frames import Pose
+from acx4lib.frames import Pose, transform
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,15 +236,16 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
         Measured, mm from the middle of the image.
     """
     unscale = np.array([1 / (1 + interior.b1), 1.0])
-    principal = np.array([interior.xp, interior.yp])
-    bar = np.array(ideal, dtype=float)
-    misfit = np.full(len(bar), np.inf)
+    xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
     for _ in range(steps):
-        xy = (bar + principal) * unscale
         error = correct(interior, xy) - ideal
+        J = _by_reduced_point(interior, reduced(interior, xy))
+        trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
         misfit = np.abs(error).max(axis=-1, initial=0.0)
         if not np.any(misfit > 1e-13):
             break
-        bar = bar - np.linalg.solve(_by_reduced_point(interior, bar), error[..., None])[..., 0]
-    xy = (bar + principal) * unscale
-    return np.where((misfit < 1e-9)[:, None], xy, np.nan)
+        J_adj = trace[:, None, None] * np.eye(2) - J
+        xy = xy - transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+    # beyond its turning point the model has other roots, on the image's other side
+    found = (misfit < 1e-9) & (det > 0) & (trace > 0)
+    return np.where(found[:, None], xy, np.nan)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib._typing import Array
+from acx4lib._typing import Array, Index, Mask
 
 
 def skew(a: Array) -> Array:
@@ -239,9 +239,9 @@ class Pose:
         """Chain: ``T_a_c = T_a_b @ T_b_c``."""
         return Pose(R=self.R @ other.R, r=self.r + transform(self.R, other.r))
 
-    def __getitem__(self, idx: object) -> Pose:
+    def __getitem__(self, idx: int | slice | Index | Mask) -> Pose:
         """Select along the first axis."""
-        return Pose(R=self.R[idx], r=self.r[idx])  # type: ignore[index]  # any numpy index
+        return Pose(R=self.R[idx], r=self.r[idx])
 
     def __len__(self) -> int:
         """Count the poses along the first axis."""

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-import pyproj.network
+from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError, ProjError
+from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # public, but not marked so
 
 from acx4lib._typing import Array
 from acx4lib.frames import Pose, rotation_from_opk, rotation_from_rph, turn
@@ -43,7 +44,7 @@ class GridSystem:
     heights: str = "ellipsoidal"
 
     def __post_init__(self) -> None:
-        pyproj.network.set_network_enabled(active=False)  # results must not depend on a server
+        set_network_enabled(active=False)  # results must not depend on a server
         try:
             crs = pyproj.CRS.from_user_input(self.crs)
         except CRSError as error:
@@ -113,11 +114,14 @@ class GridSystem:
 
     def grid_from_lonlat(self, lonlat: Array) -> Array:
         """Return easting, northing in m, shape (n, 2)."""
-        east_north = self._geographic.transform(*lonlat.T, direction="INVERSE")
+        lon, lat = lonlat.T
+        east_north = self._geographic.transform(lon, lat, direction=TransformDirection.INVERSE)
         return np.stack(east_north, axis=-1).reshape(-1, 2)
 
     def convergence(self, lonlat: Array) -> Array:
         """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it."""
+        if not len(lonlat):  # PROJ refuses none
+            return np.zeros(0)
         factors = pyproj.Proj(self._crs).get_factors(*lonlat.T)
         return np.radians(np.asarray(factors.meridian_convergence, dtype=float)).reshape(-1)
 
@@ -127,7 +131,8 @@ class GridSystem:
 
     def geographic_from_ecef(self, x_e: Array) -> Array:
         """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
-        lonlath = self._cartesian.transform(*x_e.T, direction="INVERSE")
+        x, y, z = x_e.T
+        lonlath = self._cartesian.transform(x, y, z, direction=TransformDirection.INVERSE)
         return np.stack(lonlath, axis=-1).reshape(-1, 3)
 
 
@@ -298,5 +303,3 @@ def sigma_along(R: Array, cov: Array) -> Array:
     """Return standard deviations of covariances (..., 3, 3) along the rows of R, shape (..., 3)."""
     turned = rotate_covariance(R, cov)
     return np.sqrt(np.maximum(np.diagonal(turned, axis1=-2, axis2=-1), 0.0))
-
-

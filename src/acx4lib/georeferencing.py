@@ -19,7 +19,6 @@ from acx4lib.collinearity import (
 )
 from acx4lib.frames import Pose
 from acx4lib.intersection import intersect
-from acx4lib.mounting import trajectory_covariances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +89,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         by_body=by_body,
         by_parameters=by_parameters[:, :, :-1],
         interior_columns=calibration.layout.interior[which],
-        cov_body=trajectory_covariances(block),
+        cov_body=block.trajectory.cov,
         cov_parameters=calibration.cov,
     )
 

@@ -102,5 +102,5 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     if not found:
         msg = "no pose found that fits the points"
         raise ValueError(msg)
-    R_m_cv = cv2.Rodrigues(rvec)[0].T
+    R_m_cv: Array = cv2.Rodrigues(rvec)[0].T.astype(float)
     return Pose(R=R_m_cv @ R_C_CV, r=centre - R_m_cv @ tvec[:, 0])

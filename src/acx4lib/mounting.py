@@ -26,6 +26,9 @@ from acx4lib.network import MOUNT, Layout, PoseObservations, layout
 
 LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
 
+METHODS = ("two_step", "two_step_gnss", "single_step")
+"""Names of the methods, in the order of Table 3; the paper's two-step is `two_step_gnss`."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mounting:
@@ -48,6 +51,55 @@ class Mounting:
     bundle: Bundle
     per_image: Pose | None = None
     averaged: Mask | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mountings:
+    """The outcome of all methods on one block.
+
+    Attributes
+    ----------
+    methods : dict of str to Mounting
+        In the order of `METHODS`.
+    failures : dict of str to str
+        Methods without an outcome, and why.
+    """
+
+    methods: dict[str, Mounting]
+    failures: dict[str, str]
+
+    def __getitem__(self, method: str) -> Mounting:
+        """Return one method's outcome."""
+        return self.methods[method]
+
+
+def calibrate(
+    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+) -> Mountings:
+    """Calibrate by all methods; the two-step ones take over what single step rejected.
+
+    Parameters
+    ----------
+    block, free, fix, refraction
+        As in `single_step`.
+    """
+    methods: dict[str, Mounting] = {}
+    failures: dict[str, str] = {}
+    rejected: tuple[Rejection, ...] = ()
+    try:
+        methods["single_step"] = single_step(block, free=free, fix=fix, refraction=refraction)
+        rejected = methods["single_step"].bundle.rejected
+    except AdjustmentError as error:
+        failures["single_step"] = str(error)
+    for name, method in (("two_step", two_step), ("two_step_gnss", two_step_gnss)):
+        try:
+            methods[name] = method(
+                block, free=free, fix=fix, rejected=rejected, refraction=refraction
+            )
+        except AdjustmentError as error:
+            failures[name] = str(error)
+    ordered = {name: methods[name] for name in METHODS if name in methods}
+    return Mountings(methods=ordered, failures=failures)
 
 
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
@@ -181,11 +233,12 @@ def _averaged(
     block = bundle.network.block
     T_b_c = mountings_per_image(bundle)
     trajectory, exposure = block.trajectory, block.images.exposure_idx
-    finite = np.isfinite(trajectory.sigma_position) & np.isfinite(trajectory.sigma_attitude)
-    entering = bundle.oriented & finite.all(axis=1)[exposure]
+    sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
+    known: Mask = np.all(np.isfinite(sigma), axis=1)
+    entering = bundle.oriented & known[exposure]
     by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
     cov_pose = _pose_covariances(bundle)
-    cov_trajectory = trajectory_covariances(block)
+    cov_trajectory = trajectory.cov
     sigma0_sq = bundle.solution.sigma0_sq
     per_image = _sandwich(by_camera_pose, cov_pose)
     per_image += _sandwich(by_trajectory, cov_trajectory[exposure])
@@ -245,17 +298,6 @@ def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
     return by_camera_pose, by_trajectory
 
 
-def trajectory_covariances(block: Block) -> Array:
-    """Return the covariances of the body poses, shape (n_exposures, 6, 6); zero where rejected."""
-    trajectory = block.trajectory
-    used = np.where(np.isfinite(trajectory.sigma_position), trajectory.sigma_position, 0.0)
-    out = np.zeros((len(trajectory), 6, 6))
-    out[:, :3, :3] = replace(trajectory, sigma_position=used).cov_position
-    attitude = np.where(np.isfinite(trajectory.sigma_attitude), trajectory.sigma_attitude, 0.0)
-    out[:, [3, 4, 5], [3, 4, 5]] = attitude**2
-    return out
-
-
 def _pose_covariances(bundle: Bundle) -> Array:
     """Return the covariances of the poses, shape (n_poses, 6, 6)."""
     columns = bundle.network.layout.pose
@@ -312,7 +354,7 @@ def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: L
     K = np.zeros((columns.n_columns, len(block.trajectory), 6))
     for k, mount in enumerate(columns.mount):
         mean = np.einsum("ina,nab->inb", weights[k], by_trajectory)
-        total = np.zeros((6, len(block.trajectory), 6))
-        np.add.at(total, (slice(None), block.images.exposure_idx), mean)
-        K[mount[mount >= 0]] = total[mount >= 0]
+        total = np.zeros((len(block.trajectory), 6, 6))
+        np.add.at(total, block.images.exposure_idx, np.moveaxis(mean, 1, 0))
+        K[mount[mount >= 0]] = np.moveaxis(total, 1, 0)[mount >= 0]
     return K

@@ -79,7 +79,7 @@ class Layout:
 def layout(
     n_cameras: int, n_poses: int, *, free: Sequence[str], free_mount: Sequence[str] = ()
 ) -> Layout:
-    """Number the columns: per camera its interior and mounting, then the poses.
+    """Return which unknown has which column: per camera interior and mounting, then poses.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import accuracy, results, standards
-from acx4lib._typing import Array
+from acx4lib._typing import Array, Index
 from acx4lib.block import Block
 from acx4lib.bundle import CRITICAL, Bundle, Rejection
 from acx4lib.calibration import (
@@ -26,7 +26,7 @@ from acx4lib.calibration import (
 from acx4lib.camera import INTERIOR, Camera, Interior
 from acx4lib.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.georeferencing import pose_covariances
-from acx4lib.mounting import Mounting
+from acx4lib.mounting import METHODS, Mounting, Mountings
 from acx4lib.network import MOUNT, Layout, Network
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.validation import Differences, Validation, compare
@@ -74,9 +74,7 @@ def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
     records = list(records)
     names = {name for record in records for name in record.tables}
     merged = {
-        name: pd.concat(
-            [r.tables[name] for r in records if name in r.tables], ignore_index=True
-        )
+        name: pd.concat([r.tables[name] for r in records if name in r.tables], ignore_index=True)
         for name in sorted(names)
     }
     summary = {key: value for record in records for key, value in record.summary.items()}
@@ -126,9 +124,7 @@ def of_bundle(
         "n_left_out": sum(bundle.network.left_out.values()),
         "condition": solution.condition,
         "not_determined": not_determined(said),
-        "notes": [
-            f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()
-        ],
+        "notes": [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()],
     }
     return Record(
         stage=stage,
@@ -140,9 +136,19 @@ def of_bundle(
 
 def of_mounting(mounting: Mounting) -> Record:
     """Return all rows of one method of the mounting stage."""
-    return of_bundle(
-        "mounting", mounting.method, mounting.bundle, calibration=mounting.calibration
-    )
+    return of_bundle("mounting", mounting.method, mounting.bundle, calibration=mounting.calibration)
+
+
+def of_mountings(mountings: Mountings) -> list[Record]:
+    """Return the records of all methods of the mounting stage, failures included."""
+    records = [of_mounting(mounting) for mounting in mountings.methods.values()]
+    for method, reason in mountings.failures.items():
+        if method == "single_step":
+            key = f"mounting/{method}"
+            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
+        else:
+            records.append(of_left_out("mounting", method, reason))
+    return records
 
 
 def of_left_out(stage: str, method: str, reason: str) -> Record:
@@ -313,7 +319,7 @@ def _check_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
 
 
 def _point_table(
-    stage: str, method: str, names: Sequence[str], n_images: Array, d: Array, sigma: Array
+    stage: str, method: str, names: Sequence[str], n_images: Index, d: Array, sigma: Array
 ) -> pd.DataFrame:
     frame = pd.DataFrame(
         np.column_stack([d, sigma]), columns=list(results.COLUMNS["check_points"][4:])
@@ -328,30 +334,37 @@ def _point_table(
 # --- relative orientation --------------------------------------------------------------------
 
 
-def of_relative_orientation(
-    stage: str, method: str, orientation: RelativeOrientation
-) -> Record:
+def of_relative_orientation(stage: str, method: str, orientation: RelativeOrientation) -> Record:
     """Return the rows of heads oriented in the synthetic frame."""
     degrees = np.array([1.0, 1.0, 1.0, *np.degrees(np.ones(3))])
     values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
     sigma = orientation.sigma * degrees
-    rows, names = [], []
-    for k, head in enumerate(orientation.heads):
-        for j, name in enumerate(RELATIVE):
-            unit = "mm" if j < 3 else "deg"
-            rows.append((stage, method, head.name, name, values[k, j], sigma[k, j], unit))
-            names.append(f"{head.name}/{name}")
-    scale = np.tile(degrees, len(orientation.heads))
-    cov = orientation.cov * scale[:, None] * scale
+    rows = [
+        (stage, method, head.name, name, values[k, j], sigma[k, j], "mm" if j < 3 else "deg")
+        for k, head in enumerate(orientation.heads)
+        for j, name in enumerate(RELATIVE)
+    ]
+    names, scale = _joint([head.name for head in orientation.heads], degrees)
+    cov = orientation.cov_joint * scale[:, None] * scale
+    kept = np.flatnonzero((np.arange(len(cov)) < len(rows)) | (np.diag(cov) > 0))
     return Record(
         stage=stage,
         method=method,
         tables={
             "parameters": _frame("parameters", rows),
-            "covariance": _covariance_table(stage, method, names, cov),
+            "covariance": _covariance_table(
+                stage, method, [names[i] for i in kept], cov[np.ix_(kept, kept)]
+            ),
         },
         summary={f"{stage}/{method}": {"n_exposures": orientation.n_exposures, "converged": True}},
     )
+
+
+def _joint(heads: Sequence[str], angles: Array) -> tuple[list[str], Array]:
+    """Return the names in the order of `RelativeOrientation.cov_joint` and their unit factors."""
+    names = [f"{head}/{name}" for head in heads for name in RELATIVE]
+    interior = [f"{head}/{REPORTED[key][0]}" for head in heads for key in INTERIOR]
+    return names + interior, np.concatenate([np.tile(angles, len(heads)), np.ones(len(interior))])
 
 
 def read_relative_orientation(
@@ -377,14 +390,14 @@ def read_relative_orientation(
         [results.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
     )
     cov = results.covariance(found, stage_method)
-    labels = [f"{n}/{p}" for n in names for p in RELATIVE]
-    scale = np.tile([1.0, 1.0, 1.0, *np.radians(np.ones(3))], len(names))
+    labels, scale = _joint(names, np.array([1.0, 1.0, 1.0, *np.radians(np.ones(3))]))
+    joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
     return RelativeOrientation(
         heads=tuple(_estimated(found, "heads/bundle", cameras[name]) for name in names),
         xyz_mm=values[:, :3],
         opk=np.radians(values[:, 3:]),
-        cov=cov.loc[labels, labels].to_numpy() * scale[:, None] * scale,
+        cov_joint=joint * scale[:, None] * scale,
         n_exposures=int(str(entry.get("n_exposures", 0))),
     )
 
@@ -455,11 +468,14 @@ def read_calibration(
 
 
 def calibrated_methods(found: results.Results) -> tuple[str, ...]:
-    """Return the methods of the mounting stage that left parameters, single step first."""
-    order = ("single_step", "two_step_gnss", "two_step")
+    """Return the methods of the mounting stage all of whose parameters are determined."""
     listed = found.parameters
     present = set(listed.loc[listed["stage"] == "mounting", "method"])
-    return tuple(m for m in order if m in present)
+    return tuple(
+        m
+        for m in METHODS
+        if m in present and not results.messages(found.summary[f"mounting/{m}"], "not_determined")
+    )
 
 
 def of_validation(validation: Validation) -> Record:

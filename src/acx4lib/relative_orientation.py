@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib._typing import Array, Index
+from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import cross_covariance
 from acx4lib.block import Block, select_camera
 from acx4lib.bundle import Bundle, adjust_rejecting, free_orientation
 from acx4lib.camera import Camera
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, opk_jacobian, skew, transform
-from acx4lib.mounting import trajectory_covariances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,16 +44,24 @@ class RelativeOrientation:
         Xc, Yc, Zc: where a head stands over the synthetic image, whose plane is Z = 0.
     opk : ndarray, shape (n_heads, 3)
         omega, phi, kappa of eq. (6) from the synthetic frame to the head, radians.
-    cov : ndarray, shape (6 n_heads, 6 n_heads)
-        A posteriori, head by head Xc, Yc, Zc (mm), omega, phi, kappa (rad).
+    cov_joint : ndarray, shape (15 n_heads, 15 n_heads)
+        A posteriori: head by head Xc, Yc, Zc (mm), omega, phi, kappa (rad), and then head by
+        head the interior orientations in the order of `camera.INTERIOR`, zero where held. What
+        a head's tilt has wrong its principal point makes up for; neither is known alone.
     n_exposures : int
     """
 
     heads: tuple[Camera, ...]
     xyz_mm: Array
     opk: Array
-    cov: Array
+    cov_joint: Array
     n_exposures: int
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of Xc, Yc, Zc (mm), omega, phi, kappa (rad), (6 n_heads, 6 n_heads)."""
+        n = 6 * len(self.heads)
+        return self.cov_joint[:n, :n]
 
     @property
     def sigma(self) -> Array:
@@ -134,7 +141,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     xyz[:, :2] -= xyz[:, :2].mean(axis=0)
     J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
     cov = _covariance(fits, images, exposures, J, K)
-    to_opk = np.eye(6 * len(fits))
+    to_opk = np.eye(len(cov))
     for k in range(len(fits)):
         angles = slice(6 * k + 3, 6 * k + 6)
         to_opk[angles, angles] = opk_jacobian(opk[k])
@@ -142,7 +149,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
         heads=tuple(fit.cameras[0] for fit in fits),
         xyz_mm=xyz,
         opk=opk,
-        cov=to_opk @ cov @ to_opk.T,
+        cov_joint=to_opk @ cov @ to_opk.T,
         n_exposures=len(exposures),
     )
 
@@ -163,7 +170,8 @@ def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
     sets = []
     for fit in fits:
         exposure = fit.network.block.images.exposure_idx
-        attitude = np.isfinite(fit.network.block.trajectory.sigma_attitude).all(axis=1)
+        sigma = fit.network.block.trajectory.sigma_attitude
+        attitude: Mask = np.all(np.isfinite(sigma), axis=1)
         sets.append(set(exposure[fit.oriented & attitude[exposure]].tolist()))
     exposures = np.array(sorted(set.intersection(*sets)), dtype=np.intp)
     if len(exposures) == 0:
@@ -225,29 +233,34 @@ def _jacobians(
 def _covariance(
     fits: Sequence[Bundle], images: Sequence[Index], exposures: Index, J: Array, K: Array
 ) -> Array:
-    """Return the covariance (6 n_heads) from heads, the control that they share, and trajectory."""
-    n_heads = len(fits)
-    columns = [
-        fit.network.layout.pose[idx].ravel() for fit, idx in zip(fits, images, strict=True)
-    ]
-    sigma0 = [np.sqrt(fit.solution.sigma0_sq) for fit in fits]
-    shared = [_by_control(fit, own) for fit, own in zip(fits, columns, strict=True)]
-    cov = np.zeros((6 * n_heads, 6 * n_heads))
-    for a in range(n_heads):
-        J_a = J[:, :, a].reshape(6 * n_heads, -1)
-        for b in range(n_heads):
-            J_b = J[:, :, b].reshape(6 * n_heads, -1)
-            if a == b:
-                between = fits[a].solution.cov[np.ix_(columns[a], columns[a])]
-            else:
-                between = shared[a] @ shared[b].T
-            cov += sigma0[a] * sigma0[b] * J_a @ between @ J_b.T
-    by_body = K.reshape(6 * n_heads, len(exposures), 6)
-    cov_body = trajectory_covariances(fits[0].network.block)[exposures]
-    return cov + np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+    """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory."""
+    n = 15 * len(fits)
+    cov, by_control = np.zeros((n, n)), []
+    for k, (fit, idx) in enumerate(zip(fits, images, strict=True)):
+        by_columns = np.sqrt(fit.solution.sigma0_sq) * _by_columns(fit, k, idx, J[:, :, k])
+        by_control.append(by_columns @ _by_control(fit))
+        cov += by_columns @ fit.solution.cov @ by_columns.T
+        cov -= by_control[k] @ by_control[k].T
+    together = sum(by_control)
+    by_body = np.zeros((n, len(exposures), 6))
+    by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
+    cov_body = fits[0].network.block.trajectory.cov[exposures]
+    cov += np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+    return cov + together @ together.T
 
 
-def _by_control(fit: Bundle, columns: Index) -> Array:
+def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
+    """Return the derivatives of all joint quantities by the columns of head k's bundle."""
+    columns = fit.network.layout
+    n_heads = len(by_pose)
+    out = np.zeros((15 * n_heads, columns.n_columns))
+    out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
+    own = columns.interior[0]
+    out[6 * n_heads + 9 * k + np.flatnonzero(own >= 0), own[own >= 0]] = 1.0
+    return out
+
+
+def _by_control(fit: Bundle) -> Array:
     """Return d(columns) / d(control coordinates) in units of the coordinates' sigma.
 
     Shape (n_columns, 3 n_control) over all control points of the block, so that heads match.
@@ -256,7 +269,6 @@ def _by_control(fit: Bundle, columns: Index) -> Array:
     control = network.control
     cross = cross_covariance(network, fit.state, fit.solution, control.point_idx)
     sigma = np.where(control.sigma_m > 0, control.sigma_m, np.inf)
-    by_control = (control.R_g_m @ cross) / sigma[:, :, None]
-    out = np.zeros((len(network.block.points), 3, len(columns)))
-    out[control.point_idx] = by_control[:, :, columns]
-    return out[network.block.control.point_idx].reshape(-1, len(columns)).T
+    out = np.zeros((len(network.block.points), 3, network.n_columns))
+    out[control.point_idx] = (control.R_g_m @ cross) / sigma[:, :, None]
+    return out[network.block.control.point_idx].reshape(-1, network.n_columns).T

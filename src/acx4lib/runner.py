@@ -209,5 +209,5 @@ def _run_job(job: _Job, folder: Path, tell: Tell) -> None:
 
 
 def _move(path: Path, target: Path) -> None:
-    target.parent.mkdir(exist_ok=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
     path.replace(target)

@@ -8,6 +8,7 @@ plane and sees a synthetic point (X, Y, 0) by eqs (1)-(11).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
     w, h = camera.width_px, camera.height_px
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [0, 0]]) - 0.5
     steps = np.linspace(0, 1, per_side, endpoint=False)[:, None]
-    sides = [a + steps * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    sides = [a + steps * (b - a) for a, b in pairwise(corners)]
     return synthetic_from_head(orientation, k, np.concatenate([*sides, corners[:1]]))
 
 

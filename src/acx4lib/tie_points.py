@@ -8,6 +8,7 @@ import numpy as np
 
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block
+from acx4lib.camera import INTERIOR, Interior
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import synthetic_from_head
 
@@ -74,19 +75,19 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
     Parameters
     ----------
     block : Block
-        Of the heads.
+        Of the heads; measurements with an infinite sigma are left out.
     orientation : RelativeOrientation
         Says which cameras are heads and in which order.
     """
     names = [camera.name for camera in block.cameras]
     head_of = np.full(len(names), -1)
-    for k, head in enumerate(orientation.heads):
-        head_of[names.index(head.name)] = k
+    for k, camera in enumerate(orientation.heads):
+        head_of[names.index(camera.name)] = k
     points = block.image_points
     head = head_of[block.images.camera_idx[points.image_idx]]
     exposure = block.images.exposure_idx[points.image_idx]
     order = np.lexsort((head, points.point_idx, exposure))
-    order = order[head[order] >= 0]
+    order = order[(head[order] >= 0) & np.isfinite(points.sigma_px[order])]
     pairs = []
     for ahead in range(1, len(orientation.heads)):
         a, b = order[:-ahead], order[ahead:]
@@ -134,31 +135,40 @@ def refine_by_mean_differences(
     Returns
     -------
     RelativeOrientation
-        Its covariance has what the tie points repair of the heads' errors, and their noise.
+        Its covariance has what the tie points repair of the heads' errors, interior
+        orientations included, and their noise.
     """
     shifts, gain, counts = _shifts(orientation, ties)
     xyz = orientation.xyz_mm.copy()
     xyz[:, :2] += shifts
-    n = orientation.cov.shape[0]
-    step = np.minimum(orientation.sigma.ravel(), 1e-4) + 1e-7
-    J = np.eye(n)
-    for i in range(n):
-        ahead, _, _ = _shifts(_varied(orientation, i, step[i]), ties)
-        behind, _, _ = _shifts(_varied(orientation, i, -step[i]), ties)
-        change = (ahead - behind) / (2 * step[i])
-        J[0::6, i] += change[:, 0]
-        J[1::6, i] += change[:, 1]
+    n = 6 * len(orientation.heads)
+    sigma = np.sqrt(np.maximum(np.diag(orientation.cov_joint), 0.0))
+    J = np.eye(len(sigma))
+    for i in np.flatnonzero(sigma):
+        ahead, _, _ = _shifts(_varied(orientation, i, sigma[i]), ties)
+        behind, _, _ = _shifts(_varied(orientation, i, -sigma[i]), ties)
+        change = (ahead - behind) / (2 * sigma[i])
+        J[0:n:6, i] += change[:, 0]
+        J[1:n:6, i] += change[:, 1]
     pixel_mm = orientation.heads[0].pixel_mm
     variance = 2 * (np.mean(ties.sigma_px) * pixel_mm) ** 2 / counts
     noise = (gain * variance) @ gain.T
-    cov = J @ orientation.cov @ J.T
-    cov[0::6, 0::6] += noise
-    cov[1::6, 1::6] += noise
-    return replace(orientation, xyz_mm=xyz, cov=cov)
+    cov = J @ orientation.cov_joint @ J.T
+    cov[0:n:6, 0:n:6] += noise
+    cov[1:n:6, 1:n:6] += noise
+    return replace(orientation, xyz_mm=xyz, cov_joint=cov)
 
 
 def _varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
-    """Return the orientation with one of its parameters changed."""
+    """Return the orientation with one parameter changed, counted as in `cov_joint`."""
+    n = 6 * len(orientation.heads)
+    if i >= n:
+        k, j = divmod(i - n, len(INTERIOR))
+        heads = list(orientation.heads)
+        interior = heads[k].interior.to_array()
+        interior[j] += step
+        heads[k] = heads[k].with_interior(Interior.from_array(interior))
+        return replace(orientation, heads=tuple(heads))
     xyz, opk = orientation.xyz_mm.copy(), orientation.opk.copy()
     (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += step
     return replace(orientation, xyz_mm=xyz, opk=opk)

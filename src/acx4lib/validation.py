@@ -129,9 +129,7 @@ def validate(
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
     rejected = tuple(
-        Rejection(
-            kind="image_point", row=int(rows[i]), component=-1, statistic=float(statistic[i])
-        )
+        Rejection(kind="image_point", row=int(rows[i]), component=-1, statistic=float(statistic[i]))
         for i in np.flatnonzero(~kept)
     )
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])

@@ -11,7 +11,7 @@ from acx4lib import bundle, intersection, reference
 from acx4lib._typing import Array
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import Bundle
-from acx4lib.camera import Camera, Interior
+from acx4lib.camera import Camera
 from acx4lib.formats import dbat
 from acx4lib.formats.dbat import Measurements, Surveyed
 from acx4lib.frames import Pose
@@ -52,12 +52,9 @@ class Project:
 def camcal() -> Project:
     """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points error-free."""
     measured = dbat.read_image_points(reference.path("dbat-camcal/image_points.txt"))
-    camera = Camera(
-        name="Camera1",
-        width_px=2272,
-        height_px=1704,
-        pixel_mm=5.43764 / 1704,  # the height of the format is given
-        interior=Interior(f=7.3),
+    # the height of the format is given in mm
+    camera = dbat.camera_from_dbat(
+        cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704
     )
     return _adjusted("dbat-camcal", camera, measured, free=FREE)
 
@@ -74,12 +71,8 @@ def sxb() -> Project:
             for file, sigma_px in files
         )
     )
-    camera = Camera(
-        name="Camera1",
-        width_px=8858,
-        height_px=12996,
-        pixel_mm=0.006,
-        interior=Interior(f=123.9392, xp=26.577 - 0.003 * 8858, yp=0.003 * 12996 - 38.811),
+    camera = dbat.camera_from_dbat(
+        cc=123.9392, pp=(26.577, 38.811), size_px=(8858, 12996), pixel_mm=0.006
     )
     return _adjusted("dbat-sxb", camera, measured, free=())
 

@@ -34,7 +34,8 @@ class Problem:
     expected: str
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.column}: {self.found}; {self.expected}"
+        line = f"{self.file}:{self.line}: {self.column}: {self.found}; {self.expected}"
+        return " ".join(line.splitlines())  # a name may hold anything
 
 
 def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
@@ -58,7 +59,9 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    close = close or [longer for longer in known if name and longer.startswith(name)]
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+import pyproj
 
 from acx4lib._typing import Array
 from acx4lib.block import Block, Images
@@ -21,7 +23,8 @@ def summary(flight: Flight) -> str:
     """
     lines = [
         flight.name,
-        _row("CRS", f"{flight.grid.crs}, heights {flight.grid.heights}"),
+        _row("CRS", f"{flight.grid.crs}, {pyproj.CRS.from_user_input(flight.grid.crs).name}"),
+        _row("heights", Path(flight.grid.heights).name),
         _row("refraction", flight.refraction),
     ]
     for block in flight.blocks.values():

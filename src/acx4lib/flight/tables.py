@@ -221,7 +221,7 @@ def _columns(
     return Table(file=file, lines=tuple(lines), text=text, numbers=numbers)
 
 
-NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 
 def _numbers(cells: Sequence[str]) -> Array:

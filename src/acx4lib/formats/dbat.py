@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib._typing import Array, Index
-from acx4lib.camera import INTERIOR, Camera
+from acx4lib.camera import INTERIOR, Camera, Interior
 
 INTERIOR_NAMES = ("cc", "px", "py", "as", "K1", "K2", "K3", "P1", "P2")
 """DBAT's parameters in the order in which `interior_to_dbat` returns them."""
@@ -127,6 +127,32 @@ def read_images(path: Path) -> tuple[str, ...]:
 
 
 # --- conventions -----------------------------------------------------------------------------
+
+
+def camera_from_dbat(
+    *, cc: float, pp: tuple[float, float] | None, size_px: tuple[int, int], pixel_mm: float
+) -> Camera:
+    """Return a camera without distortion from DBAT's values.
+
+    Parameters
+    ----------
+    cc : float
+        Camera constant, mm.
+    pp : tuple of float, optional
+        px and py, mm; the middle of the image where left out.
+    size_px : tuple of int
+        Width and height.
+    pixel_mm : float
+    """
+    middle = 0.5 * pixel_mm * np.array(size_px)
+    xp, yp = (np.array(pp) - middle) * [1, -1] if pp is not None else (0.0, 0.0)
+    return Camera(
+        name="Camera1",
+        width_px=size_px[0],
+        height_px=size_px[1],
+        pixel_mm=pixel_mm,
+        interior=Interior(f=cc, xp=float(xp), yp=float(yp)),
+    )
 
 
 def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ NUMBER = re.compile(r"(?<![\w.%])(?<!\^\()(?<!\^\(-)-?\d+(?:\.\d+)?(?:e[-+]\d+)?
 _COUNTED = re.compile(r"^(\d+) (points with \d+ rays)\.$")
 _RAYS = re.compile(r"^(\d+): (\d+\.\d+ \([\d ]*\))$")
 _ROW = re.compile(r"^(\d+),")
-_SECTIONS = ("Prior", "Posterior", "Diff")
+_TABLES = ("Prior", "Posterior", "Diff", "Smallest angles")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ def _lines(text: str) -> Iterator[Line]:
         depth = len(raw) - len(raw.lstrip())
         if content.startswith("id,"):
             continue
-        if _ROW.match(content):
+        if _ROW.match(content) or _RAYS.match(content):
             depth = _table_depth(headings)  # its right-aligned numbers are indented at random
         while headings and headings[-1][0] >= depth:
             headings.pop()
@@ -85,7 +85,7 @@ def _lines(text: str) -> Iterator[Line]:
 
 def _table_depth(headings: list[tuple[int, str]]) -> int:
     """Return a depth just below the table's heading."""
-    return next(depth for depth, name in reversed(headings) if name.startswith(_SECTIONS)) + 1
+    return next(depth for depth, name in reversed(headings) if name.startswith(_TABLES)) + 1
 
 
 def _split(content: str) -> tuple[str, str]:

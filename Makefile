@@ -1,0 +1,104 @@
+# `make help` lists the targets. Python 3.11 and make are all that a machine needs.
+
+FLIGHT  ?= data/flights/acx4
+PYTHON  ?= $(shell command -v python3.11 || command -v python3)
+PORT    ?= 8000
+
+BIN       := .venv/bin
+RESULTS   := build/results/$(subst /,-,$(patsubst $(CURDIR)/%,%,$(abspath $(FLIGHT))))
+PIP       := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.lock
+NOTEBOOKS := $(wildcard notebooks/*.ipynb)
+SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
+
+# The matrices are small: more threads cost more than they bring.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.SUFFIXES:
+.PHONY: help .venv lock check test notebooks book serve bench reference-data clean
+
+help: ## list these targets
+	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  make book FLIGHT=folder reads another flight than $(FLIGHT)"
+
+# --- set-up: the only part that needs the network ------------------------------------------
+
+.venv: .venv/.stamp-test ## set up the Python environment (the other targets do it by themselves)
+
+.venv/.stamp: environment.txt environment.lock pyproject.toml
+	@'$(PYTHON)' -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	  || { echo "acx4lib needs Python 3.11: make PYTHON=path/to/python3.11" >&2; exit 1; }
+	@echo "setting up .venv, which takes a minute or two"
+	@'$(PYTHON)' -m venv .venv
+	@$(PIP) -r environment.txt
+	@$(PIP) --no-deps --no-build-isolation -e .
+	@touch $@
+
+.venv/.stamp-test: environment-test.txt .venv/.stamp
+	@$(PIP) -r environment-test.txt
+	@touch $@
+
+lock: .venv ## write environment.lock anew from what is installed
+	@{ sed -n '/^#/p' environment.lock; \
+	   $(BIN)/python -m pip freeze --all --exclude pip --exclude acx4lib; } > .venv/lock
+	@mv .venv/lock environment.lock && echo environment.lock
+
+# --- checks --------------------------------------------------------------------------------
+
+check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
+	@$(BIN)/ruff check --quiet
+	@$(BIN)/ruff format --check --quiet
+	@$(BIN)/mypy
+	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
+	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --verify $(NOTEBOOKS))
+
+test: .venv/.stamp-test ## all tests, slow ones included
+	@$(BIN)/pytest -q -n 2
+
+bench: .venv/.stamp-test ## time what the project promises to do quickly
+	@for script in $(wildcard benchmarks/*.py); do $(BIN)/python $$script || exit 1; done
+
+# --- the notebooks on one flight -----------------------------------------------------------
+
+# The flight that ships is simulated: the same seed, the same bytes.
+data/flights/acx4/flight.toml: $(wildcard src/acx4lib/simulate/*.py) | .venv/.stamp
+	@rm -rf $(@D)
+	@$(BIN)/acx4 simulate acx4 --out $(@D)
+	@echo $(@D)
+
+FLIGHT_FILES := $(if $(filter data/flights/acx4,$(FLIGHT)),data/flights/acx4/flight.toml,\
+                  $(wildcard $(FLIGHT)/*.* $(FLIGHT)/*/*.csv))
+
+$(RESULTS)/.stamp: $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
+	@rm -rf $(@D)
+	@$(BIN)/acx4 run $(FLIGHT) --results $(@D)
+	@touch $@
+	@echo $(@D)
+
+notebooks: $(RESULTS)/.stamp ## run the notebooks on FLIGHT
+
+# --- the book ------------------------------------------------------------------------------
+
+book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
+	@rm -rf book/_build book/_executed book/_generated && mkdir -p book/_executed book/_generated
+	@cp $(RESULTS)/*.ipynb book/_executed
+	@$(BIN)/python -m acx4lib.scorecard $(RESULTS) book/_generated/scorecard.md
+	@$(BIN)/python book/_scripts/provenance.py $(FLIGHT) $(RESULTS) book/_generated/provenance.md
+	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
+	@$(BIN)/python book/_figures/frames.py book/_generated
+	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
+	@echo book/_build/html/index.html
+
+serve: ## show the built book at localhost:PORT
+	@$(BIN)/python -m http.server --bind localhost --directory book/_build/html $(PORT)
+
+# --- data and cleaning ---------------------------------------------------------------------
+
+reference-data: .venv/.stamp-test ## bring the public measurements of data/reference/index.csv
+	@$(BIN)/python -m acx4lib.reference
+
+clean: ## remove all that was made, except .venv and the reference data
+	@rm -rf build book/_build book/_executed book/_generated data/flights
+	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

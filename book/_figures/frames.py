@@ -1,0 +1,172 @@
+"""Draw the frames of the book: mapping, body and camera frame; image plane and pixel axes.
+
+``python frames.py FOLDER`` writes frames.svg and image-plane.svg. Nothing is to scale.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Vector = NDArray[np.floating]
+
+INK, SOFT = "#1f2933", "#7a8793"
+MAPPING, BODY, CAMERA, RAY = "#3a7d44", "#b3541e", "#1f5fa8", "#8b1e5b"
+
+# The scene, in metres of no particular size, in the mapping frame (east, north, up).
+R_B_M = Rotation.from_euler("ZYX", [40, -4, 7], degrees=True)  # body to mapping
+R_C_B = Rotation.from_euler("XYZ", [9, -10, 20], degrees=True)  # the boresight, exaggerated
+BODY_AT = np.array([2.6, 4.2, 7.4])
+LEVER_ARM = np.array([3.0, -3.6, -0.9])  # body axes
+CAMERA_AT = BODY_AT + R_B_M.apply(LEVER_ARM)
+FOCAL, HALF = 2.6, np.array([2.2, 1.6])
+IMAGE_POINT = np.array([-1.0, -0.7, -FOCAL])  # camera axes
+
+# Seen from the south-south-west, from 20 degrees above, along parallel rays.
+VIEW = Rotation.from_euler("zx", [-24, -70], degrees=True)
+
+
+def seen(points: Vector) -> Vector:
+    """Project points of the mapping frame on the paper: right and up."""
+    return VIEW.apply(points)[..., :2]
+
+
+def from_camera(points: Vector) -> Vector:
+    """Bring points of the camera frame into the mapping frame."""
+    return CAMERA_AT + R_B_M.apply(R_C_B.apply(points))
+
+
+def arrow(ax: Axes, tail: Vector, tip: Vector, colour: str, *, width: float = 1.8) -> None:
+    """Draw an arrow between two points on the paper."""
+    style = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=tip, xytext=tail, arrowprops=style, zorder=4)
+
+
+def note(ax: Axes, at: Vector, text: str, colour: str, *, shift: tuple[float, float]) -> None:
+    """Write a label beside a point on the paper, `shift` in points."""
+    ax.annotate(
+        text, xy=at, xytext=shift, textcoords="offset points", color=colour,
+        ha="center", va="center", fontsize=11, zorder=6,
+    )  # fmt: skip
+
+
+def triad(ax: Axes, origin: Vector, axes: Vector, names: list[str], colour: str) -> None:
+    """Draw the three axes of a frame, rows of `axes`, with their names at the tips."""
+    start = seen(origin)
+    for axis, name in zip(axes, names, strict=True):
+        tip = seen(origin + axis)
+        arrow(ax, start, tip, colour)
+        reach = 6 + 2.8 * len(name)  # points: half of the name's width
+        outwards = (tip - start) / np.hypot(*(tip - start))
+        note(ax, tip, name, colour, shift=(reach * outwards[0], 11 * outwards[1]))
+    ax.plot(*start, "o", color=colour, ms=4, zorder=5)
+
+
+def draw_ground(ax: Axes) -> None:
+    """Draw the ground and the mapping frame on it."""
+    corners = np.array([[-1.2, -1.4, 0], [8.6, -1.4, 0], [8.6, 6.4, 0], [-1.2, 6.4, 0]])
+    ax.add_patch(Polygon(seen(corners), fc="#eef3ea", ec="#c9d6c3", lw=1, zorder=0))
+    triad(ax, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
+    note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-6, -18))
+
+
+def draw_image_in_space(ax: Axes) -> None:
+    """Draw the image below the perspective centre, its point a, and the ray to A."""
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners = np.column_stack([signs * HALF, np.full(4, -FOCAL)])
+    ax.add_patch(Polygon(seen(from_camera(corners)), fc="#dbe8f6", ec=CAMERA, lw=1.2, zorder=2))
+    foot = np.array([0.0, 0.0, -FOCAL])
+    line = seen(np.array([CAMERA_AT, from_camera(foot)]))
+    ax.plot(*line.T, color=CAMERA, lw=1, ls=":", zorder=3)
+    note(ax, line.mean(axis=0), "$f$", CAMERA, shift=(8, 0))
+    a = from_camera(IMAGE_POINT)
+    direction = a - CAMERA_AT
+    ground = CAMERA_AT - direction * CAMERA_AT[2] / direction[2]
+    ax.plot(*seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.2, zorder=3)
+    for point, name in ((a, "$a$"), (ground, "$A$")):
+        ax.plot(*seen(point), "o", color=RAY, ms=5, zorder=5)
+        note(ax, seen(point), name, RAY, shift=(10, -8))
+    corner = np.array([-HALF[0], HALF[1], -FOCAL])
+    for step, name in (([1.5, 0, 0], "col"), ([0, -1.5, 0], "row")):
+        tip = seen(from_camera(corner + np.array(step)))
+        arrow(ax, seen(from_camera(corner)), tip, INK, width=1.2)
+        note(ax, tip, name, INK, shift=(-6, 10) if name == "col" else (-15, 0))
+
+
+def draw_space(ax: Axes) -> None:
+    """Draw the flight: frames, lever arm, boresight, image and ray."""
+    draw_ground(ax)
+    body, camera = seen(BODY_AT), seen(CAMERA_AT)
+    arrow(ax, seen(np.zeros(3)), body, SOFT, width=1.2)
+    note(ax, seen(BODY_AT * 0.45), r"$r_b^m(t)$", SOFT, shift=(-20, 6))
+    arrow(ax, body, camera, INK, width=2.4)
+    note(ax, (body + camera) / 2, "lever arm $r_c^b$", INK, shift=(-46, -12))
+    body_axes = R_B_M.apply(2.4 * np.eye(3))
+    triad(ax, BODY_AT, body_axes, ["$x$ forward", "$y$ left", "$z$ up"], BODY)
+    note(ax, body, "body frame $b$\n(IMU)", BODY, shift=(-46, -6))
+    draw_image_in_space(ax)
+    camera_axes = R_B_M.apply(R_C_B.apply(2.2 * np.eye(3)))
+    triad(ax, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
+    for axis in R_B_M.apply(1.9 * np.eye(3)):
+        ax.plot(*seen(np.array([CAMERA_AT, CAMERA_AT + axis])).T, color=BODY, lw=1, ls="--")
+    boresight = "camera frame $c$\nboresight $R_c^b$: from its axes\nto the body's (dashed)"
+    note(ax, camera, boresight, CAMERA, shift=(92, 104))
+    ax.set_aspect("equal")
+    ax.set_xlim(-2.4, 12.2)
+    ax.set_ylim(-2.6, 11.4)
+    ax.axis("off")
+
+
+def draw_image_plane(ax: Axes) -> None:
+    """Draw the image as displayed: x right and y up in mm, columns and rows in pixels."""
+    width, height = 8, 6
+    ax.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc="#dbe8f6", ec=CAMERA))
+    for column in range(3):
+        for row in range(2):
+            at = (-width / 2 + 0.8 * column, height / 2 - 0.8 * (row + 1))
+            ax.add_patch(Rectangle(at, 0.8, 0.8, fc="white", ec=SOFT, lw=0.8))
+    across, down = np.array([3.2, 0]), np.array([0, 2.6])
+    pixel = np.array([-width / 2 + 0.4, height / 2 - 0.4])
+    ax.plot(*pixel, "o", color=INK, ms=4, zorder=5)
+    arrow(ax, pixel, pixel + across, INK)
+    arrow(ax, pixel, pixel - down, INK)
+    note(ax, pixel + across, "col", INK, shift=(14, 0))
+    note(ax, pixel - down, "row", INK, shift=(0, -9))
+    note(ax, pixel, "(0, 0): centre of the first pixel", INK, shift=(80, 24))
+    arrow(ax, np.zeros(2), np.array([3.1, 0]), CAMERA)
+    arrow(ax, np.zeros(2), np.array([0, 1.9]), CAMERA)
+    note(ax, np.array([3.1, 0]), "$x$", CAMERA, shift=(10, 0))
+    note(ax, np.array([0, 1.9]), "$y$", CAMERA, shift=(0, 9))
+    principal = np.array([0.9, -0.7])
+    ax.plot(*principal, "+", color=RAY, ms=10, mew=1.8)
+    note(ax, principal, "principal point $(x_p, y_p)$", RAY, shift=(10, -13))
+    note(ax, np.zeros(2), "centre of\nthe image", CAMERA, shift=(-34, -14))
+    ax.set_aspect("equal")
+    ax.set_xlim(-4.6, 4.6)
+    ax.set_ylim(-3.4, 4.2)
+    ax.axis("off")
+
+
+def main(folder: Path) -> None:
+    """Write both figures; the same bytes every time."""
+    mpl.rcParams["svg.hashsalt"] = "frames"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, size, draw in (
+        ("frames", (7.2, 6.9), draw_space),
+        ("image-plane", (6.0, 4.9), draw_image_plane),
+    ):
+        figure = Figure(figsize=size, layout="constrained")
+        draw(figure.subplots())
+        figure.savefig(folder / f"{name}.svg", transparent=True, metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

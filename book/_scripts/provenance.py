@@ -1,0 +1,83 @@
+"""Write what a book was made from: ``python provenance.py FLIGHT RESULTS OUT.md``."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def commit() -> str:
+    """Name the commit of the sources, and say where files differ from it."""
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(ROOT), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        changed = len(git("status", "--porcelain").splitlines())
+        return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "not a clone of the repository"
+
+
+def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Compose a numbered table in MyST."""
+    lines = [header, ["---"] * len(header), *rows]
+    body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return f"```{{table}} {caption}\n:name: {name}\n\n{body}\n```\n"
+
+
+def packages() -> list[tuple[str, str]]:
+    """List the packages that environment.txt names, with the versions installed."""
+    text = (ROOT / "environment.txt").read_text(encoding="utf-8")
+    names = re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)
+    return [(name, version(name)) for name in names]
+
+
+def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
+    """List the data files under a folder with size and SHA-256."""
+    paths = sorted(p for p in folder.rglob("*") if p.suffix in {".csv", ".toml", ".json"})
+    return [
+        (
+            f"`{name}/{path.relative_to(folder).as_posix()}`",
+            f"{path.stat().st_size:,}",
+            f"`{hashlib.sha256(path.read_bytes()).hexdigest()}`",
+        )
+        for path in paths
+    ]
+
+
+def main(flight: Path, results: Path, out: Path) -> None:
+    """Write the statement."""
+    sources = [
+        ("acx4lib", version("acx4lib")),
+        ("commit", f"`{commit()}`"),
+        ("Python", platform.python_version()),
+        ("system", f"{platform.system()}, {platform.machine()}"),
+    ]
+    of_files = ("file", "bytes", "SHA-256")
+    parts = [
+        table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
+        table(
+            "tab-packages",
+            "The packages that environment.txt names.",
+            ("package", "version"),
+            packages(),
+        ),
+        table("tab-flight-files", "The flight that was read.", of_files, files("flight", flight)),
+        table("tab-result-files", "The results that it gave.", of_files, files("results", results)),
+    ]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text("\n".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:4]))

@@ -1,0 +1,1 @@
+"""Figures of the book: every function takes results and returns a figure, and changes nothing."""

@@ -1,0 +1,216 @@
+"""The one style of all figures: palette, lines, type, and the small parts that they share.
+
+Every figure is made inside `style`, which leaves pyplot as it found it:
+
+    with style():
+        fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
+        ...
+    return fig
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from acx4lib._typing import Array
+
+WIDTH = 7.0
+"""Width of a figure, inches; the book shows it over the whole column."""
+
+INK = "#1f2933"
+SOFT = "#67737f"
+FAINT = "#c9d0d6"
+PAPER = "#fbfcfd"
+"""Text and marks that matter, what explains them, grids and spines, and the ground of axes."""
+
+BLUE = "#2660a4"
+ORANGE = "#e58a1f"
+TEAL = "#12907f"
+PLUM = "#8c2f6b"
+SKY = "#7db4e6"
+BRICK = "#b8432f"
+PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
+"""Colours in order. Neighbours differ in lightness, so that no colour vision loses a pair."""
+
+PRINTED = INK
+"""The paper's values, in every figure: dark, dashed or as open diamonds."""
+
+SEQUENCE = LinearSegmentedColormap.from_list(
+    "acx4 sequence", ["#f3f6f9", "#b9d3ea", "#6a9fd0", "#2660a4", "#142f57"]
+)
+"""From nothing (light) to much (dark)."""
+
+DIVERGING = LinearSegmentedColormap.from_list(
+    "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
+)
+"""From negative (orange) through nothing (light) to positive (blue)."""
+
+RC: Any = {
+    "figure.dpi": 150,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "savefig.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.facecolor": PAPER,
+    "axes.edgecolor": "#a9b3bc",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "semibold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e3e8ec",
+    "grid.linewidth": 0.6,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelsize": 7.8,
+    "ytick.labelsize": 7.8,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "text.color": INK,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4,
+    "patch.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 7.8,
+    "legend.handlelength": 1.6,
+    "svg.hashsalt": "acx4lib",
+}
+"""Settings of matplotlib."""
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the book's style; afterwards pyplot has no figure and no setting that is new."""
+    before = set(plt.get_fignums())
+    try:
+        with mpl.rc_context(RC):
+            yield
+    finally:
+        for number in set(plt.get_fignums()) - before:
+            plt.close(number)
+
+
+def colour(i: int) -> str:
+    """Return the i-th colour of the palette, from the beginning again where it ends."""
+    return PALETTE[i % len(PALETTE)]
+
+
+def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 5) -> None:
+    """Put one legend under all axes of a figure, outside of the data.
+
+    Parameters
+    ----------
+    fig : Figure
+    handles : sequence of Artist
+        With labels.
+    ncols : int
+    """
+    fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
+
+
+def bare(ax: Axes) -> None:
+    """Take spines, ticks and grid off axes that hold a matrix or a drawing."""
+    ax.grid(visible=False)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+
+
+def nothing(text: str) -> Figure:
+    """Return a figure that says why there is none.
+
+    Parameters
+    ----------
+    text : str
+        A sentence.
+    """
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
+        bare(ax)
+        ax.set(xticks=[], yticks=[])
+        ax.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, transform=ax.transAxes)
+    return fig
+
+
+def round_length(longest: float) -> float:
+    """Return the largest of 1, 2, 5, 10, 20, ... that is not longer than a positive length."""
+    power = 10.0 ** np.floor(np.log10(longest))
+    steps = np.array([1.0, 2.0, 5.0])
+    # a whisker, so that 10 is not taken for 9.999...
+    return float(power * steps[steps <= longest / power * (1 + 1e-9)][-1])
+
+
+def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, float]) -> None:
+    """Draw a scale bar of a round length, about a fifth of the axes wide.
+
+    Parameters
+    ----------
+    ax : Axes
+        With its limits set, both axes to one scale.
+    per_axis_unit : float
+        How many of `unit` are one unit of the axis.
+    unit : str
+        Of the label.
+    at : tuple of float
+        Left end, in fractions of the axes.
+    """
+    low, high = ax.get_xlim()
+    length = round_length(0.25 * abs(high - low) * per_axis_unit)
+    width = length / per_axis_unit / abs(high - low)
+    left, bottom = at
+    line: dict[str, Any] = {"color": INK, "clip_on": False, "transform": ax.transAxes, "zorder": 9}
+    ax.plot([left, left + width], [bottom, bottom], lw=1.6, solid_capstyle="butt", **line)
+    for end in (left, left + width):
+        ax.plot([end, end], [bottom - 0.008, bottom + 0.008], lw=0.8, **line)
+    ax.text(
+        left + width / 2,
+        bottom + 0.016,
+        f"{length:g} {unit}",
+        transform=ax.transAxes,
+        ha="center",
+        va="bottom",
+        fontsize=7.5,
+        zorder=9,
+    )
+
+
+def north_arrow(ax: Axes, *, at: tuple[float, float]) -> None:
+    """Draw an arrow to grid north, which is up, with its tip at `at` in fractions of the axes."""
+    ax.annotate(
+        "N",
+        xy=at,
+        xytext=(0, -24),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=7.5,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
+        zorder=9,
+    )
+
+
+def padded(low: Array, high: Array, *, share: float = 0.04) -> tuple[Array, Array]:
+    """Return limits with a margin on each side, a share of the larger extent."""
+    margin = share * float(np.max(high - low))
+    return low - margin, high + margin

@@ -1,0 +1,267 @@
+"""What would be seen if something were wrong: calibrations and validations spoilt on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from acx4lib._typing import Array, Mask
+from acx4lib.block import Block, SurveyedPoints, select_images
+from acx4lib.calibration import Calibration, parameters, reported_covariance
+from acx4lib.camera import Interior
+from acx4lib.errors import AdjustmentError
+from acx4lib.frames import Pose, turn
+from acx4lib.mounting import Mounting, single_step
+from acx4lib.validation import validate
+
+SHOWN = ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m")
+
+
+def flying_height(block: Block) -> Array:
+    """Return the height of every exposure above the mean of the surveyed points, m."""
+    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    ground = surveyed[:, 2].mean() if len(surveyed) else 0.0
+    return block.trajectory.T_m_b.r[:, 2] - ground
+
+
+def lowest(block: Block) -> Mask:
+    """Tell which images were taken at the lowest flying height, within a tenth of it."""
+    height = flying_height(block)[block.images.exposure_idx]
+    return height < 1.1 * height.min()
+
+
+def one_direction(block: Block) -> Mask:
+    """Tell which images were flown within a right angle of the first one's direction."""
+    forward = block.T_m_b_images.R[:, :2, 0]
+    return forward @ forward[0] > 0
+
+
+def calibrations(
+    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+) -> pd.DataFrame:
+    """Repeat the single step with parts of the design left out, or with a wrong assumption.
+
+    Parameters
+    ----------
+    block : Block
+    free, fix, refraction
+        As in `mounting.single_step`.
+
+    Returns
+    -------
+    DataFrame
+        One row per variant: images, variance factor, f, x_p, y_p and lever arm with their
+        standard deviations, and the largest correlation of f.
+    """
+
+    def run(part: Block, held: Sequence[str] = fix) -> Mounting:
+        return single_step(part, free=free, fix=held, refraction=refraction)
+
+    lever_free = "lever_arm" not in fix
+    variants: dict[str, Callable[[], Mounting]] = {"as flown": lambda: run(block)}
+    if lever_free:
+        variants["lever arm held at the declared value"] = lambda: run(block, (*fix, "lever_arm"))
+    variants |= {
+        "lowest flying height only": lambda: run(select_images(block, lowest(block))),
+        "one flying direction only": lambda: run(select_images(block, one_direction(block))),
+        "without control points": lambda: run(_without_control(block)),
+        "the map grid taken for a Cartesian frame": lambda: run(as_if_cartesian(block)),
+    }
+    return pd.DataFrame([_row(name, variant) for name, variant in variants.items()])
+
+
+def _row(name: str, variant: Callable[[], Mounting]) -> dict[str, object]:
+    try:
+        found = variant()
+    except AdjustmentError as error:
+        return {"variant": name, "says": str(error)}
+    listed = parameters(found.calibration)
+    row: dict[str, object] = {
+        "variant": name,
+        "images": len(found.bundle.network.block.images),
+        "sigma0_squared": found.calibration.sigma0_sq,
+    }
+    for p in listed:
+        if p.name in SHOWN:
+            row[p.name] = p.value
+            row[f"sigma_{p.name}"] = p.sigma
+    return row
+
+
+def _without_control(block: Block) -> Block:
+    return replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
+
+
+def as_if_cartesian(block: Block) -> Block:
+    """Return the block as a program sees it that takes east, north, height for Cartesian.
+
+    Positions and control are the grid's numbers, attitudes those against the grid; curvature of
+    the earth and scale of the map are not modelled.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    trajectory, frame = block.trajectory, block.frame
+    enh = frame.to_grid(trajectory.T_m_b.r)
+    origin = np.append(np.round(enh[:, :2].mean(axis=0)), 0.0)
+    R_g_b = frame.grid_axes(trajectory.T_m_b.r) @ trajectory.T_m_b.R
+    return replace(
+        block,
+        control=_in_grid(block, origin, block.control),
+        check=_in_grid(block, origin, block.check),
+        trajectory=replace(
+            trajectory,
+            T_m_b=Pose(R=R_g_b, r=enh - origin),
+            R_g_m=np.broadcast_to(np.eye(3), (len(enh), 3, 3)),
+        ),
+    )
+
+
+def _in_grid(block: Block, origin: Array, surveyed: SurveyedPoints) -> SurveyedPoints:
+    identity = np.broadcast_to(np.eye(3), (len(surveyed), 3, 3))
+    if len(surveyed) == 0:
+        return surveyed
+    return replace(surveyed, x_m=block.frame.to_grid(surveyed.x_m) - origin, R_g_m=identity)
+
+
+def validations(
+    block: Block, calibration: Calibration, *, refraction: str = "none"
+) -> pd.DataFrame:
+    """Repeat the validation with one step of direct georeferencing forgotten at a time.
+
+    Parameters
+    ----------
+    block : Block
+    calibration : Calibration
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    DataFrame
+        One row per mistake: mean and RMS of the points' differences in east, north, height, m.
+    """
+    mistakes: dict[str, tuple[Block, Calibration]] = {
+        "none": (block, calibration),
+        "lever arm forgotten": (block, _mounted(calibration, r=np.zeros(3))),
+        "boresight forgotten": (block, _mounted(calibration, R=_nearest_quarter)),
+        "distortion forgotten": (block, _interior(calibration, _undistorted)),
+        "principal point forgotten": (block, _interior(calibration, _centred)),
+        "meridian convergence forgotten": (_without_convergence(block), calibration),
+    }
+    rows = []
+    for name, (spoilt, said) in mistakes.items():
+        points = validate(spoilt, said, method=name, refraction=refraction).points
+        mean, rms = points.d.mean(axis=0), np.sqrt(np.mean(points.d**2, axis=0))
+        rows.append(
+            {
+                "mistake": name,
+                "points": len(points),
+                **dict(zip(("mean_east_m", "mean_north_m", "mean_height_m"), mean, strict=True)),
+                **dict(zip(("rms_east_m", "rms_north_m", "rms_height_m"), rms, strict=True)),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _mounted(
+    calibration: Calibration, *, R: Callable[[Array], Array] | None = None, r: Array | None = None
+) -> Calibration:
+    """Return the calibration with another boresight or lever arm of every camera."""
+    cameras = tuple(
+        replace(
+            camera,
+            T_b_c=Pose(
+                R=R(camera.T_b_c.R) if R else camera.T_b_c.R, r=camera.T_b_c.r if r is None else r
+            ),
+        )
+        for camera in calibration.cameras
+    )
+    return replace(calibration, cameras=cameras)
+
+
+def _nearest_quarter(R_b_c: Array) -> Array:
+    """Return the rotation by quarter turns that is nearest: what a mount looks like by eye."""
+    return np.round(R_b_c) if np.linalg.det(np.round(R_b_c)) == 1 else np.eye(3)
+
+
+def _interior(calibration: Calibration, change: Callable[[Interior], Interior]) -> Calibration:
+    cameras = tuple(c.with_interior(change(c.interior)) for c in calibration.cameras)
+    return replace(calibration, cameras=cameras)
+
+
+def _undistorted(interior: Interior) -> Interior:
+    return Interior(f=interior.f, xp=interior.xp, yp=interior.yp, b1=interior.b1)
+
+
+def _centred(interior: Interior) -> Interior:
+    return replace(interior, xp=0.0, yp=0.0)
+
+
+def _without_convergence(block: Block) -> Block:
+    """Return the block with attitudes read as if grid north were true north."""
+    trajectory = block.trajectory
+    lonlat = block.frame.to_geographic(trajectory.T_m_b.r)[:, :2]
+    gamma = block.frame.grid.convergence(lonlat)
+    R_t_m = block.trajectory.R_g_m  # mapping to grid axes; turning by gamma undoes convergence
+    wrong = np.swapaxes(R_t_m, 1, 2) @ turn(2, gamma) @ R_t_m @ trajectory.T_m_b.R
+    return replace(block, trajectory=replace(trajectory, T_m_b=Pose(R=wrong, r=trajectory.T_m_b.r)))
+
+
+def lever_arm_seen(single: Calibration, gnss: Calibration, height: float) -> pd.DataFrame:
+    """Compare what the two-step interior orientation took up with the lever arm it could not see.
+
+    Valid for a camera that looks down with its x axis forward: a lever arm (x, y, z) held at zero
+    shifts x_p by -f x / H, y_p by -f y / H and f by -f z / H.
+
+    Parameters
+    ----------
+    single : Calibration
+        Of the single step, with its lever arm.
+    gnss : Calibration
+        Of the two-step method with observed positions, the lever arm held.
+    height : float
+        Mean flying height above ground, m.
+
+    Returns
+    -------
+    DataFrame
+        parameter, shift_mm and its sigma, lever arm seen (m), lever arm estimated (m), sigma.
+    """
+    camera, other = single.cameras[0], gnss.cameras[0]
+    sigma = {p.key: p.sigma for p in parameters(single)}
+    sigma_gnss = {p.key: p.sigma for p in parameters(gnss)}
+    held = other.T_b_c.r
+    rows = []
+    for axis, key in enumerate(("xp", "yp", "f")):
+        shift = getattr(other.interior, key) - getattr(camera.interior, key)
+        sigma_shift = float(np.hypot(sigma[key], sigma_gnss[key]))
+        per_metre = -camera.interior.f / height
+        lever = ("lever_x", "lever_y", "lever_z")[axis]
+        rows.append(
+            {
+                "parameter": key,
+                "shift_mm": shift,
+                "sigma_shift_mm": sigma_shift,
+                "lever_seen_m": shift / per_metre + held[axis],
+                "sigma_seen_m": abs(sigma_shift / per_metre),
+                "lever_estimated_m": camera.T_b_c.r[axis],
+                "sigma_estimated_m": sigma.get(lever, float("nan")),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def correlations(calibration: Calibration) -> pd.DataFrame:
+    """Return the correlation matrix of the reported parameters, named ``camera parameter``."""
+    cov = reported_covariance(calibration)
+    sigma = np.sqrt(np.diag(cov))
+    names = [
+        p.name if len(calibration.cameras) == 1 else f"{p.camera} {p.name}"
+        for p in parameters(calibration)
+    ]
+    return pd.DataFrame(cov / sigma[:, None] / sigma, index=names, columns=names)

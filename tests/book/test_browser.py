@@ -1,0 +1,116 @@
+"""The built book in a browser, opened from disk, with no network."""
+
+import pytest
+
+WIDTHS = {"desktop": 1280, "phone": 390}
+DRAWN = """async () => {
+    if (window.MathJax?.startup?.promise) await MathJax.startup.promise;
+    const missing = [...document.images].filter(i => i.complete && !i.naturalWidth);
+    return {
+        expected: document.querySelectorAll('.math').length,
+        rendered: document.querySelectorAll('.math mjx-container').length,
+        failed: document.querySelectorAll('mjx-merror').length,
+        missing: missing.map(i => i.src),
+        overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    };
+}"""
+IN_THE_DARK = """() => {
+    const light = colour => Math.min(...colour.match(/[\\d.]+/g).slice(0, 3).map(Number));
+    const style = element => getComputedStyle(element);
+    const images = [...document.querySelectorAll('article figure img, article .cell_output img')];
+    return {
+        page: light(style(document.body).backgroundColor),
+        text: light(style(document.querySelector('article p')).color),
+        cards: images.map(i => style(i).backgroundColor).map(
+            c => /^rgba.*, 0\\)$/.test(c) ? 0 : light(c)),
+    };
+}"""
+
+
+class Window:
+    """A browser window of some width; it keeps what the browser complains of."""
+
+    def __init__(self, browser, html, *, width, colours):
+        size = {"width": width, "height": 900}
+        self.page = browser.new_context(viewport=size, color_scheme=colours).new_page()
+        self.html = html
+        self.complaints = []
+        self.page.on("pageerror", self.complain)
+        self.page.on("console", lambda m: self.complain(m.text) if m.type == "error" else None)
+        self.page.on("requestfailed", self.miss)
+        self.page.on("request", self.watch)
+
+    def complain(self, of):
+        self.complaints.append(f"{self.page.url.removeprefix(self.html.as_uri())}: {of}")
+
+    def watch(self, request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            self.complain(f"asks for {request.url}")
+
+    def miss(self, request):
+        if request.failure != "net::ERR_ABORTED":  # the page was left before it came
+            self.complain(f"{request.failure}: {request.url}")
+
+    def open(self, name):
+        self.page.goto(f"{self.html.as_uri()}/{name}", wait_until="load")
+        return self.page
+
+
+@pytest.fixture
+def window(browser, html):
+    """Open a window on the book, which is closed after the test."""
+    windows = []
+
+    def open_window(width=1280, colours="light"):
+        windows.append(Window(browser, html, width=width, colours=colours))
+        return windows[-1]
+
+    yield open_window
+    for opened in windows:
+        opened.page.context.close()
+
+
+@pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS)
+def test_every_page_is_drawn_whole_and_in_peace(window, chapters, width):
+    book = window(width)
+    for name in [*chapters, "search.html", "genindex.html"]:
+        drawn = book.open(name).evaluate(DRAWN)
+        if drawn["rendered"] != drawn["expected"] or drawn["failed"]:
+            book.complain(f"mathematics: {drawn}")
+        if drawn["missing"]:
+            book.complain(f"images without content: {drawn['missing']}")
+        if drawn["overflow"] > 0:
+            book.complain(f"{drawn['overflow']} px wider than the window")
+    assert book.complaints == []
+
+
+def test_some_pages_have_mathematics(chapters):
+    """Or the comparison above would compare nothing."""
+    assert len(chapters["frames-and-notation.html"].select("div.math")) >= 14
+
+
+def test_figures_stand_on_a_light_card_in_the_dark(window, chapters):
+    book = window(colours="dark")
+    with_figures = [name for name, page in chapters.items() if page.select("article figure img")]
+    assert with_figures
+    for name in with_figures:
+        seen = book.open(name).evaluate(IN_THE_DARK)
+        assert seen["page"] < 60, name
+        assert seen["text"] > 180, name
+        assert min(seen["cards"]) > 220, name
+
+
+def test_the_button_switches_to_the_dark_and_back(window):
+    page = window(colours="light").open("intro.html")
+    shown = set()
+    for _ in range(3):
+        page.locator("button.theme-switch-button:visible").first.click()
+        shown.add(page.evaluate("document.documentElement.dataset.theme"))
+    assert shown == {"light", "dark"}
+
+
+def test_the_search_finds_the_boresight(window):
+    page = window().open("search.html?q=boresight")
+    page.wait_for_selector("#search-results li a", timeout=10_000)
+    found = page.locator("#search-results li a").evaluate_all("all => all.map(a => a.href)")
+    assert any("frames-and-notation" in url for url in found)

@@ -1,0 +1,44 @@
+"""The same examples every time, few of them, and the blocks that many tests adjust."""
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+import blocks
+from acx4lib import bundle
+
+settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
+settings.load_profile("same")
+
+FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20180)
+
+
+@pytest.fixture(scope="session")
+def exact_block():
+    """Two heights, opposite directions, nine control points; no noise."""
+    return blocks.standard()
+
+
+@pytest.fixture(scope="session")
+def noisy_block(exact_block):
+    """The same with noise of the size that its sigmas state."""
+    return blocks.noisy(exact_block, np.random.default_rng(7))
+
+
+@pytest.fixture(scope="session")
+def mounted(noisy_block):
+    """The noisy block adjusted in one step."""
+    return bundle.adjust(bundle.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
+
+
+@pytest.fixture(scope="session")
+def self_calibrated(noisy_block):
+    """The noisy block adjusted with free exterior orientation."""
+    return bundle.adjust(
+        bundle.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
+    )

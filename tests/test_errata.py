@@ -1,0 +1,284 @@
+"""The paper against itself: numbers computed independently of the library."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib import errata, paper
+from acx4lib.errata import figures, heads, mounting, text, validation
+
+
+@pytest.fixture(scope="module")
+def findings() -> dict[int, errata.Finding]:
+    return {finding.number: finding for finding in errata.audit()}
+
+
+def test_there_are_22_findings_and_none_is_empty(findings):
+    assert [*findings] == [*range(1, 23)]
+    for finding in findings.values():
+        assert all([finding.place, finding.printed, finding.computed, finding.verdict])
+        assert "nan" not in finding.computed
+
+
+def test_table_has_a_row_per_finding():
+    table = errata.table(errata.audit())
+    assert [*table.columns] == ["number", "place", "printed", "computed", "verdict"]
+    assert len(table) == 22
+
+
+@pytest.mark.parametrize(
+    ("number", "numbers"),
+    [
+        (2, "(14)"),
+        (3, "28 µm"),
+        (5, "0.505, 0.497, 0.487"),
+        (5, "n = 3.8 to 4.2"),
+        (6, "7.3 % or 2.6 points"),
+        (6, "P = 1·10⁻⁷"),
+        (6, "0.22 m per axis"),
+        (6, "21 %, on one axis 50 %"),
+        (7, "21.7 and 13.3 cm for 72 mm; 21.1 and 13.0 cm for 74 mm"),
+        (8, "44 px"),
+        (9, "28 and 3 standard deviations"),
+        (9, "2.33 px at r = 45.4 mm, 5.05 px at the corner"),
+        (10, "14.5, 13.2, 12.5, 13.7 px"),
+        (12, "7.0, 12.6, 3.6; √52 = 7.2"),
+        (13, "0.052: as mm in the image it would be 9 px"),
+        (14, "+0.180, -0.198, +0.383 m; the lever arm z, x, y is -0.201, +0.223, -0.399 m"),
+        (15, "0.0035°, 3.6 standard deviations"),
+        (15, "7.9 cm at 1300 m, 4.5 µm in the image beside the 11.8 µm of x_p"),
+        (16, "12.8, 12.2, -9.9, -9.6°, in the mean 1.37°"),
+        (17, "uncovered 0 %, with transposed rotations 47 %"),
+        (18, "0.43 to 0.46 m, 4.3 to 4.6 pixels"),
+        (20, "1:2000 C in plan, D in height; 1:5000 A in plan, B in height"),
+        (20, "1:2000 in height: none"),
+        (21, "0.113 m in plan"),
+        (21, "0.44 m with the 67.2 mm along the flight (B/H 0.361)"),
+        (21, "0.33 m with the 90.7 mm (B/H 0.487)"),
+    ],
+)
+def test_computed_numbers_are_those_found_independently(findings, number, numbers):
+    assert numbers in findings[number].computed
+
+
+@pytest.mark.parametrize(
+    ("number", "numbers"),
+    [
+        (2, "(15)"),
+        (3, "2.57^07, -1.04^10, 2.28^14 in Table 3, but k1 = 2.27^-06"),
+        (4, "p1, p2 in mm^-2 (Tables 1 and 3)"),
+        (14, "+0.0107, -0.0118, +0.0228 mm, 11, 8, 13 standard"),
+        (17, "67.20 x 90.72 mm with 5.6 µm"),
+        (22, "262 pairs for 36 points"),
+    ],
+)
+def test_printed_numbers_are_those_of_the_paper(findings, number, numbers):
+    assert numbers in findings[number].printed
+
+
+def test_only_72_mm_fit_the_ground_pixels(findings):
+    assert "fit 72 mm only" in findings[7].verdict
+
+
+# --- Table 4 -------------------------------------------------------------------------------
+
+
+def test_rms_of_36_errors_is_at_least_half_a_metre():
+    least = validation.least_rms(validation.printed_accuracy("two_step"))
+    assert_allclose(least, (0.505, 0.497, 0.487), atol=5e-4)
+
+
+def test_implied_sample_sizes_are_about_four():
+    sizes = validation.implied_sample_sizes()
+    assert len(sizes) == 6
+    assert_allclose(sizes["n"], (3.77, 4.17, 4.08, 3.82, 3.85, 3.78), atol=0.005)
+    assert (sizes["n_low"] < sizes["n"]).all()
+    assert (sizes["n"] < sizes["n_high"]).all()
+    assert sizes["n_high"].max() < 5
+
+
+@pytest.mark.parametrize("n", [2, 5, 36])
+def test_sample_size_of_a_sample_is_its_size(n):
+    d = np.random.default_rng(n).normal(0.3, 1.0, n)
+    rms = np.sqrt(np.mean(d**2))
+    assert validation.sample_size(d.mean(), d.std(ddof=1), rms) == pytest.approx(n)
+    assert validation.sample_size(0.0, 1.0, 1.0) == np.inf
+
+
+def test_fourteen_small_errors_of_36_do_not_happen_by_chance():
+    assert validation.within_probability(0.44) == pytest.approx(0.073, abs=5e-4)
+    assert validation.count_probability(0.44) == pytest.approx(1e-7, rel=0.5)
+    assert validation.rms_of_count() == pytest.approx(0.22, abs=0.005)
+
+
+def test_count_probability_against_simulation():
+    """With errors of the needed size, the printed count or more is an even chance."""
+    rms = validation.rms_of_count()
+    d = np.random.default_rng(3).normal(0.0, rms, (4000, 36, 3))
+    counts = (np.linalg.norm(d, axis=2) <= 0.30).sum(axis=1)
+    share = np.mean(counts >= 14)
+    assert validation.count_probability(rms) == pytest.approx(share, abs=0.025)  # 3 sigma
+
+
+# --- heads ---------------------------------------------------------------------------------
+
+
+def test_border_distortion_of_the_heads():
+    assert_allclose(heads.border_distortion_px(), (14.5, 13.2, 12.5, 13.7), atol=0.05)
+    assert np.all(heads.total_distortion_px() > heads.border_distortion_px())
+
+
+def test_coverage_tells_which_way_the_angles_turn():
+    as_read, transposed = heads.uncovered()
+    assert as_read == 0.0
+    assert transposed == pytest.approx(0.47, abs=0.01)
+
+
+def test_footprints_reach_beyond_the_synthetic_image():
+    """An earlier count without distortion, principal points and Zc: -43.9..38.6, -56.2..56.0."""
+    feet = np.concatenate([heads.footprint(head) for head in paper.HEADS])
+    assert_allclose(feet.min(axis=0), (-43.9, -56.2), atol=0.3)
+    assert_allclose(feet.max(axis=0), (38.6, 56.0), atol=0.3)
+
+
+@pytest.mark.parametrize("head", paper.HEADS)
+def test_a_head_sees_its_own_footprint(head):
+    """Points just inside the projected corners are seen, points just outside are not."""
+    feet = heads.footprint(head)
+    middle = feet.mean(axis=0)
+    R_s_h = heads.rotation_from_opk(paper.opk(head))
+    inside, outside = (middle + share * (feet - middle) for share in (0.99, 1.01))
+    assert heads.sees(head, inside, R_s_h).all()
+    assert not heads.sees(head, outside, R_s_h).any()
+
+
+def test_correlations_are_judged_by_the_largest():
+    below = heads.correlations({"CAM1 xp_mm/omega_deg": -0.09, "CAM1 yp_mm/phi_deg": 0.02})
+    assert below[1].startswith("largest: -0.09 (CAM1 xp_mm/omega_deg)")
+    assert below[2].startswith("Holds")
+    above = heads.correlations({"CAM1 xp_mm/omega_deg": 0.02, "CAM2 yp_mm/phi_deg": -0.85})
+    assert above[1].startswith("largest: -0.85 (CAM2 yp_mm/phi_deg)")
+    assert above[2].startswith("Cannot")
+
+
+def test_correlations_are_read_from_a_run(tmp_path):
+    summary = {
+        "heads/bundle/CAM1": {"largest_correlations": {"xp_mm/omega_deg": 0.85}},
+        "heads/bundle/CAM2": {"redundancy": 5},
+        "mounting/single_step": {"largest_correlations": {"f_mm/height_m": 0.9}},
+    }
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    found = errata.largest_correlations(tmp_path)
+    assert found == {"CAM1 xp_mm/omega_deg": 0.85}
+    assert "0.85 (CAM1 xp_mm/omega_deg)" in errata.audit(found)[10].computed
+
+
+@pytest.mark.parametrize("path", ["", "no/such/folder"])
+def test_without_a_run_the_correlations_stay_open(path):
+    assert errata.largest_correlations(path) == {}
+    finding = errata.audit(errata.largest_correlations(path))[10]
+    assert finding.printed.endswith("below 10 %")
+    assert finding.verdict.startswith("Open")
+
+
+# --- mounting ------------------------------------------------------------------------------
+
+
+def test_interior_orientation_absorbed_the_lever_arm():
+    table = mounting.lever_arm_in_interior()
+    assert [*table["lever"]] == ["lever_z_m", "lever_x_m", "lever_y_m"]
+    assert_allclose(table["at_ground_m"], (0.180, -0.198, 0.383), atol=5e-4)
+    assert_allclose(table["lever_m"], (-0.201, 0.223, -0.399))
+    assert_allclose(table["shift_in_sigma"], (11, 8, 13), atol=0.5)
+    assert (np.abs(table["sum_m"]) < table["sigma_sum_m"]).all()
+
+
+def test_distortion_left_in_the_synthetic_image():
+    interior = paper.interior(3, "two_step")
+    pixel = 0.0056
+    assert mounting.radial_mm(interior, 45.4) / pixel == pytest.approx(2.33, abs=0.005)
+    corner = np.hypot(67.20, 90.72) / 2
+    assert mounting.corner_radius() == pytest.approx(corner)
+    assert mounting.radial_mm(interior, corner) / pixel == pytest.approx(5.05, abs=0.005)
+    assert mounting.radial_absorbed_px(interior, -0.021) == pytest.approx(2.2, abs=0.05)
+
+
+def test_decentring_at_the_corner():
+    """1.8 px in x; the vector is longer."""
+    component, length = mounting.decentring_px(paper.interior(3, "two_step"))
+    assert component == pytest.approx(1.8, abs=0.05)
+    x, y, p1, p2 = 33.6, 45.36, 1.73e-6, 2.46e-7
+    dx, dy = 3 * p1 * x**2 + p1 * y**2 + 2 * p2 * x * y, 3 * p2 * y**2 + p2 * x**2 + 2 * p1 * x * y
+    assert length == pytest.approx(np.hypot(dx, dy) / 0.0056)
+
+
+def test_scatter_and_parameter_sigmas():
+    assert_allclose(mounting.scatter_ratios(), (7.0, 12.6, 3.6), atol=0.05)
+
+
+def test_literal_exponents():
+    assert mounting.literal("2.57^07 +/- 2.14^08") == 2.57e7
+    assert mounting.literal("-1.04^10 +/- 1.53^11") == -1.04e10
+    assert mounting.literal("2.27^-06 ± 7.70^-08") == pytest.approx(2.27e-6)
+    with pytest.raises(ValueError, match="ND"):
+        mounting.literal("ND")
+
+
+# --- text, budget, agreements --------------------------------------------------------------
+
+
+def test_eq_2_as_printed_would_be_seen():
+    """At the corners, k1 r^2 (|x| + |y|) of CAM1, its principal point included."""
+    x, y = 26.952 + 0.0465, 20.196 + 0.0813  # mm from the principal point, worst corner
+    assert text.radial_mix_up_px() >= 2.27e-6 * 33.679**2 * (26.952 + 20.196) / 0.006
+    assert text.radial_mix_up_px() == pytest.approx(
+        2.27e-6 * (x**2 + y**2) * (x + y) / 0.006, rel=0.01
+    )
+
+
+def test_pairs_per_point():
+    m = text.images_per_point()
+    assert m * (m - 1) / 2 == pytest.approx(262 / 36)
+
+
+def test_error_budget():
+    plan, ratio, height = validation.attitude_budget_m("width_mm")
+    assert_allclose((plan, ratio, height), (0.113, 0.361, 0.44), atol=0.005)
+    assert_allclose(validation.attitude_budget_m("height_mm")[1:], (0.487, 0.33), atol=0.005)
+
+
+def test_what_agrees():
+    agreements = errata.agreements().set_index("printed")["computed"]
+    assert agreements["31 and 52 images"].endswith("31 and 52")
+    assert agreements["60.5 megapixels"].endswith("60.5 million")
+    assert agreements["67.20 x 90.72 mm"].startswith("67.20 x 90.72 mm")
+    assert agreements["ground pixels 8, 11, 10 cm"] == "7.5, 11.3, 9.8 cm"
+    assert agreements["residuals of 3 µm, 0.5 pixel"].startswith("0.54 pixel")
+    assert agreements["38.89 %"].endswith("38.89 %")
+    assert agreements["rotation matrix of ω, φ, κ"].startswith("a proper rotation")
+
+
+def test_every_decimal_of_the_errata_is_computed():
+    """No finding's source has a number with decimals typed in its text."""
+    for module in (heads, mounting, text, validation):
+        source = Path(module.__file__).read_text(encoding="utf-8")
+        code = re.sub(r'"""[\s\S]*?"""', "", source)
+        typed = re.findall(r'f?"([^"\n]*)"', code)
+        plain = [re.sub(r"\{[^}]*\}", "", piece) for piece in typed]
+        sections = {"2.1", "2.2", "3.1", "3.2", "4.1", "4.3"}
+        found = {n for piece in plain for n in re.findall(r"\d+\.\d+", piece)} - sections
+        assert found == set(), module.__name__
+
+
+def test_figures_show_the_papers_numbers():
+    axes = figures.sample_sizes().axes[0]
+    assert axes.get_xlabel() == "number of errors n"
+    assert len(axes.lines) == 3
+    bars = figures.lever_arm().axes[0].patches
+    assert_allclose([bar.get_width() for bar in bars[3:]], (0.201, -0.223, 0.399))

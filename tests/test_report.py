@@ -1,0 +1,64 @@
+"""Tables for the book."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from markdown_it import MarkdownIt
+
+from acx4lib import report
+
+
+def rows(markdown: str) -> list[list[str]]:
+    """Parse the pipe table inside the directive."""
+    inner = "\n".join(markdown.splitlines()[3:-1])
+    tokens = MarkdownIt("commonmark").enable("table").parse(inner)
+    cells: list[list[str]] = []
+    for token, after in zip(tokens, [*tokens[1:], None], strict=True):
+        if token.type == "tr_open":
+            cells.append([])
+        elif token.type in ("th_open", "td_open"):
+            cells[-1].append(after.content)
+    return cells
+
+
+def test_directive_has_caption_name_and_body():
+    frame = pd.DataFrame({"parameter": ["f"], "value": [74.4404]})
+    got = report.myst_table(frame, "Interior\norientation", name="tab-f", formats={"value": ".3f"})
+    assert got == (
+        "```{table} Interior orientation\n:name: tab-f\n\n"
+        "| parameter | value |\n| :--- | ---: |\n| f | 74.440 |\n```"
+    )
+
+
+def test_cells_survive_a_markdown_parser():
+    frame = pd.DataFrame({"a|b": ["x | y", "two\nlines", "$k_1$"], "n": [1, 2, 3]})
+    got = rows(report.myst_table(frame, "c", name="tab-x"))
+    assert got == [["a|b", "n"], ["x | y", "1"], ["two lines", "2"], ["$k_1$", "3"]]
+
+
+def test_missing_values_are_dashes_and_text_takes_no_number_format():
+    frame = pd.DataFrame(
+        {"v": [np.nan, 0.5], "s": [None, "ND"], "m": pd.Series([1.0, "A"], dtype=object)}
+    )
+    got = rows(report.myst_table(frame, "c", name="t", formats={"v": ".1e", "m": ".2f", "s": "f"}))
+    assert got[1:] == [[report.MISSING, report.MISSING, "1.00"], ["5.0e-01", "ND", "A"]]
+
+
+def test_table_without_rows_keeps_its_head():
+    frame = pd.DataFrame({"a": pd.Series(dtype=float)})
+    assert rows(report.myst_table(frame, "c", name="t")) == [["a"]]
+
+
+def test_format_of_an_unknown_column_is_refused():
+    with pytest.raises(ValueError, match="sigma"):
+        report.myst_table(pd.DataFrame({"a": [1]}), "c", name="t", formats={"sigma": ".1f"})
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "expected"),
+    [(2.27e-6, 2, "2.27·10⁻⁶"), (-1.04e-10, 1, "-1.0·10⁻¹⁰"), (4e23, 0, "4·10²³"), (1, 0, "1·10⁰")],
+)
+def test_scientific_numbers(value, digits, expected):
+    assert report.scientific(value, digits=digits) == expected

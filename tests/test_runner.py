@@ -1,0 +1,159 @@
+"""The stages, with notebooks of two cells on a simulated flight that has no heads."""
+
+import pandas as pd
+import pytest
+
+from acx4lib import results, runner, simulate
+from acx4lib.errors import FlightError
+from acx4lib.notebooks import NotebookError
+from small_notebooks import write
+
+PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
+KEEP = """
+import acx4lib.results, pandas
+row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm")
+frame = pandas.DataFrame([row], columns=acx4lib.results.COLUMNS["parameters"])
+summary = {{"{stage}/{method}": {extra}}}
+acx4lib.results.replace(
+    results_path, ["{stage}"], tables={{"parameters": frame}}, summary=summary
+)
+"""
+
+
+@pytest.fixture(scope="session")
+def flight_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("simulated") / "flight"
+    simulate.write(simulate.DESIGNS["single-head"](seed=1), path)
+    return path
+
+
+def keep(stage, method, extra="{}"):
+    return KEEP.format(stage=stage, method=method, extra=extra)
+
+
+@pytest.fixture
+def notebooks_path(tmp_path):
+    folder = tmp_path / "notebooks"
+    write(folder / "00-flight.ipynb", PARAMETERS, "import os\nassert os.path.isdir(flight_path)")
+    for stage, method in (("mounting", "single_step"), ("validation", "single_step")):
+        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
+    return folder
+
+
+def contents(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.mark.slow
+def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
+    tmp_path, flight_path, notebooks_path
+):
+    told = []
+    for name in ("one", "two"):
+        folder = tmp_path / name / "results"
+        results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
+        report = runner.run(
+            flight_path, folder, notebooks_path=notebooks_path, tell=lambda *step: told.append(step)
+        )
+    one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
+    assert sorted(one) == sorted(
+        [f"results/{name}" for name in results.FILES]
+        + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
+    )
+    # The folder's own name stands in the cell of the parameters.
+    assert one == {k: v.replace(b"/two/", b"/one/") for k, v in two.items()}
+    assert report.ran == ("mounting", "validation")
+    assert report.skipped == (
+        "heads: skipped, the flight has no block heads",
+        "synthetic: skipped, the flight has no block heads",
+    )
+    assert set(results.read(folder).summary) == {"mounting/single_step", "validation/single_step"}
+    assert [stage for stage, done, total in told if done == total] == 2 * [
+        "flight",
+        "mounting",
+        "validation",
+    ]
+
+
+@pytest.mark.slow
+def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
+    runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    runner.run(
+        flight_path,
+        tmp_path / "results",
+        stages=["validation"],
+        parameters={"seed": 5},
+        notebooks_path=notebooks_path,
+    )
+    assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
+
+
+@pytest.mark.slow
+def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
+    tmp_path, flight_path, notebooks_path
+):
+    folder = tmp_path / "results"
+    mounting = notebooks_path / "03-mounting-calibration.ipynb"
+    undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
+    write(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
+    runner.run(flight_path, folder, notebooks_path=notebooks_path)
+    before = contents(folder)
+    name = "04-validation.ipynb"
+    good = (notebooks_path / name).read_bytes()
+    write(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
+    with pytest.raises(NotebookError) as caught:
+        runner.run(flight_path, folder, notebooks_path=notebooks_path)
+    assert (
+        str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
+    )
+    assert caught.value.__notes__ == undetermined["not_determined"]
+    after = contents(folder)
+    assert b"division by zero" in after.pop(f"failed/{name}")
+    assert after == before
+    (notebooks_path / name).write_bytes(good)
+    report = runner.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
+    assert contents(folder) == before
+    assert report.not_determined == ()
+
+
+@pytest.mark.slow
+def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
+    tmp_path, flight_path, notebooks_path
+):
+    extra = {"not_determined": ["lever_z_m"], "left_out": ["two_step needs control"]}
+    mounting = notebooks_path / "03-mounting-calibration.ipynb"
+    write(mounting, PARAMETERS, keep("mounting", "single_step", extra))
+    validation = notebooks_path / "04-validation.ipynb"
+    write(validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]}))
+    report = runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    assert report.not_determined == ("lever_z_m",)
+    assert report.left_out == ("two_step needs control",)
+
+
+def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
+    folder = tmp_path / "results"
+
+    def run(**arguments):
+        runner.run(flight_path, folder, **{"notebooks_path": notebooks_path, **arguments})
+
+    with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
+        run(stages=["mountain"])
+    with pytest.raises(ValueError, match="no notebook has a parameter sed; known: seed"):
+        run(parameters={"sed": 3})
+    with pytest.raises(ValueError, match="no notebook has a parameter results_path"):
+        run(parameters={"results_path": "elsewhere"})
+    with pytest.raises(ValueError, match="00-flight: seed is int, got '3'"):
+        run(parameters={"seed": "3"})
+    with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
+        run(notebooks_path=tmp_path)
+    assert not folder.exists()
+
+
+def test_results_that_cannot_be_read_stop_the_run(tmp_path, flight_path, notebooks_path):
+    pd.DataFrame({"stage": ["heads"]}).to_csv(tmp_path / "parameters.csv")
+    with pytest.raises(FlightError, match=r"parameters\.csv: not a results table"):
+        runner.run(flight_path, tmp_path, notebooks_path=notebooks_path)
