@@ -121,7 +121,7 @@ def draw_space(ax: Axes) -> None:
     note(ax, camera, boresight, CAMERA, shift=(92, 104))
     ax.set_aspect("equal")
     ax.set_xlim(-2.4, 12.2)
-    ax.set_ylim(-2.6, 11.4)
+    ax.set_ylim(-2.3, 10.2)
     ax.axis("off")
 
 
@@ -160,7 +160,7 @@ def main(folder: Path) -> None:
     mpl.rcParams["svg.hashsalt"] = "frames"
     folder.mkdir(parents=True, exist_ok=True)
     for name, size, draw in (
-        ("frames", (7.2, 6.9), draw_space),
+        ("frames", (7.2, 6.3), draw_space),
         ("image-plane", (6.0, 4.9), draw_image_plane),
     ):
         figure = Figure(figsize=size, layout="constrained")

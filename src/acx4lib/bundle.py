@@ -336,8 +336,9 @@ def adjust_rejecting(
 
     Notes
     -----
-    In every round the observation with the largest w goes, with all others above the critical
-    value that share neither its point nor, for trajectory rows, its pose. Where the spread of a
+    In every round the observation with the largest w goes, with all others at least half as far
+    out that share neither its point nor its pose: a large error lifts the w of its neighbours
+    over the critical value, and they are to be judged without it. Where the spread of a
     kind's w says that its a priori sigma is too small, w counts in units of that spread: a
     wrong weight is no gross error.
     """
@@ -396,12 +397,15 @@ def _gross_errors(bundle: Bundle, critical: float) -> tuple[Rejection, ...]:
     touched_points: set[int] = set()
     touched_poses: set[int] = set()
     for candidate, point, pose in candidates:
+        if candidate.statistic < 0.5 * candidates[0][0].statistic:
+            break
         if point in touched_points or pose in touched_poses:
             continue
         taken.append(candidate)
         touched_points.add(point)
-        if candidate.kind in ("gnss", "attitude"):
+        if candidate.kind != "control_point":
             touched_poses.add(pose)
+        if candidate.kind in ("gnss", "attitude"):
             of_pose = network.pose_idx[network.image_points.image_idx] == pose
             touched_points.update(network.image_points.point_idx[of_pose].tolist())
     return tuple(taken)

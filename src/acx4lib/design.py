@@ -75,7 +75,8 @@ def directions(block: Block) -> Array:
         own = np.flatnonzero(strips == strip)
         if len(own) > 1:
             way[own] = np.gradient(block.trajectory.T_m_b.r[own, :2], axis=0)
-    return way / np.linalg.norm(way, axis=1, keepdims=True)
+    unit: Array = way / np.linalg.norm(way, axis=1, keepdims=True)
+    return unit
 
 
 def footprints(block: Block) -> Array:
@@ -155,7 +156,8 @@ def _overlap(block: Block, images: Index, shift: Array) -> Array:
 
 def _forward_overlap(block: Block, exposures: Index, strip_of: Array) -> float:
     """Return the median overlap of each image with the camera's next one in the strip."""
-    before, after = [], []
+    before: list[int] = []
+    after: list[int] = []
     for strip in sorted(set(strip_of[exposures]) - {""}):
         for k in range(len(block.cameras)):
             own = np.flatnonzero(
@@ -163,8 +165,9 @@ def _forward_overlap(block: Block, exposures: Index, strip_of: Array) -> float:
             )
             before += own[:-1].tolist()
             after += own[1:].tolist()
+    a, b = np.array(before, dtype=np.intp), np.array(after, dtype=np.intp)
     r = block.T_m_b_images.r
-    return _median(_overlap(block, np.array(before, dtype=np.intp), r[after] - r[before]))
+    return _median(_overlap(block, a, r[b] - r[a]))
 
 
 def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float:

@@ -59,6 +59,10 @@ class GridSystem:
         if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
             msg = f"{self.crs!r} ({crs.name}) does not count east and north"
             raise ValueError(msg)
+        angles = crs.geodetic_crs.axis_info[:2] if crs.geodetic_crs else []
+        if any(not np.isclose(axis.unit_conversion_factor, np.pi / 180) for axis in angles):
+            msg = f"{self.crs!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
+            raise ValueError(msg)
         _ = self._height_transformer
 
     @cached_property
@@ -127,7 +131,8 @@ class GridSystem:
 
     def ecef_from_geographic(self, lonlath: Array) -> Array:
         """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
-        return np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
+        x_e = np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
+        return np.where(np.isfinite(x_e), x_e, np.nan)  # PROJ's infinities warn in products
 
     def geographic_from_ecef(self, x_e: Array) -> Array:
         """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""

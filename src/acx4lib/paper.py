@@ -6,20 +6,31 @@ Parameters carry the names of a run's results (`parameters.csv`), so that the tw
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from acx4lib._data import data_path
 from acx4lib._typing import Array
-from acx4lib.camera import INTERIOR, Interior
+from acx4lib.camera import INTERIOR, Camera, Interior
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 """Columns of Table 1."""
 
 METHODS = ("two_step", "single_step")
 """Columns of Tables 3 and 4."""
+
+
+class HasCameras(Protocol):
+    """A flight, as far as the paper needs it."""
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """Cameras by name."""
+        ...
 
 
 @cache
@@ -158,3 +169,18 @@ def corners(column: str) -> Array:
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     xy: Array = 0.5 * pixel_mm(column) * np.array(size_px) * signs
     return xy
+
+
+def applies(flight: HasCameras) -> bool:
+    """Tell whether a flight has the paper's cameras, so that its numbers can stand beside them.
+
+    Parameters
+    ----------
+    flight : Flight
+        Anything with a dictionary `cameras`.
+    """
+    synthetic = flight.cameras.get("SYN")
+    if synthetic is None or not set(HEADS) <= set(flight.cameras):
+        return False
+    same = (value(2, "width_px", "SYN"), value(2, "height_px", "SYN"))
+    return (synthetic.width_px, synthetic.height_px) == same

@@ -17,6 +17,7 @@ from acx4lib.calibration import (
     REPORTED,
     Calibration,
     from_bundle,
+    given,
     is_determined,
     not_determined,
     parameters,
@@ -24,6 +25,7 @@ from acx4lib.calibration import (
     to_reported,
 )
 from acx4lib.camera import INTERIOR, Camera, Interior
+from acx4lib.flight import Flight
 from acx4lib.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.georeferencing import pose_covariances
 from acx4lib.mounting import METHODS, Mounting, Mountings
@@ -465,6 +467,27 @@ def read_calibration(
     back = np.linalg.inv(to_reported(reported))
     cov = results.covariance(found, stage_method).to_numpy() / sigma0_sq
     return replace(reported, cov=back @ cov @ back.T)
+
+
+def calibrations_for(flight: Flight, found: results.Results) -> dict[str, Calibration]:
+    """Return the calibrations to validate a flight with, by method.
+
+    Where the flight has no calibration block, the cameras as it gives them (method ``given``);
+    a method with a parameter that is not determined is left out.
+
+    Raises
+    ------
+    FlightError
+        Where the flight has a calibration block whose results are not in the folder.
+    """
+    cameras = flight.validation.cameras if flight.validation else ()
+    if flight.calibration is None:
+        return {"given": given(cameras)}
+    results.rows(found, "parameters", "mounting")
+    return {
+        method: read_calibration(found, f"mounting/{method}", cameras)
+        for method in calibrated_methods(found)
+    }
 
 
 def calibrated_methods(found: results.Results) -> tuple[str, ...]:

@@ -12,7 +12,8 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,9 @@ from acx4lib.errors import Acx4Error
 
 BASE_URL = "https://raw.githubusercontent.com"
 """Files are read from ``{base}/{repository}/{commit}/{path}``."""
+
+TIE_POINTS = ("ign-uce-m3/tie_points.mes", "ign-uce-m3/tie_points_world.mes")
+"""Selections from files of a whole flight, made anew where they are fetched."""
 
 HINT = "run `make reference-data`, or let ACX4_REFERENCE_DATA name a folder that has it"
 
@@ -143,19 +147,40 @@ def fetch(*, base: str = BASE_URL) -> Iterator[str]:
 
 
 def _bring(entry: Entry, target: Path, base: str) -> None:
-    url = f"{base}/{entry.repository}/{entry.commit}/{entry.path}"
-    select = _SELECTIONS.get(entry.file)
-    if select is None:
-        _retrieve(url, target, f"sha256:{entry.sha256}")
+    if entry.file not in TIE_POINTS:
+        _retrieve(_url(entry, base), target, f"sha256:{entry.sha256}")
         return
-    with tempfile.TemporaryDirectory() as temporary:
-        source = Path(temporary) / "source"
-        _retrieve(url, source, None)
-        content = "".join(f"{line}\n" for line in select(_lines(source))).encode()
+    content = "".join(f"{row}\n" for row in _selected(entry.file, base)).encode()
     if hashlib.sha256(content).hexdigest() != entry.sha256:
-        msg = f"what was selected from {url} is not the file that was indexed (SHA-256)"
+        msg = f"what was selected from {entry.path} is not the file that was indexed (SHA-256)"
         raise ValueError(msg)
     target.write_bytes(content)
+
+
+def _selected(file: str, base: str) -> list[str]:
+    """Return the rows of a tie point file: of the seven images, of points seen twice in them."""
+    with tempfile.TemporaryDirectory() as temporary:
+        rows = {}
+        for entry in (entry for entry in index() if entry.file in TIE_POINTS):
+            source = Path(temporary) / Path(entry.file).name
+            _retrieve(_url(entry, base), source, None)
+            rows[entry.file] = _rows(source)
+    images = {row.split()[0] for row in _rows(folder() / "ign-uce-m3/images.OPK")}
+    measured, located = (rows[name] for name in TIE_POINTS)
+    measured = [row for row in measured if row.split()[1] in images]
+    seen = Counter(row.split()[0] for row in measured)
+    points = {point for point in (row.split()[0] for row in located) if seen[point] >= 2}
+    return [row for row in (measured, located)[TIE_POINTS.index(file)] if row.split()[0] in points]
+
+
+def _rows(file: Path) -> list[str]:
+    """Return the lines of a text file that are not empty, with single spaces."""
+    lines = (" ".join(line.split()) for line in file.read_text(encoding="utf-8").splitlines())
+    return [line for line in lines if line]
+
+
+def _url(entry: Entry, base: str) -> str:
+    return f"{base}/{entry.repository}/{entry.commit}/{entry.path}"
 
 
 def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
@@ -163,25 +188,6 @@ def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
 
     pooch.get_logger().setLevel(logging.WARNING)
     pooch.retrieve(url, known_hash=known_hash, fname=target.name, path=target.parent)
-
-
-def _lines(file: Path) -> list[str]:
-    return [" ".join(line.split()) for line in file.read_text(encoding="utf-8").splitlines()]
-
-
-def _first_words(file: str) -> set[str]:
-    return {line.split()[0] for line in _lines(folder() / file) if line}
-
-
-def _select_measurements(rows: list[str]) -> list[str]:
-    """Return the rows of the seven images, of points seen twice in them that have coordinates."""
-    images = _first_words("ign-uce-m3/images.OPK")
-    points = _first_words("ign-uce-m3/tie_points_world.mes")
-    return [row for row in rows if row.split()[1] in images and row.split()[0] in points]
-
-
-_SELECTIONS: dict[str, Callable[[list[str]], list[str]]] = {}
-"""How a file is made of its source, where it is not the source itself."""
 
 
 def main() -> int:

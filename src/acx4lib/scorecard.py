@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +11,15 @@ import pandas as pd
 
 from acx4lib import paper, results
 from acx4lib.flight import Flight
+from acx4lib.report import myst_table, scientific
+from acx4lib.tables import LABELS, TITLES, value_and_sigma
 
 RULE = (
     "A number *agrees* where it differs from the printed one by at most two combined standard "
     "deviations, is *near* up to three, and *differs* beyond. Combined are: our standard "
     "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
     "scatter or an RMS over n points it is the one that n independent points give it, of a count "
-    "its square root. A standard deviation itself hangs on the number and the spread of "
+    "its square root. A standard deviation itself depends on the number and the spread of "
     "tie points, which the paper does not tell: it is taken to be known to 20 %."
 )
 """How the verdict is reached; stands above the table."""
@@ -89,6 +91,106 @@ class _Printed:
 
 def _printed(row: Mapping[Hashable, Any]) -> _Printed:
     return _Printed(**{name: row[name] for name in _Printed.__dataclass_fields__})
+
+
+def page(found: results.Results, flight: Flight) -> str:
+    """Return the scorecard as MyST text: the rule, the counts, and every number by table.
+
+    Parameters
+    ----------
+    found : Results
+    flight : Flight
+        Where it is not of the paper's design, its own parameters are listed instead.
+    """
+    if not paper.applies(flight):
+        return _own_parameters(found, flight)
+    card = scorecard(found, flight)
+    agree, total = int((card["verdict"] == "agrees").sum()), len(card)
+    independent = card[card["role"] == INDEPENDENT]
+    parts = [
+        f"Of {total} printed numbers {agree} agree. {len(independent)} of them are independent: "
+        "the simulation was not given them. Where a number was an *input* of the simulation, "
+        "recovering it proves the software, not the paper.",
+        RULE,
+        myst_table(_titled(counts(card)), "The verdicts, by table and role", name="tab-verdicts"),
+    ]
+    for number, lines in card.groupby("table"):
+        name = f"tab-card-{number}"
+        caption = f"The paper's Table {number}, number by number"
+        notes = list(dict.fromkeys(reason for reason in lines["reason"] if reason))
+        table = myst_table(_shown(lines, notes), caption, name=name, formats={"off by": ".1f"})
+        why = "\n".join(f"- **{_letter(i)}** {note}." for i, note in enumerate(notes))
+        parts.append(
+            f"::::{{dropdown}} Table {number}: {len(lines)} numbers\n\n{table}\n\n{why}\n::::"
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _own_parameters(found: results.Results, flight: Flight) -> str:
+    """Return the parameters that a foreign flight's run found."""
+    listed = found.parameters
+    table = pd.DataFrame(
+        {
+            "method": listed["stage"] + "/" + listed["method"],
+            "camera": listed["camera"],
+            "parameter": listed["parameter"],
+            "estimate": [
+                value_and_sigma(v, s) for v, s in zip(listed["value"], listed["sigma"], strict=True)
+            ],
+            "unit": listed["unit"],
+        }
+    )
+    said = (
+        f"This copy of the book was made from the flight *{flight.name}*, which is not of the "
+        "paper's design, so the paper's numbers do not stand beside its own."
+    )
+    return f"{said}\n\n{myst_table(table, 'What was estimated', name='tab-estimated')}\n"
+
+
+def _titled(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(table=[f"Table {n}" for n in table["table"]])
+
+
+def _letter(i: int) -> str:
+    return chr(ord("a") + i)
+
+
+def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
+    """Return the columns of the card that a reader sees; reasons are letters of the notes."""
+    ours = [
+        value_and_sigma(v, s) if s > 0 else f"{v:g}"
+        for v, s in zip(lines["ours"], lines["sigma"], strict=True)
+    ]
+    return pd.DataFrame(
+        {
+            "quantity": [_label(q) for q in lines["quantity"]],
+            "column": [_column_title(c) for c in lines["column"]],
+            "unit": lines["unit"],
+            "printed": [_plain(v) for v in lines["printed"]],
+            "ours": ours,
+            "off by": lines["deviation"],
+            "role": lines["role"],
+            "verdict": lines["verdict"],
+            "why": [_letter(notes.index(r)) if r else "" for r in lines["reason"]],
+        }
+    )
+
+
+def _label(quantity: str) -> str:
+    name = quantity.removeprefix("sigma of ")
+    label = LABELS.get(name, name)
+    if name == quantity:
+        return label
+    return label.replace("mean", "scatter") if "mean" in label else f"σ of {label}"
+
+
+def _column_title(column: str) -> str:
+    return TITLES.get(column, column)
+
+
+def _plain(value: float) -> str:
+    """Return a printed number as one reads it."""
+    return scientific(value, digits=2) if 0 < abs(value) < 1e-3 else f"{value:.9g}"
 
 
 def counts(card: pd.DataFrame) -> pd.DataFrame:
@@ -261,7 +363,7 @@ def _moment(
     entry: dict[str, object], name: str, axis: int, *, n_points: float, gsd: float
 ) -> Ours | None:
     """Return a mean or an RMS over the pairs, with the precision that the points give it."""
-    kind = name.split("_")[0]
+    kind = name.split("_", maxsplit=1)[0]
     values = np.array(entry[kind], dtype=float)
     std = np.array(entry["std"], dtype=float)
     scale = 1 / gsd if name.endswith("_px") else 1.0
@@ -291,7 +393,7 @@ REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
     (
         1,
         ("sigma:k1",),
-        "hangs on how many measurements reach the corners; ours has more tie points, with k1 "
+        "depends on how many measurements reach the corners; ours has more tie points, with k1 "
         "alone for the radial part",
     ),
     (

@@ -144,7 +144,7 @@ def refine_by_mean_differences(
     n = 6 * len(orientation.heads)
     sigma = np.sqrt(np.maximum(np.diag(orientation.cov_joint), 0.0))
     J = np.eye(len(sigma))
-    for i in np.flatnonzero(sigma):
+    for i in map(int, np.flatnonzero(sigma)):
         ahead, _, _ = _shifts(_varied(orientation, i, sigma[i]), ties)
         behind, _, _ = _shifts(_varied(orientation, i, -sigma[i]), ties)
         change = (ahead - behind) / (2 * sigma[i])

@@ -112,6 +112,7 @@ KINDS = (
     (("Deviation",), "standard deviation"),
     (("Camera1 ", "ignificance"), "significance"),
     (("Camera1 ", "Value"), "camera"),
+    (("Quality > Cameras",), "coverage"),
     (("Cameras",), "camera"),
     (("Residuals",), "residual statistic"),
     (("Total error",), "residual statistic"),

@@ -6,7 +6,6 @@ import numpy as np
 from scipy import stats
 
 from acx4lib._typing import Array
-from acx4lib.camera import INTERIOR
 from acx4lib.checked.comparison import Angle, Statements, say
 from acx4lib.checked.dbat_blocks import Project
 from acx4lib.formats import dbat
@@ -55,9 +54,8 @@ def interior(project: Project) -> tuple[Array, Array]:
     """Return DBAT's nine interior values and their a posteriori covariance."""
     adjusted = project.bundle
     columns = adjusted.network.layout.interior[0]
-    padded = np.pad(adjusted.solution.cov, (0, 1))
-    cov = padded[np.ix_(columns, columns)] if len(INTERIOR) else padded
-    cov = cov * (columns >= 0)[:, None] * (columns >= 0)
+    padded = np.pad(adjusted.solution.cov, (0, 1))  # a held parameter's column is -1
+    cov = padded[np.ix_(columns, columns)]
     return dbat.interior_to_dbat(adjusted.cameras[0], cov * adjusted.solution.sigma0_sq)
 
 
@@ -168,8 +166,7 @@ MODEL = "Backward (Photogrammetry) model 3"
 def _camera(project: Project) -> Statements:
     values, cov = interior(project)
     camera = (LAST, "Cameras", "Camera1 (simple)")
-    names = " ".join(name for name in dbat.INTERIOR_NAMES if name != "as")
-    names = names.replace("py ", "py as ")
+    names = " ".join(dbat.INTERIOR_NAMES)
     out: Statements = {
         (LAST, "Lens distortion models", MODEL): say(""),
         (LAST, "Cameras", "Calibration"): say(f"yes ({names})" if project.free else "no"),

@@ -31,7 +31,7 @@ STEP = 1e-30
 DIGITS = 8
 """What must agree; the certified values have eleven."""
 
-COLUMNS = ("dataset", "level", "start", "iterations", "quantity", "printed", "ours", "digits")
+CONVERGED = "converged"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,8 +119,8 @@ def results() -> pd.DataFrame:
     -------
     DataFrame
         dataset, level, start, iterations, quantity (parameters, their sigma, the residual
-        standard deviation), printed, ours, digits that agree (11 at most), and outcome, which is
-        empty or says why there is no result.
+        standard deviation), printed, ours, digits that agree (11 at most), and outcome: converged,
+        or why there is no result.
     """
     tables = [
         _compared(strd.read(reference.path(f"nist-strd/{name}.dat")), start)
@@ -133,7 +133,7 @@ def results() -> pd.DataFrame:
 def _compared(data: Dataset, start: int) -> pd.DataFrame:
     problem = Regression(dataset=data, number=Decimal if data.name in EXACT else float)
     names = problem.column_names()
-    outcome, iterations = "", 0
+    outcome, iterations = CONVERGED, 0
     ours = np.full(2 * len(names) + 1, np.nan)
     try:
         state, solution = adjustment.solve(
@@ -191,6 +191,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         for start, values in own.groupby("start"):
             outcome = str(values["outcome"].iloc[0])
             row[f"iterations {start}"] = int(values["iterations"].iloc[0])
-            row[f"digits {start}"] = outcome or f"{values['digits'].min():.1f}"
+            least = f"{values['digits'].min():.1f}"
+            row[f"digits {start}"] = least if outcome == CONVERGED else outcome
         rows.append(row)
     return pd.DataFrame(rows)

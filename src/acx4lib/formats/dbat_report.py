@@ -49,7 +49,8 @@ def read(path: Path) -> dict[tuple[str, ...], Line]:
     Returns
     -------
     dict
-        Its lines by their path, in their order.
+        Its lines by their path, in their order; headings that state nothing themselves are
+        left out.
 
     Raises
     ------
@@ -62,7 +63,10 @@ def read(path: Path) -> dict[tuple[str, ...], Line]:
             msg = f"{path}: {' > '.join(line.path)} stands there twice"
             raise ValueError(msg)
         lines[line.path] = line
-    return lines
+    headings = {place[:depth] for place in lines for depth in range(1, len(place))}
+    return {
+        place: line for place, line in lines.items() if line.statement or place not in headings
+    }
 
 
 def _lines(text: str) -> Iterator[Line]:

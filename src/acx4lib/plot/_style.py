@@ -70,7 +70,7 @@ RC: Any = {
     "axes.labelcolor": INK,
     "axes.labelsize": 8.5,
     "axes.titlesize": 9.0,
-    "axes.titleweight": "semibold",
+    "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.titlecolor": INK,
     "axes.axisbelow": True,
@@ -127,6 +127,20 @@ def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 5) -> None
     ncols : int
     """
     fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
+
+
+def heading(ax: Axes, title: str, subtitle: str) -> None:
+    """Write a title with a line of small print under it."""
+    ax.set_title(title, pad=15)
+    ax.annotate(
+        subtitle,
+        xy=(0, 1),
+        xytext=(0, 4.5),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=7.5,
+        color=SOFT,
+    )
 
 
 def bare(ax: Axes) -> None:

@@ -1,0 +1,181 @@
+"""Figures of the mounting calibration: correlations, eqs (12)-(13) by image, the lever arm."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from acx4lib._typing import Array, Index
+from acx4lib.calibration import Calibration, parameters
+from acx4lib.frames import log
+from acx4lib.mounting import Mounting
+from acx4lib.plot._style import (
+    BLUE,
+    DIVERGING,
+    INK,
+    ORANGE,
+    SOFT,
+    WIDTH,
+    bare,
+    colour,
+    legend_below,
+    style,
+)
+
+
+def correlation_matrix(correlations: pd.DataFrame) -> Figure:
+    """Draw a correlation matrix, with the numbers where they are 0.3 and more.
+
+    Parameters
+    ----------
+    correlations : DataFrame
+        As `variants.correlations` returns it.
+    """
+    values, names = correlations.to_numpy(), [str(n) for n in correlations.index]
+    n = len(names)
+    with style():
+        side = min(WIDTH, 2.2 + 0.34 * n)
+        fig, ax = plt.subplots(figsize=(side + 0.6, side))
+        image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
+        bare(ax)
+        ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")
+        ax.set_yticks(range(n), names)
+        ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
+        ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
+        ax.grid(visible=True, which="minor", color="white", linewidth=1.2)
+        ax.tick_params(which="minor", length=0)
+        for i, j in zip(*np.nonzero(np.abs(values) >= 0.3), strict=True):
+            if i != j:
+                dark = abs(values[i, j]) > 0.6
+                ax.text(
+                    *(j, i, f"{values[i, j]:+.2f}".replace("0.", ".")),
+                    ha="center",
+                    va="center",
+                    fontsize=6.2,
+                    color="white" if dark else INK,
+                )
+        bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
+        bar.set_label("correlation (no unit)")
+        bar.outline.set_visible(False)
+    return fig
+
+
+def mounting_per_image(mounting: Mounting, *, boresight_sigma_deg: Array | None = None) -> Figure:
+    """Draw what every image says of boresight and lever arm, eqs (12) and (13), less their mean.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Of a two-step method.
+    boresight_sigma_deg : ndarray, shape (3,), optional
+        Of the trajectory's attitude, drawn as a band.
+
+    Raises
+    ------
+    ValueError
+        For a method that has no mounting per image.
+    """
+    if mounting.per_image is None or mounting.averaged is None:
+        msg = f"{mounting.method} has no mounting per image"
+        raise ValueError(msg)
+    block = mounting.bundle.network.block
+    with style():
+        fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 3.9), sharex=True, sharey="row")
+        for k, camera in enumerate(mounting.calibration.cameras):
+            own = np.flatnonzero(mounting.averaged & (block.images.camera_idx == k))
+            seen = mounting.per_image[own]
+            turn = np.degrees(log(camera.T_b_c.R.T @ seen.R))
+            mean_r = seen.r.mean(axis=0)
+            strips = [block.images.strips[i] for i in own]
+            for axis in range(3):
+                _by_strip(axes[0, axis], own, turn[:, axis], strips)
+                _by_strip(axes[1, axis], own, seen.r[:, axis] - mean_r[axis], strips)
+        for axis, name in enumerate(("x", "y", "z")):
+            axes[0, axis].set_title(name)
+            if boresight_sigma_deg is not None:
+                s = float(boresight_sigma_deg[axis])
+                axes[0, axis].axhspan(-s, s, color=SOFT, alpha=0.12, lw=0, zorder=0)
+            for ax in axes[:, axis]:
+                ax.axhline(0, color=INK, lw=0.7)
+            axes[1, axis].set_xlabel("image number")
+        axes[0, 0].set_ylabel("boresight less mean (°)")
+        axes[1, 0].set_ylabel("lever arm less mean (m)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        if any(labels):
+            legend_below(fig, handles, ncols=6)
+    return fig
+
+
+def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None:
+    """Draw values over image numbers, a colour for every strip."""
+    for i, strip in enumerate(dict.fromkeys(strips)):
+        own = np.array([s == strip for s in strips])
+        ax.plot(
+            *(number[own] + 1, values[own], "o"),
+            ms=2.8,
+            color=colour(i),
+            label=f"strip {strip}" if strip else "",
+        )
+
+
+def lever_arm_seen(table: pd.DataFrame) -> Figure:
+    """Draw the lever arm that the two-step interior orientation took up beside the true one.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `variants.lever_arm_seen` returns it.
+    """
+    labels = {
+        "xp": "x: out of the shift of $x_p$",
+        "yp": "y: out of the shift of $y_p$",
+        "f": "z: out of the shift of $f$",
+    }
+    rows = np.arange(len(table))
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 2.3))
+        for offset, value, sigma, name, tint in (
+            (-0.13, "lever_seen_m", "sigma_seen_m", "two-step less single step, times H/f", ORANGE),
+            (0.13, "lever_estimated_m", "sigma_estimated_m", "estimated by the single step", BLUE),
+        ):
+            ax.errorbar(
+                *(table[value], rows + offset),
+                xerr=2 * table[sigma],
+                fmt="o",
+                color=tint,
+                capsize=2.5,
+                lw=1.2,
+                ms=5,
+                label=f"{name}, ±2σ",
+            )
+        ax.axvline(0, color=INK, lw=0.7)
+        ax.set_yticks(rows, [labels[str(p)] for p in table["parameter"]])
+        ax.set_ylim(len(rows) - 0.5, -0.5)
+        ax.set_xlabel("lever arm, body axes (m)")
+        legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
+    return fig
+
+
+def interior_difference(first: Calibration, second: Calibration) -> Figure:
+    """Draw by how much two calibrations differ, in standard deviations of the first.
+
+    Parameters
+    ----------
+    first, second : Calibration
+        With the same cameras.
+    """
+    a = {(p.camera, p.name): p for p in parameters(first)}
+    b = {(p.camera, p.name): p for p in parameters(second)}
+    common = [key for key in a if key in b]
+    values = [(b[key].value - a[key].value) / a[key].sigma for key in common]
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 0.8 + 0.2 * len(common)))
+        ax.axvspan(-2, 2, color=SOFT, alpha=0.12, lw=0)
+        ax.barh(range(len(common)), values, color=BLUE, height=0.6)
+        ax.set_yticks(range(len(common)), [name for _, name in common])
+        ax.invert_yaxis()
+        ax.set_xlabel("difference (standard deviations)")
+    return fig
