@@ -58,7 +58,7 @@ test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2
 
 bench: .venv/.stamp-test ## time what the project promises to do quickly
-	@for script in $(wildcard benchmarks/*.py); do $(BIN)/python $$script || exit 1; done
+	@for script in $(wildcard tests/benchmarks/*.py); do $(BIN)/python $$script || exit 1; done
 
 # --- the notebooks on one flight -----------------------------------------------------------
 
@@ -83,8 +83,7 @@ notebooks: $(RESULTS)/.stamp ## run the notebooks on FLIGHT
 
 book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@rm -rf book/_build book/_executed book/_generated && mkdir -p book/_executed book/_generated
-	@cp $(RESULTS)/*.ipynb book/_executed
-	@$(BIN)/python -m acx4lib.scorecard $(RESULTS) book/_generated/scorecard.md
+	@$(BIN)/python book/_scripts/pages.py $(FLIGHT) $(RESULTS) book
 	@$(BIN)/python book/_scripts/provenance.py $(FLIGHT) $(RESULTS) book/_generated/provenance.md
 	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
 	@$(BIN)/python book/_figures/frames.py book/_generated

@@ -7,7 +7,7 @@ complement. A `Problem` says what its observations are at a state; everything el
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -16,45 +16,17 @@ from scipy import linalg, stats
 
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.errors import AdjustmentError
+from acx4lib.normal_equations import (
+    SINGULAR,
+    Equations,
+    column_normals,
+    damped_step,
+    point_normals,
+    strips,
+    units,
+)
 
 S = TypeVar("S")
-
-CHUNK = 2048
-"""Points eliminated at a time; bounds the memory of the dense strips."""
-
-SINGULAR = 1e-11
-"""Eigenvalue of the scaled normal matrix below which a direction is not determined."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Equations:
-    """One group of linearised observations, v = estimated - observed.
-
-    Attributes
-    ----------
-    kind : str
-        For reports.
-    v, sigma : ndarray, shape (m, d)
-        An infinite sigma takes a component out.
-    A : ndarray, shape (m, d, k)
-        dv / d(unknowns of the observation's unit); k may be zero.
-    columns : ndarray, shape (n_units, k)
-        Where these unknowns stand in the reduced system; -1 for one that is held.
-    unit : ndarray, shape (m,)
-        Observations of one unit share their columns.
-    B : ndarray, shape (m, d, 3), optional
-        dv / d(point).
-    point : ndarray, shape (m,), optional
-    """
-
-    kind: str
-    v: Array
-    sigma: Array
-    A: Array
-    columns: Index
-    unit: Index
-    B: Array | None = None
-    point: Index | None = None
 
 
 class Problem(Protocol[S]):
@@ -209,9 +181,7 @@ def solve(
     return state, _quality(problem, equations, iterations)
 
 
-def _iterate(
-    problem: Problem[S], state: S, max_iterations: int, tolerance: float
-) -> tuple[S, int]:
+def _iterate(problem: Problem[S], state: S, max_iterations: int, tolerance: float) -> tuple[S, int]:
     damping = 0.0
     cost = _cost(problem.residuals(state))
     if not np.isfinite(cost):
@@ -242,12 +212,15 @@ def _descend(
 ) -> tuple[S, float, float, float] | None:
     """Damp until a step reduces the cost; None where only rounding is left to reduce."""
     while damping <= 1e12:
-        dx, dp, decrement = _step(problem, equations, damping)
+        dx, dp, decrement = damped_step(problem.n_columns, problem.free_points, equations, damping)
         trial = problem.moved(state, dx, dp)
         trial_cost = _cost(problem.residuals(trial))
         if trial_cost <= cost:
             return trial, trial_cost, damping, decrement
-        if decrement <= 1e-8 * unit or decrement < 1e-14:
+        # a damped step may also be small because the derivatives are wrong
+        if decrement <= max(1e-8 * unit, 1e-14) and (
+            _step(problem, equations, 0.0)[2] <= max(1e-4 * unit, 1e-14)
+        ):
             return None
         damping = max(10 * damping, 1e-6)
     msg = "no step reduces the cost any more"
@@ -269,155 +242,30 @@ def _cost(groups: Sequence[tuple[Array, Array]]) -> float:
     return cost if np.isfinite(cost) else np.inf
 
 
-# --- normal equations ------------------------------------------------------------------------
-
-
-def _step(
-    problem: Problem[S], equations: Sequence[Equations], damping: float
-) -> tuple[Array, Array, float]:
-    """Return the damped Gauss-Newton step and the decrease of cost that it predicts."""
-    N, g = _column_normals(problem.n_columns, equations)
-    V, h = _point_normals(problem, equations)
-    diagonal = N.diagonal().copy()
-    N[np.diag_indices_from(N)] += damping * diagonal
-    V = V + damping * (V * np.eye(3))
-    V_inv = np.linalg.inv(V)
-    for points, strip in _strips(problem, equations):
-        L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
-        Z = (L_inv @ strip).reshape(-1, problem.n_columns)
-        N -= Z.T @ Z
-        g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
-    dx = -_solve_scaled(N, g, diagonal)
-    cross = np.zeros_like(h)
-    for e in equations:
-        if e.B is not None and e.point is not None and e.A.shape[2]:
-            Adx = np.einsum("mdk,mk->md", e.A, _gather(dx, e.columns)[e.unit])
-            np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
-    dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
-    dp[~problem.free_points] = 0.0
-    # the undamped gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
-    decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
-    return dx, dp, decrement
-
-
-def _column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return A^T P A and A^T P v over all groups, unit by unit."""
-    N, g = np.zeros((n, n)), np.zeros(n)
-    for e in equations:
-        for rows, columns, held in _units(e):
-            P = 1 / e.sigma[rows] ** 2
-            A = e.A[rows].reshape(-1, e.A.shape[2])[:, ~held]
-            PA = P.reshape(-1, 1) * A
-            N[np.ix_(columns, columns)] += A.T @ PA
-            g[columns] += PA.T @ e.v[rows].ravel()
-    return N, g
-
-
-def _units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
-    """Yield the rows of every unit, its columns in the reduced system, and which are held."""
-    if e.A.shape[2] == 0:
-        return
-    order = np.argsort(e.unit, kind="stable")
-    ends = np.cumsum(np.bincount(e.unit, minlength=len(e.columns)))
-    for unit, columns in enumerate(e.columns):
-        rows = order[ends[unit - 1] if unit else 0 : ends[unit]]
-        held = columns < 0
-        if len(rows) and not held.all():
-            yield rows, columns[~held], held
-
-
-def _point_normals(problem: Problem[S], equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return B^T P B and B^T P v of every point; the identity where a point is held."""
-    V, h = np.zeros((problem.n_points, 3, 3)), np.zeros((problem.n_points, 3))
-    for e in equations:
-        if e.B is not None and e.point is not None:
-            PB = e.B / e.sigma[:, :, None] ** 2
-            _add_by_point(V, e.point, np.swapaxes(e.B, 1, 2) @ PB)
-            _add_by_point(h, e.point, np.einsum("mdi,md->mi", PB, e.v))
-    V[~problem.free_points] = np.eye(3)
-    h[~problem.free_points] = 0.0
-    return V, h
-
-
-def _add_by_point(total: Array, point: Index, values: Array) -> None:
-    """Add values to their points; fast where the points come in order."""
-    if len(point) == 0:
-        return
-    if np.any(np.diff(point) < 0):
-        np.add.at(total, point, values)
-        return
-    starts = np.flatnonzero(np.diff(point, prepend=-1))
-    total[point[starts]] += np.add.reduceat(values, starts, axis=0)
-
-
-def _strips(problem: Problem[S], equations: Sequence[Equations]) -> Iterator[tuple[slice, Array]]:
-    """Yield B^T P A of the points in chunks, dense, shape (points, 3, n_columns)."""
-    products = [
-        (e, np.swapaxes(e.B, 1, 2) @ (e.A / e.sigma[:, :, None] ** 2))
-        for e in equations
-        if e.B is not None and e.point is not None and e.A.shape[2]
-    ]
-    n = problem.n_columns
-    for start in range(0, problem.n_points, CHUNK):
-        chunk = slice(start, min(start + CHUNK, problem.n_points))
-        strip = np.zeros((chunk.stop - start) * 3 * (n + 1))
-        for e, product in products:
-            point = np.asarray(e.point)
-            rows = np.flatnonzero((point >= start) & (point < chunk.stop))
-            columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
-            at = (point[rows] - start)[:, None] * 3 + np.arange(3)
-            flat = at[:, :, None] * (n + 1) + columns[:, None, :]
-            strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
-        dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
-        dense[~problem.free_points[chunk]] = 0.0
-        yield chunk, dense
-
-
-def _gather(dx: Array, columns: Index) -> Array:
-    """Return the entries of dx at columns, zero where a column is -1."""
-    return np.append(dx, 0.0)[columns]
-
-
-def _solve_scaled(N: Array, g: Array, diagonal: Array) -> Array:
-    """Solve N x = g scaled to a unit diagonal, of minimum norm where N is singular."""
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = N * scale[:, None] * scale
-    try:
-        factor = linalg.cho_factor(scaled, lower=True)
-        if np.min(np.abs(np.diagonal(factor[0]))) ** 2 > SINGULAR:
-            return np.asarray(scale * linalg.cho_solve(factor, scale * g))
-    except linalg.LinAlgError:
-        pass
-    values, vectors = linalg.eigh(scaled)
-    keep = values > SINGULAR
-    part = vectors[:, keep]
-    return np.asarray(scale * (part @ ((part.T @ (scale * g)) / values[keep])))
-
-
 # --- quality ---------------------------------------------------------------------------------
 
 
 def _quality(problem: Problem[S], equations: Sequence[Equations], iterations: int) -> Solution:
     """Return covariances, redundancy numbers and tests at the solution."""
-    N, _ = _column_normals(problem.n_columns, equations)
+    N, _ = column_normals(problem.n_columns, equations)
     diagonal = N.diagonal().copy()
-    V, _ = _point_normals(problem, equations)
+    V, _ = point_normals(problem.free_points, equations)
     V_inv = np.linalg.inv(V)
-    for points, strip in _strips(problem, equations):
-        Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(-1, problem.n_columns)
+    for points, strip in strips(problem.n_columns, problem.free_points, equations):
+        Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
         N -= Z.T @ Z
     cov, undetermined, values, weakest = _inverse(N, diagonal)
     explained = [np.zeros_like(e.v) for e in equations]
     cov_points = V_inv
     cov_points[~problem.free_points] = 0.0
-    for points, strip in _strips(problem, equations):
+    for points, strip in strips(problem.n_columns, problem.free_points, equations):
         gain = V_inv[points] @ strip  # -d(point)/d(columns)
         cross = -gain @ cov
         cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
         for e, part in zip(equations, explained, strict=True):
             _add_explained_by_points(part, e, points, cross, cov_points)
     for e, part in zip(equations, explained, strict=True):
-        for rows, columns, held in _units(e):
+        for rows, columns, held in units(e):
             A = e.A[rows][:, :, ~held]
             part[rows] += np.sum((A @ cov[np.ix_(columns, columns)]) * A, axis=2)
     used = [np.isfinite(e.sigma) for e in equations]
@@ -450,9 +298,9 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
     ndarray, shape (k, 3, n_columns)
     """
     equations = problem.equations(state)
-    V, _ = _point_normals(problem, equations)
+    V, _ = point_normals(problem.free_points, equations)
     out = np.zeros((len(points), 3, problem.n_columns))
-    for chunk, strip in _strips(problem, equations):
+    for chunk, strip in strips(problem.n_columns, problem.free_points, equations):
         here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
         gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
         out[here] = -gain @ solution.cov

@@ -161,7 +161,7 @@ def run(
             notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
             tell=tell,
         )
-    for line in [*report.skipped, *report.left_out]:
+    for line in [*report.skipped, *report.left_out, *report.notes]:
         typer.echo(line)
     typer.echo(f"results in {results}")
     if report.not_determined:

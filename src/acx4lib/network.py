@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acx4lib._typing import Array, Index, Mask
-from acx4lib.adjustment import Equations
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.collinearity import (
@@ -23,6 +22,7 @@ from acx4lib.collinearity import (
     refraction_lift,
 )
 from acx4lib.frames import Pose, exp, log, log_jacobian, transform
+from acx4lib.normal_equations import Equations
 
 MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
 """The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""

@@ -41,6 +41,9 @@ COMPONENTS = {
 }
 """Components of the residuals of every kind; attitudes turn about the body's x, y, z axes."""
 
+SCALE_LIMIT = 0.01
+"""Scale of control against trajectory beyond which something is wrong, not imprecise."""
+
 RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
 
 
@@ -134,6 +137,39 @@ def of_bundle(
         tables=tables,
         summary={summary_key or f"{stage}/{method}": entry},
     )
+
+
+def _notes(key: str, bundle: Bundle) -> list[str]:
+    """Return what a user should know of an adjustment, in sentences."""
+    notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
+    scale = height_scale(bundle)
+    if abs(scale - 1) > SCALE_LIMIT:
+        notes.append(
+            f"the images stand {100 * (scale - 1):+.1f} % higher above the control points than the "
+            "trajectory says: the height system of control or trajectory, or the focal length, "
+            "is wrong"
+        )
+    return [f"{key}: {note}" for note in notes]
+
+
+def height_scale(bundle: Bundle) -> float:
+    """Return the images' height above the control points, adjusted against the trajectory's.
+
+    One where control or trajectory do not say it. The focal length that the bundle estimated is
+    part of it: a wrong one moves free orientations, or is moved by observed ones.
+    """
+    network = bundle.network
+    control = network.control.x_m[:, 2]
+    images = np.flatnonzero(bundle.oriented)
+    if len(control) == 0 or len(images) == 0:
+        return 1.0
+    declared = network.block.cameras[0].interior.f
+    by_focal_length = bundle.state.interiors[0].f / declared
+    ground = control.mean()
+    observed = network.block.T_m_b_images.r[images, 2] - ground
+    adjusted = bundle.T_m_c.r[images, 2] - ground
+    scale = float(np.median(adjusted / observed))
+    return scale if abs(scale - 1) > abs(by_focal_length - 1) else by_focal_length
 
 
 def of_mounting(mounting: Mounting) -> Record:

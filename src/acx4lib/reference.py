@@ -14,6 +14,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +27,10 @@ BASE_URL = "https://raw.githubusercontent.com"
 TIE_POINTS = ("ign-uce-m3/tie_points.mes", "ign-uce-m3/tie_points_world.mes")
 """Selections from files of a whole flight, made anew where they are fetched."""
 
-HINT = "run `make reference-data`, or let ACX4_REFERENCE_DATA name a folder that has it"
+VARIABLE = "ACX4_REFERENCE_DATA"
+"""Environment variable with a folder that has the files already."""
+
+HINT = f"run `make reference-data`, or let {VARIABLE} name a folder that has it"
 
 
 class ReferenceDataError(Acx4Error):
@@ -65,8 +69,28 @@ def index() -> tuple[Entry, ...]:
 
 def folder() -> Path:
     """Return the folder of the reference data: ACX4_REFERENCE_DATA, or the repository's own."""
-    given = os.environ.get("ACX4_REFERENCE_DATA", "")
+    given = os.environ.get(VARIABLE, "")
     return Path(given) if given else data_path("reference", "index.csv").parent / "files"
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Let ACX4_REFERENCE_DATA name a folder for a while; nothing changes for an empty name.
+
+    Parameters
+    ----------
+    place : str
+    """
+    before = os.environ.get(VARIABLE)
+    if place:
+        os.environ[VARIABLE] = place
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(VARIABLE, None)
+        else:
+            os.environ[VARIABLE] = before
 
 
 def is_here(name: str) -> bool:

@@ -49,6 +49,8 @@ class RunReport:
         Stages whose block the flight does not have.
     not_determined : tuple of str
         Parameters of `DECISIVE` methods that the data do not determine.
+    notes : tuple of str
+        What else the stages have to say of the data.
     left_out : tuple of str
         Methods that were left out, and why.
     """
@@ -57,6 +59,7 @@ class RunReport:
     skipped: tuple[str, ...]
     not_determined: tuple[str, ...]
     left_out: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +134,7 @@ def run(
         skipped=tuple(f"{stage}: skipped, {reason}" for stage, reason in skipped.items()),
         not_determined=tuple(_messages(folder, done, "not_determined", DECISIVE)),
         left_out=tuple(_messages(folder, done, "left_out", done)),
+        notes=tuple(_messages(folder, done, "notes", done)),
     )
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
+from acx4lib import reference
 from acx4lib.checked import comparison, dbat, dbat_blocks, ign, nist, noaa, stored
 from acx4lib.checked.stored import Comparison
 
@@ -40,9 +41,17 @@ def compute(name: str) -> pd.DataFrame:
     return COMPARISONS[name][1]()
 
 
-def computed_or_stored(name: str) -> Comparison:
-    """Return one of `COMPARISONS`, as it was stored where its measurements are missing."""
-    return stored.computed_or_stored(name, COMPARISONS)
+def computed_or_stored(name: str, *, folder: str = "") -> Comparison:
+    """Return one of `COMPARISONS`, as it was stored where its measurements are missing.
+
+    Parameters
+    ----------
+    name : str
+    folder : str
+        Of the measurements; where they are looked for anyway if empty.
+    """
+    with reference.at(folder):
+        return stored.computed_or_stored(name, COMPARISONS)
 
 
 def store() -> None:

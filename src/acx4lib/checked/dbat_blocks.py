@@ -53,9 +53,7 @@ def camcal() -> Project:
     """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points error-free."""
     measured = dbat.read_image_points(reference.path("dbat-camcal/image_points.txt"))
     # the height of the format is given in mm
-    camera = dbat.camera_from_dbat(
-        cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704
-    )
+    camera = dbat.camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
     return _adjusted("dbat-camcal", camera, measured, free=FREE)
 
 
@@ -147,9 +145,7 @@ def _resected(
     poses = []
     for image in range(len(names)):
         own = points[(points.image_idx == image) & (where[points.point_idx] >= 0)]
-        poses.append(
-            intersection.resect(camera, own.colrow, control.x_m[where[own.point_idx]])
-        )
+        poses.append(intersection.resect(camera, own.colrow, control.x_m[where[own.point_idx]]))
     open_sigma = np.full((len(names), 3), np.inf)
     return Trajectory(
         exposures=names,

@@ -208,9 +208,9 @@ def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
     size_mm = dbat.sensor_size_mm(camera)
     size_px = np.array([camera.width_px, camera.height_px])
     rated_mm = camera.pixel_mm * size_px
-    view = np.degrees(2 * np.arctan(np.append(rated_mm, np.hypot(*rated_mm)) / 2 / camera.interior.f))
+    diagonal_mm = float(np.hypot(*rated_mm))
+    view = 2 * np.degrees(np.arctan(np.append(rated_mm, diagonal_mm) / 2 / camera.interior.f))
     distortion_mm = dbat.largest_distortion_mm(camera)
-    half_diagonal_mm = float(np.hypot(*rated_mm)) / 2
     out: Statements = {}
     for k, (side, axis) in enumerate((("width", "X"), ("height", "Y"))):
         out[(*path, f"Format {side}", "Value")] = say("{} mm", size_mm[k])
@@ -222,7 +222,7 @@ def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
         "{} mm ({} px, {}% of half-diagonal)",
         distortion_mm,
         distortion_mm / camera.pixel_mm,
-        100 * distortion_mm / half_diagonal_mm,
+        200 * distortion_mm / diagonal_mm,
     )
     return out
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from acx4lib import adjustment, reference
 from acx4lib._typing import Array, Index, Mask
-from acx4lib.adjustment import Equations, Solution
+from acx4lib.adjustment import Solution
 from acx4lib.errors import AdjustmentError
 from acx4lib.formats import strd
 from acx4lib.formats.strd import Dataset
+from acx4lib.normal_equations import Equations
 
 State = NDArray[Any]
 """Parameters, of floats or of decimal numbers."""
@@ -149,7 +150,7 @@ def _compared(data: Dataset, start: int) -> pd.DataFrame:
             outcome = f"not determined there: {', '.join(open_names)}"
     printed = (*data.parameters, *data.sigma, data.sigma0)
     certified = np.array(printed, dtype=float)
-    error = np.maximum(np.abs(ours / certified - 1), 1e-11)
+    relative = np.maximum(np.abs(ours / certified - 1), 1e-11)
     return pd.DataFrame(
         {
             "dataset": data.name,
@@ -159,7 +160,7 @@ def _compared(data: Dataset, start: int) -> pd.DataFrame:
             "quantity": [*names, *(f"sigma of {name}" for name in names), "sigma0"],
             "printed": printed,
             "ours": ours,
-            "digits": -np.log10(error),
+            "digits": -np.log10(relative),
             "outcome": outcome,
         }
     )

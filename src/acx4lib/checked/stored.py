@@ -79,7 +79,10 @@ def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
     today = datetime.now(UTC).date().isoformat()
     versions = {package: version(package) for package in PACKAGES}
     for name, (_, compute) in sets.items():
-        table = compute()
-        table.to_csv(folder() / f"{name}.csv", index=False, float_format="%.12g", lineterminator="\n")
-    computed = pd.DataFrame([{"name": name, "date": today, **versions} for name in sets])
-    computed.to_csv(folder() / "computed.csv", index=False, lineterminator="\n")
+        _write(compute(), name)
+    _write(pd.DataFrame([{"name": name, "date": today, **versions} for name in sets]), "computed")
+
+
+def _write(table: pd.DataFrame, name: str) -> None:
+    path = folder() / f"{name}.csv"
+    table.to_csv(path, index=False, float_format="%.12g", lineterminator="\n")

@@ -89,7 +89,7 @@ def read_camera(path: Path, *, pixel_mm: float) -> Camera:
     path : Path
     pixel_mm : float
     """
-    words = dict(line.split(" = ") for line in path.read_text(encoding="utf-8").splitlines() if line)
+    words = {row[0]: row[-1] for row in _rows(path)}  # name = value
     width, height = int(words["width"]), int(words["height"])
     return Camera(
         name=words["Name"],

@@ -64,9 +64,7 @@ def read(path: Path) -> dict[tuple[str, ...], Line]:
             raise ValueError(msg)
         lines[line.path] = line
     headings = {place[:depth] for place in lines for depth in range(1, len(place))}
-    return {
-        place: line for place, line in lines.items() if line.statement or place not in headings
-    }
+    return {place: line for place, line in lines.items() if line.statement or place not in headings}
 
 
 def _lines(text: str) -> Iterator[Line]:

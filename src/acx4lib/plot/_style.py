@@ -59,6 +59,8 @@ RC: Any = {
     "figure.dpi": 150,
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
+    "figure.constrained_layout.w_pad": 0.07,
+    "figure.constrained_layout.h_pad": 0.06,
     "savefig.facecolor": "white",
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -116,7 +118,7 @@ def colour(i: int) -> str:
     return PALETTE[i % len(PALETTE)]
 
 
-def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 5) -> None:
+def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None:
     """Put one legend under all axes of a figure, outside of the data.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from acx4lib._typing import Array
 from acx4lib.bundle import Bundle
@@ -16,6 +17,7 @@ from acx4lib.calibration import from_bundle, reported_covariance
 from acx4lib.camera import INTERIOR
 from acx4lib.correlations import EXTERIOR, interior_exterior
 from acx4lib.experiments import HeldFocalLength
+from acx4lib.frames import log
 from acx4lib.plot._style import (
     BRICK,
     INK,
@@ -50,6 +52,9 @@ SYMBOLS = {
 NO_HEADS = "No head could be adjusted."
 CELLS = 12
 """Cells along the longer side of an image in `mean_residuals`."""
+
+FAR = 3.44
+"""Noise alone makes a plane vector longer than this many sigma as rarely as a number exceeds 3."""
 
 
 # --- residuals -------------------------------------------------------------------------------
@@ -108,27 +113,240 @@ def _cell_means(fit: Bundle) -> tuple[Array, Array, Array]:
     sigma_mean = np.sqrt(np.bincount(idx, sigma**2, minlength=n)[enough]) / count[enough]
     row, col = np.divmod(np.flatnonzero(enough), n_cols)
     middle = (np.column_stack([col, row]) + 0.5) * size
-    # of a two-dimensional normal vector, so that 3 means what it means in one dimension
-    return middle, mean, np.hypot(*mean.T) / sigma_mean / np.sqrt(1.31)
+    return middle, mean, np.hypot(*mean.T) / sigma_mean
 
 
 def _draw_field(ax: Axes, fit: Bundle, field: tuple[Array, Array, Array], *, key: float) -> None:
     camera = fit.network.block.cameras[0]
     middle, d, in_sigma = field
-    scale = max(camera.width_px, camera.height_px) / CELLS / key
-    for far, tint, width in ((False, INK, 0.0035), (True, ORANGE, 0.006)):
-        own = (in_sigma > 3) == far
-        x, y = middle[own].T
-        ax.quiver(
-            *(x, y, scale * d[own, 0], scale * d[own, 1]),
-            angles="xy",
-            scale_units="xy",
-            scale=1,
-            color=tint,
-            width=width,
-            zorder=3,
-        )
-    ax.plot([0, scale * key], [1.055, 1.055], color=INK, lw=1.6, transform=_below(ax))
+    scale = max(camera.width_px, camera.height_px) / CELLS / key  # the key is as long as a cell
+    arrows = ax.quiver(
+        *middle.T,
+        *(scale * d.T),
+        color=list(np.where(in_sigma > FAR, ORANGE, INK)),
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.004,
+        zorder=3,
+    )
+    label = f"{key:g} px"
+    ax.quiverkey(arrows, 0.87, 1.06, scale * key, label, labelpos="W", fontproperties={"size": 7.5})
     ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
-    ax.set(xlabel=f"column (px); bar: {key:g} px", ylabel="row (px)")
+    ax.set(xlabel="column (px)", ylabel="row (px)")
     ax.locator_params(nbins=5)
+
+
+# --- distortion ------------------------------------------------------------------------------
+
+
+def radial_distortion(
+    fits: Mapping[str, Bundle],
+    *,
+    printed_px: Mapping[str, float] | None = None,
+    claim_px: float | None = None,
+) -> Figure:
+    """Draw the radial distortion of every head, with one standard deviation, up to its corner.
+
+    Parameters
+    ----------
+    fits : mapping of str to Bundle
+    printed_px : mapping of str to float, optional
+        The paper's at the corner, by head.
+    claim_px : float, optional
+        What the paper's text says of the border.
+
+    Returns
+    -------
+    Figure
+    """
+    if not fits:
+        return nothing(NO_HEADS)
+    printed_px = printed_px or {}
+    with style():
+        fig, (wide, near) = plt.subplots(1, 2, figsize=(WIDTH, 3.3), width_ratios=[1.5, 1])
+        lowest, highest, corner = np.inf, -np.inf, 0.0
+        for i, (name, fit) in enumerate(fits.items()):
+            r, px, sigma = radial_profile(fit)
+            for ax in (wide, near):
+                ax.plot(r, px, color=colour(i), label=name)
+                ax.fill_between(r, px - sigma, px + sigma, color=colour(i), alpha=0.25, lw=0)
+            ends = [px[-1], printed_px.get(name, px[-1])]
+            near.plot(*([r[-1]], ends[1:]), "D", ms=4.5, mfc="white", mec=colour(i), mew=1.3)
+            lowest, highest = min(lowest, 0.93 * min(ends)), max(highest, 1.05 * max(ends))
+            corner = max(corner, r[-1])
+        highest = max(highest, 1.04 * (claim_px or 0.0))
+        near.set(xlim=(0.955 * corner, 1.008 * corner), ylim=(lowest, highest))
+        wide.yaxis.set_major_locator(MaxNLocator(7, integer=True))
+        wide.set(xlim=(0, 1.02 * corner))
+        heading(wide, "radial distortion", "from the principal point to the corner")
+        heading(near, "at the corner", r"bands: $\pm 1\sigma$")
+        handles = wide.get_legend_handles_labels()[0]
+        handles += _claims((wide, near), claim_px, some=bool(printed_px))
+        for ax in (wide, near):
+            ax.set(xlabel="radius (mm)", ylabel="distortion (px)")
+        legend_below(fig, handles)
+    return fig
+
+
+def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list[Line2D]:
+    """Draw the paper's statement and return the legend's handles of what is the paper's."""
+    handles = []
+    if some:
+        label = "Table 1 of the paper"
+        handles.append(Line2D([], [], ls="", marker="D", mfc="white", mec=SOFT, label=label))
+    if claim_px is not None:
+        for ax in axes:
+            ax.axhline(claim_px, color=PRINTED, ls=(0, (4, 2)), lw=1)
+        label = f"its text: about {claim_px:g} px"
+        handles.append(Line2D([], [], color=PRINTED, ls=(0, (4, 2)), lw=1, label=label))
+    return handles
+
+
+def radial_profile(fit: Bundle, *, n: int = 200) -> tuple[Array, Array, Array]:
+    """Compute the radial distortion (eqs 7-8) of a calibrated camera up to its corner.
+
+    Parameters
+    ----------
+    fit : Bundle
+        Of one camera.
+    n : int
+        Number of radii.
+
+    Returns
+    -------
+    r, px, sigma_px : ndarray, shape (n,)
+        Radius in mm, distortion and its a posteriori standard deviation in pixels.
+    """
+    camera, calibration = fit.cameras[0], from_bundle(fit)
+    half = 0.5 * camera.pixel_mm * camera.diagonal_px
+    r = np.linspace(0.0, half, n)
+    names = ("k1", "k2", "k3")
+    powers = np.stack([r**3, r**5, r**7], axis=1) / camera.pixel_mm
+    values = np.array([getattr(camera.interior, name) for name in names])
+    columns = calibration.layout.interior[0][[INTERIOR.index(name) for name in names]]
+    padded = np.pad(reported_covariance(calibration), (0, 1))  # column -1: held, no variance
+    cov = padded[np.ix_(columns, columns)]
+    return r, powers @ values, np.sqrt(np.einsum("ni,ij,nj->n", powers, cov, powers))
+
+
+# --- correlations ----------------------------------------------------------------------------
+
+
+def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> Figure:
+    """Draw how the interior orientation of the heads correlates with the exterior.
+
+    Parameters
+    ----------
+    fits : mapping of str to Bundle
+    claim : float, optional
+        Bound that the paper gives.
+
+    Returns
+    -------
+    Figure
+        Left the largest of all heads and images by pairs of parameters, right how many of all
+        correlations stay below a value.
+    """
+    if not fits:
+        return nothing(NO_HEADS)
+    found = {name: interior_exterior(fit) for name, fit in fits.items()}
+    with style():
+        fig, (pairs, shares) = plt.subplots(1, 2, figsize=(WIDTH, 3.2), width_ratios=[1.15, 1])
+        _draw_pairs(
+            pairs,
+            next(iter(found.values())).interior,
+            np.max([c.largest for c in found.values()], 0),
+        )
+        for i, (name, c) in enumerate(found.items()):
+            values = np.sort(np.abs(c.values), axis=None)
+            share = np.arange(1, len(values) + 1) / len(values)
+            shares.plot(values, 100 * share, color=colour(i), label=name)
+        shares.set(xlim=(0, 1), ylim=(0, 100), xlabel="absolute correlation (1)")
+        shares.set_ylabel("share of all pairs and images below (%)")
+        handles = shares.get_legend_handles_labels()[0]
+        if claim is not None:
+            line = shares.axvline(claim, color=PRINTED, ls=(0, (4, 2)), lw=1)
+            line.set_label(f"the paper: all below {claim:g}")
+            handles.append(line)
+        heading(pairs, "largest correlations", "of all heads and images")
+        heading(shares, "all correlations", "interior with exterior orientation")
+        legend_below(fig, handles)
+    return fig
+
+
+def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
+    ax.imshow(largest, cmap=SEQUENCE, vmin=0, vmax=1, aspect="auto")
+    bare(ax)
+    ax.set_xticks(range(len(EXTERIOR)), [SYMBOLS[name] for name in EXTERIOR], size=9)
+    ax.set_yticks(range(len(interior)), [SYMBOLS[name] for name in interior], size=9)
+    ax.set(xlabel="exterior orientation", ylabel="interior orientation")
+    ax.set_xticks(np.arange(len(EXTERIOR) - 1) + 0.5, minor=True)
+    ax.set_yticks(np.arange(len(interior) - 1) + 0.5, minor=True)
+    ax.tick_params(which="minor", length=0)
+    ax.grid(visible=True, which="minor", color="white", lw=1.5)
+    for i, j in np.ndindex(*largest.shape):
+        tint = "white" if largest[i, j] > 0.55 else INK
+        ax.text(j, i, f"{largest[i, j]:.2f}", ha="center", va="center", size=7.5, color=tint)
+
+
+# --- a wrong focal length --------------------------------------------------------------------
+
+
+def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
+    """Draw what the calibration of the heads shows when their focal lengths are held wrong.
+
+    Parameters
+    ----------
+    held : sequence of HeldFocalLength
+        All heads changed by the same, at least two different changes.
+
+    Returns
+    -------
+    Figure
+        Above what could give a wrong focal length away, below the parameters that take it up.
+    """
+    names = [name for name in held[0].bundles if all(name in h.bundles for h in held)]
+    if not names:
+        return nothing(NO_HEADS)
+    change = np.array([h.change_mm[0] for h in held])
+    start = int(np.argmin(np.abs(change)))
+    with style():
+        fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 4.6), sharex=True)
+        for i, name in enumerate(names):
+            curves = _reactions([h.bundles[name] for h in held], start)
+            curves.insert(2, np.array([h.above_gnss_m[name] for h in held]))
+            for ax, values in zip(axes.flat, curves, strict=True):
+                ax.plot(change, values, "o-", color=colour(i), label=name)
+        labels = (
+            "variance factor (1)",
+            "rms at control points (mm)",
+            "camera above GNSS (m)",
+            "change of $x_p$ (mm)",
+            "change of $y_p$ (mm)",
+            "turned by (deg)",
+        )
+        for ax, label in zip(axes.flat, labels, strict=True):
+            ax.set_ylabel(label)
+            ax.set_xticks(change, [f"{c:+g}" if c else "0" for c in change])
+        axes[0, 0].set_ylim(0, 1.35 * max(h.sigma0_sq for h in held))
+        axes[0, 1].set_ylim(0, 1600 * max(h.control_rms_m for h in held))
+        axes[0, 2].axhline(0.0, color=BRICK, lw=0.9, zorder=1)
+        for ax in axes[1]:
+            ax.set_xlabel("change of the held $f$ (mm)")
+        legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
+    return fig
+
+
+def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
+    """Return what reacts in one head: fit, control, principal point, attitude."""
+    control = [fit.solution.group("control_point").v for fit in fits]
+    xy = np.array([[fit.cameras[0].interior.xp, fit.cameras[0].interior.yp] for fit in fits])
+    R_m_c = fits[start].T_m_c.R
+    turned = [log(np.swapaxes(R_m_c, -1, -2) @ fit.T_m_c.R).mean(axis=0) for fit in fits]
+    return [
+        np.array([fit.solution.sigma0_sq for fit in fits]),
+        np.array([1000 * np.sqrt(np.mean(v**2)) if len(v) else np.nan for v in control]),
+        *(xy - xy[start]).T,
+        np.degrees(np.linalg.norm(turned, axis=1)),
+    ]
