@@ -211,15 +211,16 @@ def _descend(
     unit: float,
 ) -> tuple[S, float, float, float] | None:
     """Damp until a step reduces the cost; None where only rounding is left to reduce."""
+    n, free_points = problem.n_columns, problem.free_points
     while damping <= 1e12:
-        dx, dp, decrement = damped_step(problem.n_columns, problem.free_points, equations, damping)
+        dx, dp, decrement = damped_step(n, free_points, equations, damping)
         trial = problem.moved(state, dx, dp)
         trial_cost = _cost(problem.residuals(trial))
         if trial_cost <= cost:
             return trial, trial_cost, damping, decrement
         # a damped step may also be small because the derivatives are wrong
         if decrement <= max(1e-8 * unit, 1e-14) and (
-            _step(problem, equations, 0.0)[2] <= max(1e-4 * unit, 1e-14)
+            damped_step(n, free_points, equations, 0.0)[2] <= max(1e-4 * unit, 1e-14)
         ):
             return None
         damping = max(10 * damping, 1e-6)
