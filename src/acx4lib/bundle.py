@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,14 +20,12 @@ from acx4lib.block import Block, SurveyedPoints
 from acx4lib.camera import Camera
 from acx4lib.collinearity import mounted_jacobian, rays
 from acx4lib.frames import Pose
+from acx4lib.gross_errors import Rejection
 from acx4lib.intersection import intersect, largest_angles
 from acx4lib.network import MOUNT, Layout, Network, PoseObservations, State, camera_poses, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
-
-CRITICAL = 3.9
-"""Critical value of a w-test: alpha = 0.01 % per component."""
 
 
 # --- setting up ------------------------------------------------------------------------------
@@ -228,28 +226,6 @@ def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
 # --- adjusting -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rejection:
-    """One observation taken out as a gross error.
-
-    Attributes
-    ----------
-    kind : str
-        ``image_point``, ``control_point``, ``gnss`` or ``attitude``.
-    row : int
-        Into the block's image points, control points or exposures.
-    component : int
-        Of a control point; -1 where the whole observation went.
-    statistic : float
-        Its w.
-    """
-
-    kind: str
-    row: int
-    component: int
-    statistic: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bundle:
     """An adjusted bundle.
@@ -315,132 +291,3 @@ def adjust(network: Network) -> Bundle:
     """
     state, solution = adjustment.solve(network, network.start)
     return Bundle(network=network, state=state, solution=solution)
-
-
-def adjust_rejecting(
-    block: Block, set_up: Callable[[Block], Network], *, critical: float = CRITICAL
-) -> Bundle:
-    """Adjust and take out gross errors by w-tests until none is left.
-
-    Parameters
-    ----------
-    block : Block
-    set_up : callable
-        Makes the network of a block.
-    critical : float
-
-    Returns
-    -------
-    Bundle
-        Of the block without what was rejected.
-
-    Notes
-    -----
-    In every round the observation with the largest w goes, with all others at least half as far
-    out that share neither its point nor its pose: a large error lifts the w of its neighbours
-    over the critical value, and they are to be judged without it. Where the spread of a
-    kind's w says that its a priori sigma is too small, w counts in units of that spread: a
-    wrong weight is no gross error.
-    """
-    bundle = adjust(set_up(block))
-    rejected: tuple[Rejection, ...] = ()
-    while found := _gross_errors(bundle, critical):
-        rejected += found
-        network = set_up(without(block, rejected))
-        bundle = adjust(replace(network, start=_warm(network, bundle.state)))
-    return replace(bundle, rejected=rejected)
-
-
-def _warm(network: Network, state: State) -> State:
-    return replace(state, x_m=np.where(np.isfinite(state.x_m), state.x_m, network.start.x_m))
-
-
-def without(block: Block, rejected: Sequence[Rejection]) -> Block:
-    """Return the block without observations.
-
-    Parameters
-    ----------
-    block : Block
-    rejected : sequence of Rejection
-        Rows count in this block.
-
-    Returns
-    -------
-    Block
-        Image points are dropped; control components and trajectory rows get an infinite sigma.
-    """
-    rows = {
-        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp)
-        for kind in ("image_point", "control_point", "gnss", "attitude")
-    }
-    components = [r.component for r in rejected if r.kind == "control_point"]
-    points, control, trajectory = block.image_points, block.control, block.trajectory
-    sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
-    position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
-    sigma_px[rows["image_point"]] = np.inf
-    sigma_m[rows["control_point"], components] = np.inf
-    position[rows["gnss"]] = np.inf
-    attitude[rows["attitude"]] = np.inf
-    return replace(
-        block,
-        image_points=replace(points, sigma_px=sigma_px),
-        control=replace(control, sigma_m=sigma_m),
-        trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
-    )
-
-
-def _gross_errors(bundle: Bundle, critical: float) -> tuple[Rejection, ...]:
-    """Return the observations to take out in this round, the largest w first."""
-    candidates = sorted(_candidates(bundle, critical), key=lambda c: -c[0].statistic)
-    network = bundle.network
-    taken: list[Rejection] = []
-    touched_points: set[int] = set()
-    touched_poses: set[int] = set()
-    for candidate, point, pose in candidates:
-        if candidate.statistic < 0.5 * candidates[0][0].statistic:
-            break
-        if point in touched_points or pose in touched_poses:
-            continue
-        taken.append(candidate)
-        touched_points.add(point)
-        if candidate.kind != "control_point":
-            touched_poses.add(pose)
-        if candidate.kind in ("gnss", "attitude"):
-            of_pose = network.pose_idx[network.image_points.image_idx] == pose
-            touched_points.update(network.image_points.point_idx[of_pose].tolist())
-    return tuple(taken)
-
-
-def _candidates(bundle: Bundle, critical: float) -> list[tuple[Rejection, int, int]]:
-    """Return every observation above the critical value with its point and pose, -1 for none."""
-    network = bundle.network
-    control = network.control[~network.held_control]
-    control_row = np.flatnonzero(np.isin(network.block.control.point_idx, control.point_idx))
-    out = []
-    for group in bundle.solution.groups:
-        w = np.abs(np.nan_to_num(group.w)) / _excess(group.w)
-        worst = w.argmax(axis=1)
-        for row in np.flatnonzero(w.max(axis=1, initial=0.0) > critical):
-            point = pose = component = -1
-            block_row = int(row)
-            if group.kind == "image_point":
-                block_row = int(network.rows[row])
-                point = int(network.image_points.point_idx[row])
-                pose = int(network.pose_idx[network.image_points.image_idx[row]])
-            elif group.kind == "control_point":
-                block_row, component = int(control_row[row]), int(worst[row])
-                point = int(control.point_idx[row])
-            else:
-                pose = block_row
-            statistic = float(w[row, worst[row]])
-            rejection = Rejection(
-                kind=group.kind, row=block_row, component=component, statistic=statistic
-            )
-            out.append((rejection, point, pose))
-    return out
-
-
-def _excess(w: Array) -> float:
-    """Return by how much the spread of w exceeds one, robustly; one for few or good w."""
-    known = np.abs(w[np.isfinite(w)])
-    return max(1.0, float(np.median(known)) / 0.6745) if len(known) >= 20 else 1.0

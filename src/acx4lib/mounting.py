@@ -9,19 +9,13 @@ import numpy as np
 
 from acx4lib._typing import Array, Mask
 from acx4lib.block import Block
-from acx4lib.bundle import (
-    Bundle,
-    Rejection,
-    adjust,
-    adjust_rejecting,
-    free_orientation,
-    mounted_orientation,
-    without,
-)
+from acx4lib.bundle import Bundle, adjust, free_orientation, mounted_orientation
 from acx4lib.calibration import Calibration, from_bundle
 from acx4lib.camera import Camera
+from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, skew, transform
+from acx4lib.gross_errors import Rejection, without
 from acx4lib.network import MOUNT, Layout, PoseObservations, layout
 
 LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]

@@ -12,7 +12,7 @@ import pandas as pd
 from acx4lib import accuracy, results, standards
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block
-from acx4lib.bundle import CRITICAL, Bundle, Rejection
+from acx4lib.bundle import Bundle
 from acx4lib.calibration import (
     REPORTED,
     Calibration,
@@ -28,6 +28,7 @@ from acx4lib.camera import INTERIOR, Camera, Interior
 from acx4lib.flight import Flight
 from acx4lib.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.georeferencing import pose_covariances
+from acx4lib.gross_errors import CRITICAL, Rejection
 from acx4lib.mounting import METHODS, Mounting, Mountings
 from acx4lib.network import MOUNT, Layout, Network
 from acx4lib.relative_orientation import RelativeOrientation

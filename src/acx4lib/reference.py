@@ -139,7 +139,22 @@ def _sha256(file: Path) -> str:
 # --- fetching --------------------------------------------------------------------------------
 
 
-def fetch(*, base: str = BASE_URL) -> Iterator[str]:
+@dataclass(frozen=True, kw_only=True)
+class Fetched:
+    """What became of one file.
+
+    Attributes
+    ----------
+    is_here : bool
+    text : str
+        One line.
+    """
+
+    is_here: bool
+    text: str
+
+
+def fetch(*, base: str = BASE_URL) -> Iterator[Fetched]:
     """Bring all files that are not in the folder yet.
 
     Needs the network and pooch.
@@ -151,23 +166,28 @@ def fetch(*, base: str = BASE_URL) -> Iterator[str]:
 
     Yields
     ------
-    str
-        What was done, one line a file; a line with ``cannot`` for what was not.
+    Fetched
+        File by file.
     """
     for entry in index():
         target = folder() / entry.file
         if target.is_file() and _sha256(target) == entry.sha256:
-            yield f"{entry.file} is here"
+            yield Fetched(is_here=True, text=f"{entry.file} is here")
         elif not entry.repository:
-            yield f"cannot fetch {entry.file}: {entry.note}"
+            yield Fetched(is_here=False, text=f"{entry.file} cannot be fetched: {entry.note}")
         else:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                _bring(entry, target, base)
-            except (OSError, ValueError) as error:
-                yield f"cannot fetch {entry.file}: {' '.join(str(error).split())}"
-            else:
-                yield f"{entry.file} from {entry.repository} ({entry.licence})"
+            yield _fetched(entry, target, base)
+
+
+def _fetched(entry: Entry, target: Path, base: str) -> Fetched:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        _bring(entry, target, base)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        return Fetched(is_here=False, text=f"{entry.file} cannot be fetched: {reason}")
+    text = f"{entry.file} from {entry.repository} ({entry.licence})"
+    return Fetched(is_here=True, text=text)
 
 
 def _bring(entry: Entry, target: Path, base: str) -> None:
@@ -216,12 +236,11 @@ def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
 
 def main() -> int:
     """Fetch the reference data; the exit status is 1 where a file could not be had."""
-    failed = False
-    for line in fetch():
-        cannot = line.startswith("cannot")
-        failed = failed or cannot
-        (sys.stderr if cannot else sys.stdout).write(f"{line}\n")
-    return int(failed)
+    status = 0
+    for fetched in fetch():
+        (sys.stdout if fetched.is_here else sys.stderr).write(f"{fetched.text}\n")
+        status = status if fetched.is_here else 1
+    return status
 
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ import numpy as np
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import cross_covariance
 from acx4lib.block import Block, select_camera
-from acx4lib.bundle import Bundle, adjust_rejecting, free_orientation
+from acx4lib.bundle import Bundle, free_orientation
 from acx4lib.camera import Camera
+from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, opk_jacobian, skew, transform
 

@@ -294,11 +294,13 @@ def attitude_sigma_deg(block: Block) -> Array:
 
 def lever_arm_sentence(seen: pd.DataFrame) -> str:
     """Say by how much the lever arm read from the interior orientation misses the estimated one."""
+    if seen.empty:
+        return "One of the two methods gave no result, so there is nothing to compare."
     difference = seen["lever_seen_m"] - seen["lever_estimated_m"]
     sigma = np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"])
     shifts = ", ".join(
-        f"{row.shift_mm:+.4f} mm in ${['x_p', 'y_p', 'f'][i]}$"
-        for i, row in enumerate(seen.itertuples())
+        f"{shift:+.4f} mm in {LABELS.get(f'{key}_mm', str(key))}"
+        for shift, key in zip(seen["shift_mm"], seen["parameter"], strict=True)
     )
     metres = ", ".join(f"{value:+.2f}" for value in difference)
     return (

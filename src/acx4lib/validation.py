@@ -9,7 +9,7 @@ import numpy as np
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
-from acx4lib.bundle import CRITICAL, SMALLEST_ANGLE, Rejection
+from acx4lib.bundle import SMALLEST_ANGLE
 from acx4lib.calibration import Calibration
 from acx4lib.geodesy import rotate_covariance
 from acx4lib.georeferencing import (
@@ -21,6 +21,7 @@ from acx4lib.georeferencing import (
     intersect_rays,
     measured,
 )
+from acx4lib.gross_errors import CRITICAL, Rejection
 from acx4lib.intersection import largest_angles
 
 

@@ -14,7 +14,7 @@ from acx4lib.calibration import Calibration, parameters, reported_covariance
 from acx4lib.camera import Interior
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, turn
-from acx4lib.mounting import Mounting, single_step
+from acx4lib.mounting import Mounting, Mountings, single_step
 from acx4lib.validation import validate
 
 SHOWN = ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m")
@@ -212,52 +212,74 @@ def _without_convergence(block: Block) -> Block:
     return replace(block, trajectory=replace(trajectory, T_m_b=Pose(R=wrong, r=trajectory.T_m_b.r)))
 
 
-def lever_arm_seen(single: Calibration, gnss: Calibration, height: float) -> pd.DataFrame:
+def lever_arm_seen(mountings: Mountings) -> pd.DataFrame:
     """Compare what the two-step interior orientation took up with the lever arm it could not see.
 
-    Valid for a camera that looks down with its x axis forward: a lever arm (x, y, z) held at zero
-    shifts x_p by -f x / H, y_p by -f y / H and f by -f z / H.
+    Valid for cameras that look down: a lever arm (x, y, z) in the camera's axes that is taken to
+    be zero shifts x_p by -f x / H, y_p by -f y / H and f by -f z / H, at the flying height H.
 
     Parameters
     ----------
-    single : Calibration
-        Of the single step, with its lever arm.
-    gnss : Calibration
-        Of the two-step method with observed positions, the lever arm held.
-    height : float
-        Mean flying height above ground, m.
+    mountings : Mountings
 
     Returns
     -------
     DataFrame
-        parameter, shift_mm and its sigma, lever arm seen (m), lever arm estimated (m), sigma.
+        Per camera and axis: shift of two_step_gnss against single_step and its sigma (mm), the
+        lever arm that it means, and the one that the single step estimates, with their sigma
+        (m). No rows where one of the two methods is missing.
     """
-    camera, other = single.cameras[0], gnss.cameras[0]
-    sigma = {p.key: p.sigma for p in parameters(single)}
-    sigma_gnss = {p.key: p.sigma for p in parameters(gnss)}
-    held = other.T_b_c.r
-    rows = []
+    if not {"single_step", "two_step_gnss"} <= set(mountings.methods):
+        return pd.DataFrame(columns=list(SEEN))
+    single = mountings["single_step"].calibration
+    gnss = mountings["two_step_gnss"].calibration
+    block = mountings["single_step"].bundle.network.block
+    height = float(flying_height(block).mean())
+    rows: list[tuple[object, ...]] = []
+    for k in range(len(single.cameras)):
+        rows += _seen_by_camera(single, gnss, k, height)
+    return pd.DataFrame(rows, columns=list(SEEN))
+
+
+SEEN = (
+    *("camera", "parameter", "shift_mm", "sigma_shift_mm"),
+    *("lever_seen_m", "sigma_seen_m", "lever_estimated_m", "sigma_estimated_m"),
+)
+
+
+def _seen_by_camera(
+    single: Calibration, gnss: Calibration, k: int, height: float
+) -> list[tuple[object, ...]]:
+    camera, other = single.cameras[k], gnss.cameras[k]
+    R_c_b = camera.T_b_c.R.T
+    estimated, held = R_c_b @ camera.T_b_c.r, R_c_b @ other.T_b_c.r
+    columns = single.layout.mount[k, :3]
+    cov = np.zeros((3, 3))
+    if np.all(columns >= 0):
+        cov = single.sigma0_sq * single.cov[np.ix_(columns, columns)]
+    sigma_estimated = np.sqrt(np.diag(R_c_b @ cov @ R_c_b.T))
+    sigma = {p.key: p.sigma for p in parameters(single) if p.camera == camera.name}
+    sigma_gnss = {p.key: p.sigma for p in parameters(gnss) if p.camera == camera.name}
+    per_metre = -camera.interior.f / height
+    rows: list[tuple[object, ...]] = []
     for axis, key in enumerate(("xp", "yp", "f")):
         shift = getattr(other.interior, key) - getattr(camera.interior, key)
-        sigma_shift = float(np.hypot(sigma[key], sigma_gnss[key]))
-        per_metre = -camera.interior.f / height
-        lever = ("lever_x", "lever_y", "lever_z")[axis]
+        spread = float(np.hypot(sigma.get(key, 0.0), sigma_gnss.get(key, 0.0)))
+        seen = shift / per_metre + held[axis]
         rows.append(
-            {
-                "parameter": key,
-                "shift_mm": shift,
-                "sigma_shift_mm": sigma_shift,
-                "lever_seen_m": shift / per_metre + held[axis],
-                "sigma_seen_m": abs(sigma_shift / per_metre),
-                "lever_estimated_m": camera.T_b_c.r[axis],
-                "sigma_estimated_m": sigma.get(lever, float("nan")),
-            }
+            (
+                *(camera.name, key, shift, spread, seen, abs(spread / per_metre)),
+                *(estimated[axis], sigma_estimated[axis]),
+            )
         )
-    return pd.DataFrame(rows)
+    return rows
 
 
-def correlations(calibration: Calibration) -> pd.DataFrame:
-    """Return the correlation matrix of the reported parameters, named ``camera parameter``."""
+def correlations(mountings: Mountings, method: str = "single_step") -> pd.DataFrame:
+    """Return the correlation matrix of a method's reported parameters; empty without it."""
+    if method not in mountings.methods:
+        return pd.DataFrame()
+    calibration = mountings[method].calibration
     cov = reported_covariance(calibration)
     sigma = np.sqrt(np.diag(cov))
     names = [

@@ -25,6 +25,31 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
 }
 """The set of files that every comparison needs, and what computes it."""
 
+FORMATS: dict[str, dict[str, str]] = {
+    "report": {"largest difference": ".2f"},
+    "noaa": {
+        "lon_deg": ".6f",
+        "lat_deg": ".6f",
+        "d_east_m": "+.4f",
+        "d_north_m": "+.4f",
+        "distance_m": ".4f",
+        "ground_pixel_m": ".3f",
+    },
+    "ign": {
+        "rays": ".2g",
+        "ground_pixels": ".2f",
+        **{f"d_{axis}_m": "+.3f" for axis in ign.AXES},
+        **{f"sigma_{axis}_m": ".3f" for axis in ign.AXES},
+    },
+    "ign_forgotten_steps": {
+        "residual_px": ".2f",
+        "misfit_px": ".2f",
+        "std_height_m": ".3f",
+        **{f"mean_{axis}_m": "+.3f" for axis in ign.AXES},
+    },
+}
+"""How the numbers of the tables are printed, by column."""
+
 
 def compute(name: str) -> pd.DataFrame:
     """Return one of `COMPARISONS`, computed from its measurements.

@@ -106,12 +106,10 @@ def _row(printed: str, value: float) -> tuple[str, float, float, float, float, b
 
 
 KINDS = (
-    (("Photo ", "Value"), "exterior orientation"),
-    (("Photo ", "Deviation"), "standard deviation"),
-    (("Correlations",), "correlation"),
-    (("Deviation",), "standard deviation"),
+    (("Correlations over",), "correlation"),
+    (("Photo ", "> Value"), "exterior orientation"),
+    (("> Deviation",), "standard deviation"),
     (("Camera1 ", "ignificance"), "significance"),
-    (("Camera1 ", "Value"), "camera"),
     (("Quality > Cameras",), "coverage"),
     (("Cameras",), "camera"),
     (("Residuals",), "residual statistic"),

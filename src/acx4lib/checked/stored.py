@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from acx4lib import reference
 from acx4lib._data import data_path
@@ -67,10 +68,13 @@ def computed_or_stored(
 
 
 def _read(path: Path) -> pd.DataFrame:
-    """Read a table as it was computed: text stays text."""
-    return pd.read_csv(
+    """Read a table as it was computed: text stays text, the empty one too."""
+    table = pd.read_csv(
         path, keep_default_na=False, na_values=[""], dtype={"printed": str, "point": str}
     )
+    texts = table.columns[[not is_numeric_dtype(kind) for kind in table.dtypes]]
+    table[texts] = table[texts].fillna("")
+    return table
 
 
 def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4lib._typing import Array, Index
-from acx4lib.calibration import Calibration, parameters
-from acx4lib.frames import log
-from acx4lib.mounting import Mounting
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.frames import Pose, log
+from acx4lib.mounting import Mounting, Mountings
 from acx4lib.plot._style import (
     BLUE,
     DIVERGING,
@@ -22,6 +23,7 @@ from acx4lib.plot._style import (
     bare,
     colour,
     legend_below,
+    nothing,
     style,
 )
 
@@ -34,6 +36,8 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
     correlations : DataFrame
         As `variants.correlations` returns it.
     """
+    if correlations.empty:
+        return nothing("The single step gave no result.")
     values, names = correlations.to_numpy(), [str(n) for n in correlations.index]
     n = len(names)
     with style():
@@ -63,13 +67,16 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
     return fig
 
 
-def mounting_per_image(mounting: Mounting, *, boresight_sigma_deg: Array | None = None) -> Figure:
+def mounting_per_image(
+    mountings: Mountings, method: str, *, boresight_sigma_deg: Array | None = None
+) -> Figure:
     """Draw what every image says of boresight and lever arm, eqs (12) and (13), less their mean.
 
     Parameters
     ----------
-    mounting : Mounting
-        Of a two-step method.
+    mountings : Mountings
+    method : str
+        One of the two-step methods.
     boresight_sigma_deg : ndarray, shape (3,), optional
         Of the trajectory's attitude, drawn as a band.
 
@@ -78,21 +85,15 @@ def mounting_per_image(mounting: Mounting, *, boresight_sigma_deg: Array | None 
     ValueError
         For a method that has no mounting per image.
     """
+    if method not in mountings.methods:
+        return nothing(f"{method} was left out: {mountings.failures.get(method, '')}")
+    mounting = mountings[method]
     if mounting.per_image is None or mounting.averaged is None:
-        msg = f"{mounting.method} has no mounting per image"
+        msg = f"{method} has no mounting per image"
         raise ValueError(msg)
-    block = mounting.bundle.network.block
     with style():
         fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 3.9), sharex=True, sharey="row")
-        for k, camera in enumerate(mounting.calibration.cameras):
-            own = np.flatnonzero(mounting.averaged & (block.images.camera_idx == k))
-            seen = mounting.per_image[own]
-            turn = np.degrees(log(camera.T_b_c.R.T @ seen.R))
-            mean_r = seen.r.mean(axis=0)
-            strips = [block.images.strips[i] for i in own]
-            for axis in range(3):
-                _by_strip(axes[0, axis], own, turn[:, axis], strips)
-                _by_strip(axes[1, axis], own, seen.r[:, axis] - mean_r[axis], strips)
+        _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
         for axis, name in enumerate(("x", "y", "z")):
             axes[0, axis].set_title(name)
             if boresight_sigma_deg is not None:
@@ -107,6 +108,20 @@ def mounting_per_image(mounting: Mounting, *, boresight_sigma_deg: Array | None 
         if any(labels):
             legend_below(fig, handles, ncols=6)
     return fig
+
+
+def _draw_per_image(axes: Any, mounting: Mounting, T_b_c: Pose, averaged: Mask) -> None:
+    """Draw the boresights and lever arms of every camera's images, less their mean."""
+    block = mounting.bundle.network.block
+    for k, camera in enumerate(mounting.calibration.cameras):
+        own = np.flatnonzero(averaged & (block.images.camera_idx == k))
+        seen = T_b_c[own]
+        turn = np.degrees(log(camera.T_b_c.R.T @ seen.R))
+        shift = seen.r - seen.r.mean(axis=0)
+        strips = [block.images.strips[i] for i in own]
+        for axis in range(3):
+            _by_strip(axes[0, axis], own, turn[:, axis], strips)
+            _by_strip(axes[1, axis], own, shift[:, axis], strips)
 
 
 def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None:
@@ -129,14 +144,21 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     table : DataFrame
         As `variants.lever_arm_seen` returns it.
     """
+    if table.empty:
+        return nothing("One of the two methods gave no result.")
     labels = {
         "xp": "x: out of the shift of $x_p$",
         "yp": "y: out of the shift of $y_p$",
         "f": "z: out of the shift of $f$",
     }
+    several = len(set(table["camera"])) > 1
+    names = [
+        f"{camera} {labels[str(key)]}" if several else labels[str(key)]
+        for camera, key in zip(table["camera"], table["parameter"], strict=True)
+    ]
     rows = np.arange(len(table))
     with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 2.3))
+        fig, ax = plt.subplots(figsize=(WIDTH, 1.1 + 0.4 * len(table)))
         for offset, value, sigma, name, tint in (
             (-0.13, "lever_seen_m", "sigma_seen_m", "two-step less single step, times H/f", ORANGE),
             (0.13, "lever_estimated_m", "sigma_estimated_m", "estimated by the single step", BLUE),
@@ -152,30 +174,8 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
                 label=f"{name}, ±2σ",
             )
         ax.axvline(0, color=INK, lw=0.7)
-        ax.set_yticks(rows, [labels[str(p)] for p in table["parameter"]])
+        ax.set_yticks(rows, names)
         ax.set_ylim(len(rows) - 0.5, -0.5)
-        ax.set_xlabel("lever arm, body axes (m)")
+        ax.set_xlabel("lever arm, axes of the camera (m)")
         legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
-    return fig
-
-
-def interior_difference(first: Calibration, second: Calibration) -> Figure:
-    """Draw by how much two calibrations differ, in standard deviations of the first.
-
-    Parameters
-    ----------
-    first, second : Calibration
-        With the same cameras.
-    """
-    a = {(p.camera, p.name): p for p in parameters(first)}
-    b = {(p.camera, p.name): p for p in parameters(second)}
-    common = [key for key in a if key in b]
-    values = [(b[key].value - a[key].value) / a[key].sigma for key in common]
-    with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 0.8 + 0.2 * len(common)))
-        ax.axvspan(-2, 2, color=SOFT, alpha=0.12, lw=0)
-        ax.barh(range(len(common)), values, color=BLUE, height=0.6)
-        ax.set_yticks(range(len(common)), [name for _, name in common])
-        ax.invert_yaxis()
-        ax.set_xlabel("difference (standard deviations)")
     return fig

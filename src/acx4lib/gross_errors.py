@@ -1,0 +1,69 @@
+"""Observations taken out of a block as gross errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.block import Block
+
+CRITICAL = 3.9
+"""Critical value of a w-test: alpha = 0.01 % per component."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejection:
+    """One observation taken out as a gross error.
+
+    Attributes
+    ----------
+    kind : str
+        ``image_point``, ``control_point``, ``gnss`` or ``attitude``.
+    row : int
+        Into the block's image points, control points or exposures.
+    component : int
+        Of a control point; -1 where the whole observation went.
+    statistic : float
+        Its w.
+    """
+
+    kind: str
+    row: int
+    component: int
+    statistic: float
+
+
+def without(block: Block, rejected: Sequence[Rejection]) -> Block:
+    """Return the block without observations.
+
+    Parameters
+    ----------
+    block : Block
+    rejected : sequence of Rejection
+        Rows count in this block.
+
+    Returns
+    -------
+    Block
+        Image points are dropped; control components and trajectory rows get an infinite sigma.
+    """
+    rows = {
+        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp)
+        for kind in ("image_point", "control_point", "gnss", "attitude")
+    }
+    components = [r.component for r in rejected if r.kind == "control_point"]
+    points, control, trajectory = block.image_points, block.control, block.trajectory
+    sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
+    position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
+    sigma_px[rows["image_point"]] = np.inf
+    sigma_m[rows["control_point"], components] = np.inf
+    position[rows["gnss"]] = np.inf
+    attitude[rows["attitude"]] = np.inf
+    return replace(
+        block,
+        image_points=replace(points, sigma_px=sigma_px),
+        control=replace(control, sigma_m=sigma_m),
+        trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
+    )
