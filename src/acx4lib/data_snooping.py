@@ -13,7 +13,6 @@ from acx4lib.bundle import Bundle, adjust
 from acx4lib.gross_errors import CRITICAL, Rejection, without
 from acx4lib.network import Network, State
 
-
 SMEARED = 0.5
 """Share of the largest w below which an observation waits for the next round."""
 
@@ -67,8 +66,6 @@ def _gross_errors(bundle: Bundle, critical: float) -> tuple[Rejection, ...]:
     touched_points: set[int] = set()
     touched_poses: set[int] = set()
     for candidate, point, pose in candidates:
-        if candidate.statistic < 0.5 * candidates[0][0].statistic:
-            break
         if point in touched_points or pose in touched_poses or candidate.statistic < least:
             continue
         taken.append(candidate)
@@ -88,9 +85,10 @@ def _candidates(bundle: Bundle, critical: float) -> list[tuple[Rejection, int, i
     control_row = np.flatnonzero(np.isin(network.block.control.point_idx, control.point_idx))
     out = []
     for group in bundle.solution.groups:
-        w = np.abs(np.nan_to_num(group.w)) / _excess(group.w)
+        w = np.abs(np.nan_to_num(group.w))
         worst = w.argmax(axis=1)
-        for row in np.flatnonzero(w.max(axis=1, initial=0.0) > critical):
+        limit = critical * _excess(group.w)
+        for row in np.flatnonzero(w.max(axis=1, initial=0.0) > limit):
             point = pose = component = -1
             block_row = int(row)
             if group.kind == "image_point":

@@ -118,6 +118,8 @@ def of_bundle(
     )
     tables["check_points"] = _check_table(stage, method, bundle)
     solution = bundle.solution
+    key = summary_key or f"{stage}/{method}"
+    unknown = [f"{key}: {line}" for line in not_determined(said)]
     entry: dict[str, object] = {
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
@@ -129,14 +131,16 @@ def of_bundle(
         "n_rejected": len(bundle.rejected),
         "n_left_out": sum(bundle.network.left_out.values()),
         "condition": solution.condition,
-        "not_determined": not_determined(said),
-        "notes": [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()],
+        "not_determined": unknown,
+        # the two-step methods need more than a flight must give: their gaps end no run
+        "left_out": unknown if method.startswith("two_step") else [],
+        "notes": _notes(key, bundle),
     }
     return Record(
         stage=stage,
         method=method,
         tables=tables,
-        summary={summary_key or f"{stage}/{method}": entry},
+        summary={key: entry},
     )
 
 
