@@ -40,11 +40,11 @@ REPORTED = {
 
 HELP = {
     "f": "two flying heights with control points or accurate GNSS heights",
-    "xp": "strips flown in opposite directions, and control points",
-    "yp": "strips flown in opposite directions, and control points",
-    "lever_x": "strips flown in opposite directions, and control points",
-    "lever_y": "strips flown in opposite directions, and control points",
-    "lever_z": "two flying heights and control points, or f held",
+    "xp": "two flying heights, or the lever arm held",
+    "yp": "two flying heights, or the lever arm held",
+    "lever_x": "two flying heights, and control points or strips flown in opposite directions",
+    "lever_y": "two flying heights, and control points or strips flown in opposite directions",
+    "lever_z": "control points, and two flying heights or f held",
     "boresight_x": "strips flown in opposite directions, and control points",
     "boresight_y": "strips flown in opposite directions, and control points",
     "boresight_z": "tie points over overlapping strips, or control points",

@@ -214,7 +214,9 @@ def intersect_rays(
         v, by_interior, by_pose, B = _derivatives(seen, x_m[selected.group], refraction)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
-        bad = ~np.isfinite(np.linalg.cond(normal)) | (np.linalg.det(normal) <= 0)
+        bad = ~np.all(np.isfinite(normal), axis=(1, 2))
+        normal[bad] = np.eye(3)
+        bad |= ~np.isfinite(np.linalg.cond(normal)) | (np.linalg.det(normal) <= 0)
         normal[bad] = np.eye(3)
         step = -np.linalg.solve(normal, right[..., None])[..., 0]
         step[bad] = np.nan

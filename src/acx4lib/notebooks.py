@@ -147,7 +147,8 @@ def scrub(executed: Path, *, hidden: str) -> None:
     _renumber(notebook)
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call]
     text = text.replace(f"/{hidden}", "").replace(hidden, ".")
-    text = re.sub(r"[^\s\"]*ipykernel_\d+/\d+\.py", "cell.py", text)
+    # bounded: a picture is one word of a million letters, and each would be a start to try
+    text = re.sub(r"[^\s\"]{0,200}ipykernel_\d+/\d+\.py", "cell.py", text)
     executed.write_text(text, encoding="utf-8")
 
 

@@ -88,7 +88,7 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
     exposure = block.images.exposure_idx[points.image_idx]
     order = np.lexsort((head, points.point_idx, exposure))
     order = order[(head[order] >= 0) & np.isfinite(points.sigma_px[order])]
-    pairs = []
+    pairs = [np.zeros((2, 0), dtype=np.intp)]
     for ahead in range(1, len(orientation.heads)):
         a, b = order[:-ahead], order[ahead:]
         same = (exposure[a] == exposure[b]) & (points.point_idx[a] == points.point_idx[b])
@@ -138,6 +138,8 @@ def refine_by_mean_differences(
         Its covariance has what the tie points repair of the heads' errors, interior
         orientations included, and their noise.
     """
+    if len(ties) == 0:
+        return orientation
     shifts, gain, counts = _shifts(orientation, ties)
     xyz = orientation.xyz_mm.copy()
     xyz[:, :2] += shifts

@@ -11,6 +11,7 @@ from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle import SMALLEST_ANGLE
 from acx4lib.calibration import Calibration
+from acx4lib.collinearity import Measurement
 from acx4lib.geodesy import rotate_covariance
 from acx4lib.georeferencing import (
     Georeferenced,
@@ -22,7 +23,7 @@ from acx4lib.georeferencing import (
     measured,
 )
 from acx4lib.gross_errors import CRITICAL, Rejection
-from acx4lib.intersection import largest_angles
+from acx4lib.intersection import intersect, largest_angles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,9 +70,9 @@ class Validation:
         One per point, from all its rays.
     rejected : tuple of Rejection
     n_failed : int
-        Pairs whose rays meet at less than 2 degrees.
+        Pairs whose rays meet at less than 2 degrees, or behind the cameras.
     n_left_out : int
-        Check points in fewer than two images.
+        Check points in fewer than two images, or whose rays meet behind the cameras.
     cost : float
         Weighted sum of squared residuals of all points' rays, the trajectory's sigma included.
     redundancy : int
@@ -135,8 +136,9 @@ def validate(
     )
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])
     pairs, n_failed = _pairs(block, georeferenced, selected)
-    used = np.bincount(selected.group, minlength=len(block.check))
-    points = _renumbered(selected, used >= 2)
+    met = np.zeros(len(block.check), dtype=bool)
+    met[: selected.n_groups] = _meet(measured(block, georeferenced, selected), selected)
+    points = _renumbered(selected, met)
     P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
     return Validation(
         method=method,
@@ -146,7 +148,7 @@ def validate(
         points=_differences(block, georeferenced, *points, refraction),
         rejected=rejected,
         n_failed=n_failed,
-        n_left_out=int(np.sum(used < 2)),
+        n_left_out=int(np.sum(~met)),
         cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
         redundancy=fit.v.size - 3 * points[0].n_groups,
     )
@@ -219,22 +221,32 @@ def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str)
 def _pairs(
     block: Block, georeferenced: Georeferenced, selected: Rays
 ) -> tuple[tuple[Rays, Index], int]:
-    """Return all pairs of rays of every point that meet at 2 degrees or more."""
+    """Return all pairs of rays of every point that meet, at 2 degrees or more."""
     a, b = _all_pairs(selected.group)
-    rows = np.column_stack([a, b]).ravel()
     group = np.repeat(np.arange(len(a)), 2)
-    seen = measured(block, georeferenced, selected.select(rows, group))
+    paired = selected.select(np.column_stack([a, b]).ravel(), group)
+    seen = measured(block, georeferenced, paired)
     angle = largest_angles(directions(seen), group, len(a))
-    good = angle >= SMALLEST_ANGLE
+    good = (angle >= SMALLEST_ANGLE) & _meet(seen, paired)
     rows = np.column_stack([a[good], b[good]]).ravel()
     group = np.repeat(np.arange(int(good.sum())), 2)
     return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
 
 
+def _meet(seen: Measurement, selected: Rays) -> Mask:
+    """Tell which groups of rays meet, in front of all their cameras."""
+    d = directions(seen)
+    x_m = intersect(seen.T_m_c.r, d, selected.group, selected.n_groups)
+    along = np.sum((x_m[selected.group] - seen.T_m_c.r) * d, axis=1)
+    out = np.bincount(selected.group, minlength=selected.n_groups) > 0
+    out[selected.group[~(along > 0)]] = False
+    return out
+
+
 def _all_pairs(group: Index) -> tuple[Index, Index]:
     """Return the rows of every pair within the groups; rows are sorted by group."""
     counts = np.bincount(group)
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
+    starts = np.cumsum(counts) - counts
     pairs = [
         start + np.stack(np.triu_indices(count, 1))
         for start, count in zip(starts, counts, strict=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from acx4lib import reference
+from acx4lib import reference, report
 from acx4lib.checked import comparison, dbat, dbat_blocks, ign, nist, noaa, stored
 from acx4lib.checked.stored import Comparison
 
@@ -25,30 +25,43 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
 }
 """The set of files that every comparison needs, and what computes it."""
 
-FORMATS: dict[str, dict[str, str]] = {
-    "report": {"largest difference": ".2f"},
-    "noaa": {
-        "lon_deg": ".6f",
-        "lat_deg": ".6f",
-        "d_east_m": "+.4f",
-        "d_north_m": "+.4f",
-        "distance_m": ".4f",
-        "ground_pixel_m": ".3f",
-    },
-    "ign": {
-        "rays": ".2g",
-        "ground_pixels": ".2f",
-        **{f"d_{axis}_m": "+.3f" for axis in ign.AXES},
-        **{f"sigma_{axis}_m": ".3f" for axis in ign.AXES},
-    },
-    "ign_forgotten_steps": {
-        "residual_px": ".2f",
-        "misfit_px": ".2f",
-        "std_height_m": ".3f",
-        **{f"mean_{axis}_m": "+.3f" for axis in ign.AXES},
-    },
+LABELS = {
+    "lon_deg": "longitude (deg)",
+    "lat_deg": "latitude (deg)",
+    "distance_m": "distance (m)",
+    "ground_pixel_m": "ground pixel (m)",
+    "ground_pixels": "distance (ground pixels)",
+    "residual_px": "residual (px)",
+    "misfit_px": "misfit (px)",
+    "std_height_m": "height, std. dev. (m)",
+    **{f"d_{axis}_m": f"{axis} (m)" for axis in ign.AXES},
+    **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in ign.AXES},
+    **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in ign.AXES},
+    "largest": "largest difference",
 }
-"""How the numbers of the tables are printed, by column."""
+"""Headings of columns in the book."""
+
+_FORMATS = {
+    "lon_deg": ".6f",
+    "lat_deg": ".6f",
+    "distance_m": ".4f",
+    "rays": ".2g",
+    "ground_pixel_m": ".3f",
+    "ground_pixels": ".2f",
+    "residual_px": ".2f",
+    "misfit_px": ".2f",
+    "std_height_m": ".3f",
+    **{f"d_{axis}_m": "+.4f" for axis in ign.AXES},
+    **{f"sigma_{axis}_m": ".4f" for axis in ign.AXES},
+    **{f"mean_{axis}_m": "+.3f" for axis in ign.AXES},
+    "largest": ".2f",
+}
+
+
+def myst_table(table: pd.DataFrame, caption: str, *, name: str) -> str:
+    """Return one of the tables of this package for the book, with headings and digits."""
+    formats = {LABELS.get(c, c): f for c, f in _FORMATS.items() if c in table.columns}
+    return report.myst_table(table.rename(columns=LABELS), caption, name=name, formats=formats)
 
 
 def compute(name: str) -> pd.DataFrame:

@@ -143,8 +143,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        kind, values, agree, largest difference (units of the last digit); the last row holds
-        all.
+        kind, values, agree, largest (difference in units of the last digit); the last row
+        holds all.
     """
     total = table.assign(kind="all")
     groups = pd.concat([table, total]).groupby("kind", sort=False)
@@ -153,4 +153,4 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         agree=("agrees", "sum"),
         largest=("units", lambda units: units.abs().max()),
     )
-    return out.reset_index().rename(columns={"largest": "largest difference"})
+    return out.reset_index()
