@@ -35,7 +35,7 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
         source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
         values = notebooks.with_defaults(source, {"results_path": str(results_path)})
         notebooks.execute(source, executed / source.name, parameters=values, on_cell=_silent)
-        notebooks.scrub(executed / source.name, hidden="")
+        notebooks.scrub(executed / source.name)
     found = results.read(results_path)
     text = scorecard.page(found, flight.read(flight_path))
     (generated / "scorecard.md").write_text(text, encoding="utf-8")

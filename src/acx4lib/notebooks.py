@@ -120,7 +120,7 @@ def execute(
     on_cell(total, total)
 
 
-def scrub(executed: Path, *, hidden: str) -> None:
+def scrub(executed: Path, *, hidden: str = "") -> None:
     """Take out of an executed notebook what differs from run to run, and the defaults.
 
     The cell of the injected parameters holds them all; it is tagged so that the book hides it.
@@ -130,7 +130,7 @@ def scrub(executed: Path, *, hidden: str) -> None:
     executed : Path
         Rewritten.
     hidden : str
-        Name of a folder that is taken out of every path.
+        Name of a folder that is taken out of every path; nothing where empty.
     """
     notebook = _read(executed)
     notebook.cells = [c for c in notebook.cells if "parameters" not in c.metadata.get("tags", [])]
@@ -146,7 +146,8 @@ def scrub(executed: Path, *, hidden: str) -> None:
             cell.metadata.tags.append("hide-input")
     _renumber(notebook)
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call]
-    text = text.replace(f"/{hidden}", "").replace(hidden, ".")
+    if hidden:
+        text = text.replace(f"/{hidden}", "").replace(hidden, ".")
     # bounded: a picture is one word of a million letters, and each would be a start to try
     text = re.sub(r"[^\s\"]{0,200}ipykernel_\d+/\d+\.py", "cell.py", text)
     executed.write_text(text, encoding="utf-8")

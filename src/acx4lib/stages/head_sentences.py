@@ -9,11 +9,12 @@ import numpy as np
 from acx4lib import experiments, paper
 from acx4lib.calibration import REPORTED, from_bundle, parameters
 from acx4lib.correlations import interior_exterior, largest_pairs
+from acx4lib.design import levels
 from acx4lib.experiments import HeldFocalLength
 from acx4lib.flight import Flight
 from acx4lib.lens import radial_profile
 from acx4lib.plot.heads import SYMBOLS
-from acx4lib.stages.head_tables import apart, claim, printed_border_px
+from acx4lib.stages.head_tables import apart, claim, oriented, printed_border_px
 from acx4lib.stages.heads import HeadsStage
 from acx4lib.tables import LABELS
 
@@ -38,11 +39,49 @@ def agreement(flight: Flight, stage: HeadsStage) -> str:
     }
     ratios = ", ".join(f"{value:.1f} for {LABELS[REPORTED[k][0]]}" for k, value in ratio.items())
     return (
-        f"Of {len(listed)} parameters {int(np.sum(far <= 2))} lie within two combined standard "
+        f"{int(np.sum(far <= 2))} of {len(listed)} parameters lie within two combined standard "
         f"deviations of the printed value; the farthest is {LABELS[worst.name]} of "
         f"{worst.camera}, {far.max():.1f} off. Our standard deviations are those of the paper "
         f"times {ratios} (medians of the heads)."
     )
+
+
+def orientation(flight: Flight, stage: HeadsStage) -> str:
+    """Say how the relative orientation compares with the printed one."""
+    listed = oriented(stage)
+    if not listed:
+        return f"There is no relative orientation: {stage.left_out}."
+    metres = _ground_m_per_mm(stage)
+    if not paper.applies(flight):
+        return f"A tenth of a millimetre is {0.1 * metres:.1f} m at the lowest flying height."
+    off = {
+        name: max(
+            abs(p.value - paper.value(1, p.name, p.camera)) for p in listed if p.name in names
+        )
+        for name, names in GROUPS.items()
+    }
+    return (
+        f"$Z_c$ comes within {off['Zc']:.4f} mm of the printed values, the angles within "
+        f"{off['angles']:.3f}°, and $X_c$, $Y_c$ within {off['Xc']:.3f} mm, which is "
+        f"{off['Xc'] * metres:.1f} m on the ground from the lowest flying height. With the focal "
+        "length held at a wrong value the angles cannot come nearer: tilt, principal point and "
+        "position of an oblique head share what is wrong."
+    )
+
+
+GROUPS = {
+    "Zc": ("Zc_mm",),
+    "angles": ("omega_deg", "phi_deg", "kappa_deg"),
+    "Xc": ("Xc_mm", "Yc_mm"),
+}
+
+
+def _ground_m_per_mm(stage: HeadsStage) -> float:
+    """Return the ground under one mm of the first head's image from the lowest height, m."""
+    fit = next(iter(stage.heads.bundles.values()))
+    block = fit.network.block
+    lowest = min(level.height_m for level in levels(block))
+    return float(lowest / fit.cameras[0].interior.f)
 
 
 def border(flight: Flight, stage: HeadsStage) -> str:
@@ -88,25 +127,53 @@ def correlation(flight: Flight, stage: HeadsStage) -> str:
     )
 
 
-def gnss(held: Sequence[HeldFocalLength]) -> str:
+def held(stage: HeadsStage, tried: Sequence[HeldFocalLength]) -> str:
+    """Say by how much the adjustment minds a wrong focal length, and where it goes.
+
+    Parameters
+    ----------
+    stage : HeadsStage
+    tried : sequence of HeldFocalLength
+        All heads changed by the same, and once not at all.
+    """
+    names = [name for name in stage.heads.bundles if all(name in one.bundles for one in tried)]
+    if not names:
+        return "No head could be adjusted."
+    right = min(tried, key=lambda one: float(np.abs(one.change_mm).max()))
+    wrong = [one for one in tried if one is not right]
+    variance = max(one.sigma0_sq for one in wrong) / right.sigma0_sq - 1
+    control = max(one.control_rms_m - right.control_rms_m for one in wrong)
+    rise = max(abs(one.above_gnss_m[n] - right.above_gnss_m[n]) for one in wrong for n in names)
+    f = np.array([[one.bundles[n].cameras[0].interior.to_array() for n in names] for one in wrong])
+    start = [right.bundles[n].cameras[0].interior.to_array() for n in names]
+    return (
+        f"A focal length wrong by up to {np.abs(f - start)[..., 0].max():.1f} mm changes the "
+        f"variance of unit weight by {100 * variance:+.0f} % at most and the residuals at the "
+        f"control points by {1000 * control:+.1f} mm, but the principal point by up to "
+        f"{np.abs(f - start)[..., 1:3].max():.2f} mm and the height of the cameras by up to "
+        f"{rise:.0f} m."
+    )
+
+
+def gnss(tried: Sequence[HeldFocalLength]) -> str:
     """Say which focal lengths would put the cameras at the trajectory's heights."""
-    asked = experiments.asked_by_gnss(held)
+    asked = experiments.asked_by_gnss(tried)
     if not asked:
         return "No head could be adjusted."
-    fits = held[int(np.argmin([np.abs(h.change_mm).max() for h in held]))].bundles
+    fits = min(tried, key=lambda one: float(np.abs(one.change_mm).max())).bundles
     each = ", ".join(f"{f:.3f} mm ({name})" for name, f in asked.items())
     declared = ", ".join(
         f"{f:g}" for f in sorted({fits[name].cameras[0].interior.f for name in asked})
     )
-    slope = np.mean([_slope(held, name) for name in asked])
+    slope = np.mean([_slope(tried, name) for name in asked])
     return (
         f"Each 0.1 mm of focal length lifts the cameras by {0.1 * slope:.1f} m. They would stand "
         f"where GNSS has them with focal lengths of {each} instead of {declared} mm."
     )
 
 
-def _slope(held: Sequence[HeldFocalLength], name: str) -> float:
+def _slope(tried: Sequence[HeldFocalLength], name: str) -> float:
     """Return by how many m a head rises with one mm of focal length."""
-    f = [h.bundles[name].cameras[0].interior.f for h in held]
-    rise = [h.above_gnss_m[name] for h in held]
+    f = [h.bundles[name].cameras[0].interior.f for h in tried]
+    rise = [h.above_gnss_m[name] for h in tried]
     return float((rise[-1] - rise[0]) / (f[-1] - f[0]))

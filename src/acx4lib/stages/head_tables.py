@@ -55,10 +55,11 @@ def interior(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
 
 def orientation(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
     """Return the second part of Table 1: the relative orientation, beside the printed one."""
-    return _beside_table_1(flight, _oriented(stage))
+    return _beside_table_1(flight, oriented(stage))
 
 
-def _oriented(stage: HeadsStage) -> list[Parameter]:
+def oriented(stage: HeadsStage) -> list[Parameter]:
+    """Return the relative orientation as results report it; empty where there is none."""
     orientation = stage.orientation
     if orientation is None:
         return []
