@@ -52,7 +52,7 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
 	@$(BIN)/ruff format --check --quiet
 	@$(BIN)/mypy
 	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
-	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --verify $(NOTEBOOKS))
+	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
 test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2

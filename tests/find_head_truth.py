@@ -7,6 +7,7 @@ adjusted in that way, give Table 1's x_p, y_p, k1, p1, p2 and Zc, and prints the
     python tests/find_head_truth.py
 """
 
+import sys
 import tempfile
 from pathlib import Path
 from types import MappingProxyType
@@ -58,11 +59,12 @@ def main() -> None:
             truth[name][1:] += change[:5]
             truth[name][0] *= 1 - change[5] / 74.0 * (name != "CAM1")
             largest = max(largest, np.abs(change / [1, 1, 1e-6, 1e-6, 1e-6, 1]).max())
-        print(f"largest change {largest:.1e}")
+        sys.stdout.write(f"largest change {largest:.1e}\n")
         if largest < 2e-6:  # files hold pixels to 0.0001
             break
     for name in HEADS:
-        print(name, tuple(float(f"{value:.10g}") for value in truth[name]))
+        constants = tuple(float(f"{value:.10g}") for value in truth[name])
+        sys.stdout.write(f"{name} {constants}\n")
 
 
 if __name__ == "__main__":
