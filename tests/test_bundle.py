@@ -11,6 +11,7 @@ import blocks
 from acx4lib import adjustment, bundle
 from acx4lib.block import ImagePoints, Images, SurveyedPoints
 from acx4lib.bundle import adjust
+from acx4lib.collinearity import project
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, rotation_from_opk, transform
 from acx4lib.geodesy import MappingFrame
@@ -301,17 +302,19 @@ def test_a_control_point_measured_once_takes_part(exact_block):
 
 
 def test_rays_that_hardly_meet_are_left_out_and_said(exact_block):
-    """Two images from the same place."""
+    """Two images 20 m apart see a point at 1.1 degrees; control they may see so."""
     T = exact_block.trajectory.T_m_b
-    r = T.r.copy()
-    r[1] = r[0] + [10.0, 0.0, 0.0]  # 10 m of base at 1000 m: 0.6 degrees
-    R = T.R.copy()
-    R[1] = R[0]
+    R, r = T.R.copy(), T.r.copy()
+    R[1], r[1] = R[0], r[0] + [20.0, 0.0, 0.0]
     block = blocks.simulate(Pose(R=R, r=r), ties=blocks.terrain(40), control=blocks.crosses())
-    middle = np.array([[2000.0, 1500.0], [2000.0, 1500.0]])
-    net = mounted_network(with_points(block, [0, 1], middle, ["flat"]))
-    assert net.left_out["whose rays meet at less than 2 degrees"] == 1
+    (camera,) = block.cameras
+    ground = np.tile([r[0, 0], r[0, 1], blocks.GROUND_M], (2, 1))
+    T_m_c = Pose(R=R[:2], r=r[:2]) @ Pose(R=camera.T_b_c.R[None], r=camera.T_b_c.r[None])
+    flat = with_points(block, [0, 1], project(camera, T_m_c, ground), ["flat"])
+    net = mounted_network(flat)
+    assert net.left_out == {"whose rays meet at less than 2 degrees": 1}
     assert not net.free_points[-1]
+    assert len(net.image_points) == len(block.image_points)
 
 
 def test_start_values_of_points_are_where_their_rays_meet(exact_block):

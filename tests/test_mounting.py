@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import stats
 
 import blocks
 from acx4lib import mounting, paper
@@ -253,3 +254,23 @@ def test_covariances_carry_every_observation_to_the_parameters(method):
     assert_allclose(
         calibration.cov / np.outer(sigma, sigma), numeric / np.outer(sigma, sigma), atol=1e-4
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [mounting.single_step, mounting.two_step])
+def test_errors_over_many_flights_are_as_large_as_their_joint_covariance_says(exact_block, method):
+    """The sum of squared normalised errors of 60 noisy blocks is chi-square distributed."""
+    free = ("xp", "yp", "k1")
+    (true,) = exact_block.cameras
+    truth = np.array([true.interior.xp, true.interior.yp, true.interior.k1, *true.T_b_c.r, 0, 0, 0])
+    total, dof = 0.0, 0
+    for seed in range(60):
+        noisy = blocks.noisy(exact_block, np.random.default_rng(1000 + seed))
+        # the distortion that is not estimated is known
+        held = replace(blocks.approximate(noisy, df=0.0).cameras[0], interior=true.interior)
+        found = method(replace(noisy, cameras=(held,)), free=free).calibration
+        error = estimates(found, true) - truth
+        total += error @ np.linalg.solve(found.cov, error)
+        dof += len(error)
+    low, high = stats.chi2.ppf([0.005, 0.995], dof)
+    assert low < total < high

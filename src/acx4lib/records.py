@@ -542,6 +542,14 @@ def calibrated_methods(found: results.Results) -> tuple[str, ...]:
     )
 
 
+def of_validations(validations: Sequence[Validation]) -> list[Record]:
+    """Return the records of all methods' validations; without any, one that says why."""
+    if not validations:
+        reason = "no method has all its parameters determined"
+        return [of_left_out("validation", "all", reason)]
+    return [of_validation(validation) for validation in validations]
+
+
 def of_validation(validation: Validation) -> Record:
     """Return all rows of one method's validation."""
     method, block = validation.method, validation.block

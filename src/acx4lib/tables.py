@@ -199,6 +199,12 @@ def _printed_validation(column: str) -> dict[str, str]:
     return cells
 
 
+BIAS = (
+    *("Method", "Axis", "Points", "Mean (m)", "RMS (m)"),
+    *("95 % of the RMS (m)", "t", "critical", "bias"),
+)
+
+
 def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
     """Return Student's t of the means, one difference per point, with the verdicts."""
     rows = []
@@ -220,7 +226,7 @@ def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
                     "bias": "none seen" if test.accepted[axis] else "significant",
                 }
             )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(BIAS))
 
 
 def class_table(validations: Sequence[Validation], scales: Sequence[int]) -> pd.DataFrame:
@@ -310,8 +316,11 @@ def lever_arm_sentence(seen: pd.DataFrame) -> str:
     )
 
 
-def validation_sentence(validation: Validation) -> str:
-    """Say how the RMS found compares with the one predicted."""
+def validation_sentence(validations: Sequence[Validation]) -> str:
+    """Say how the RMS found compares with the one predicted, for the last method."""
+    if not validations:
+        return "No method has all its parameters determined, so there is nothing to validate."
+    validation = validations[-1]
     found = np.sqrt(np.mean(validation.pairs.d**2, axis=0))
     predicted = np.sqrt(np.mean(validation.pairs.sigma**2, axis=0))
     ratio = ", ".join(f"{value:.2f}" for value in found / predicted)

@@ -129,22 +129,27 @@ def _in_grid(block: Block, origin: Array, surveyed: SurveyedPoints) -> SurveyedP
 
 
 def validations(
-    block: Block, calibration: Calibration, *, refraction: str = "none"
+    block: Block, calibrations: Sequence[Calibration], *, refraction: str = "none"
 ) -> pd.DataFrame:
     """Repeat the validation with one step of direct georeferencing forgotten at a time.
 
     Parameters
     ----------
     block : Block
-    calibration : Calibration
+    calibrations : sequence of Calibration
+        The last one is used.
     refraction : str
         ``"none"`` or ``"standard"``.
 
     Returns
     -------
     DataFrame
-        One row per mistake: mean and RMS of the points' differences in east, north, height, m.
+        One row per mistake: mean and RMS of the points' differences in east, north, height, m;
+        no rows without a calibration.
     """
+    if not calibrations:
+        return pd.DataFrame()
+    calibration = calibrations[-1]
     mistakes: dict[str, tuple[Block, Calibration]] = {
         "none": (block, calibration),
         "lever arm forgotten": (block, _mounted(calibration, r=np.zeros(3))),

@@ -92,7 +92,7 @@ def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
     size = np.array([np.nanmax(at, axis=0) - np.nanmin(at, axis=0) for at in extents])
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
     width = WIDTH / len(extents) - 0.7
-    height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 1.2
+    height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
     fig, axes = plt.subplots(1, len(extents), figsize=(WIDTH, height), squeeze=False)
     return fig, list(axes[0])
 

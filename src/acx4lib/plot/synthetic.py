@@ -69,7 +69,8 @@ def footprints(
         handles: list[Any] = [
             Line2D([], [], color=colour(k), label=head.name) for k, head in enumerate(first.heads)
         ]
-        handles += [_count_patch(count) for count in range(min(most, len(COUNTS) - 1) + 1)]
+        counts = range(min(most, len(COUNTS) - 1) + 1)
+        handles += [_count_patch(count, len(first.heads)) for count in counts]
         legend_below(fig, handles, ncols=5)
     return fig
 
@@ -81,8 +82,9 @@ def _size(synthetic: Camera, n: int) -> tuple[float, float]:
     return WIDTH, float(np.clip(width * tall, 1.5, 4.3)) + 1.2
 
 
-def _count_patch(count: int) -> Patch:
-    label = ("no head", "1 head", "2 heads", "3 heads", "4 heads or more")[count]
+def _count_patch(count: int, n_heads: int) -> Patch:
+    label = ("no head", "1 head", "2 heads", "3 heads", "4 heads")[count]
+    label += " or more" if count == len(COUNTS) - 1 < n_heads else ""
     return Patch(fc=COUNTS[count], ec=SOFT, lw=0.4, label=label)
 
 

@@ -20,6 +20,7 @@ from acx4lib.plot._style import (
     colour,
     legend_below,
     north_arrow,
+    nothing,
     scale_bar,
     style,
 )
@@ -28,15 +29,20 @@ from acx4lib.validation import Validation
 AXES = ("east", "north", "height")
 
 
-def difference_map(validation: Validation) -> Figure:
+NONE = "No method has all its parameters determined, so there is nothing to validate."
+
+
+def difference_map(validations: Sequence[Validation]) -> Figure:
     """Draw the differences of all check points: arrows in plan, colours in height.
 
     Parameters
     ----------
-    validation : Validation
-        All-ray differences are drawn.
+    validations : sequence of Validation
+        All-ray differences of the last one are drawn.
     """
-    block, points = validation.block, validation.points
+    if not validations:
+        return nothing(NONE)
+    block, points = validations[-1].block, validations[-1].points
     enh = block.frame.to_grid(block.check.x_m[points.point_idx])
     cameras = block.frame.to_grid(block.T_m_b_images.r)
     km = 1e-3
@@ -87,6 +93,8 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
     validations : sequence of Validation
         One per method.
     """
+    if not validations:
+        return nothing(NONE)
     with style():
         fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
@@ -109,14 +117,17 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
     return fig
 
 
-def pair_histograms(validation: Validation) -> Figure:
+def pair_histograms(validations: Sequence[Validation]) -> Figure:
     """Draw the differences of all pairs with the distribution that their sigma predict.
 
     Parameters
     ----------
-    validation : Validation
+    validations : sequence of Validation
+        The last one is drawn.
     """
-    pairs = validation.pairs
+    if not validations:
+        return nothing(NONE)
+    pairs = validations[-1].pairs
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
     with style():
@@ -143,6 +154,8 @@ def mistakes(table: pd.DataFrame) -> Figure:
     table : DataFrame
         As `variants.validations` returns it.
     """
+    if table.empty:
+        return nothing(NONE)
     rows = np.arange(len(table))
     with style():
         fig, ax = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * len(table)))

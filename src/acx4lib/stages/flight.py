@@ -120,13 +120,13 @@ def content_table(flight: Flight) -> pd.DataFrame:
             {
                 "Block": name,
                 "Cameras": ", ".join(camera.name for camera in block.cameras),
-                "Images of each": _beside(
+                "Images each": _beside(
                     per_camera, PRINTED_IMAGES.get(name) if said else None, digits=digits
                 ),
-                "Surveyed points": _beside(surveyed, PRINTED_POINTS.get(name) if said else None),
+                "Surveyed": _beside(surveyed, PRINTED_POINTS.get(name) if said else None),
                 "of these check": f"{len(block.check)}",
                 "Tie points": f"{len(rays) - surveyed:.0f}",
-                "Measurements": f"{len(block.image_points)}",
+                "Measured": f"{len(block.image_points)}",
                 "Images per point": f"{rays.mean():.1f}" if len(rays) else "",
             }
         )

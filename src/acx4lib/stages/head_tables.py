@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -16,35 +16,36 @@ from acx4lib.records import RELATIVE
 from acx4lib.stages.heads import HeadsStage
 from acx4lib.tables import LABELS, value_and_sigma
 
+UNITS = {"deg": "°", "mm^-1": "mm⁻¹", "mm^-2": "mm⁻²", "mm^-4": "mm⁻⁴", "mm^-6": "mm⁻⁶"}
+"""Units as a reader sees them."""
+
 
 def quality(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
     """Return how well every head was adjusted, beside the paper's variance factors."""
     rows = []
     for name, fit in stage.heads.bundles.items():
         solution = fit.solution
-        row: dict[str, object] = {
+        row = {
             "Head": name,
-            "Images": len(fit.network.block.images),
-            "Measurements": len(fit.network.image_points),
-            "Redundancy": solution.redundancy,
-            "Variance of unit weight": solution.sigma0_sq,
-            "Printed": paper.value(1, "sigma0_squared", name) if paper.applies(flight) else None,
-            "Chi-square test, p": solution.chi_square_p,
-            "Residuals (px)": np.sqrt(np.mean(solution.group("image_point").v ** 2)),
-            "Rejected": len(fit.rejected),
-            "Left out": sum(fit.network.left_out.values()),
+            "Measured": f"{len(fit.network.image_points)}",
+            "Redundancy": f"{solution.redundancy}",
+            "Variance of unit weight": f"{solution.sigma0_sq:.3f}",
+        }
+        if paper.applies(flight):
+            row["Printed"] = paper.printed(1, "sigma0_squared", name)
+        row |= {
+            "Chi-square test, p": f"{solution.chi_square_p:.3f}",
+            "RMS (px)": f"{np.sqrt(np.mean(solution.group('image_point').v ** 2)):.2f}",
+            "Rejected": f"{len(fit.rejected)}",
+            "Left out": f"{sum(fit.network.left_out.values())}",
         }
         rows.append(row)
-    table = pd.DataFrame(rows)
-    return table if paper.applies(flight) or table.empty else table.drop(columns="Printed")
+    return _table(rows)
 
 
-QUALITY_FORMATS = {
-    "Variance of unit weight": ".3f",
-    "Chi-square test, p": ".3f",
-    "Residuals (px)": ".2f",
-}
-"""Formats of `quality`."""
+def _table(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
+    """Return rows as a table; one that says so where there is none."""
+    return pd.DataFrame(list(rows) or [{"Head": "none could be adjusted"}])
 
 
 def interior(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
@@ -86,7 +87,7 @@ def _beside_table_1(flight: Flight, listed: Sequence[Parameter]) -> pd.DataFrame
     for p in sorted(listed, key=lambda p: order.index(p.name)):
         row = {
             "Parameter": LABELS[p.name],
-            "Unit": p.unit,
+            "Unit": UNITS.get(p.unit, p.unit),
             "Head": p.camera,
             "Value": value_and_sigma(p.value, p.sigma),
         }
@@ -95,7 +96,7 @@ def _beside_table_1(flight: Flight, listed: Sequence[Parameter]) -> pd.DataFrame
         if paper.applies(flight):
             row |= _printed(p)
         rows.append(row)
-    return pd.DataFrame(rows)
+    return _table(rows)
 
 
 def _printed(p: Parameter) -> dict[str, str]:
@@ -128,7 +129,7 @@ def border(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
         if paper.applies(flight):
             row["Radial, Table 1 (px)"] = f"{printed_border_px(flight)[name]:.1f}"
         rows.append(row)
-    return pd.DataFrame(rows)
+    return _table(rows)
 
 
 def printed_border_px(flight: Flight) -> dict[str, float]:
@@ -156,7 +157,7 @@ def held(stage: HeadsStage, tried: Sequence[HeldFocalLength]) -> pd.DataFrame:
     stage : HeadsStage
     tried : sequence of HeldFocalLength
     """
-    return pd.DataFrame([_held_cells(stage, one) for one in tried])
+    return _table([_held_cells(stage, one) for one in tried if one.bundles])
 
 
 def _held_cells(stage: HeadsStage, one: HeldFocalLength) -> dict[str, str]:

@@ -22,6 +22,7 @@ from acx4lib.tie_points import Overlap, TiePoints, overlaps, refine_by_mean_diff
 from acx4lib.tie_points import shared_points as shared
 
 ORIENTED = "heads/relative_orientation"
+NO_TIES = {"Heads": "no two of them share a tie point"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,15 +154,15 @@ def overlap_table(
         rows.append(
             {
                 "Heads": " and ".join(orientation.heads[k].name for k in (a, b)),
-                "Area (Mpx)": share * megapixels,
-                "Tie points": len(before.d),
+                "Area (Mpx)": f"{share * megapixels:.1f}",
+                "Tie points": f"{len(before.d)}",
                 "Mean $x$, $y$ before (px)": _pair(before.mean / synthetic.pixel_mm),
                 "after (px)": _pair(after.mean / synthetic.pixel_mm),
-                "RMS before (px)": _rms(before) / synthetic.pixel_mm,
-                "RMS after (px)": _rms(after) / synthetic.pixel_mm,
+                "RMS before (px)": f"{_rms(before) / synthetic.pixel_mm:.2f}",
+                "RMS after (px)": f"{_rms(after) / synthetic.pixel_mm:.2f}",
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows or [NO_TIES])
 
 
 def _pair(values: np.ndarray) -> str:
@@ -181,10 +182,10 @@ def shift_table(orientation: RelativeOrientation, refinement: Refinement) -> pd.
         [
             {
                 "Head": head.name,
-                "$X_c$ moved by (µm)": moved[k, 0],
-                "$Y_c$ moved by (µm)": moved[k, 1],
-                "Sigma of $X_c$ (µm)": sigma[k, 0],
-                "Sigma of $Y_c$ (µm)": sigma[k, 1],
+                "$X_c$ moved by (µm)": f"{moved[k, 0]:+.2f}",
+                "$Y_c$ moved by (µm)": f"{moved[k, 1]:+.2f}",
+                "Sigma of $X_c$ (µm)": f"{sigma[k, 0]:.2f}",
+                "Sigma of $Y_c$ (µm)": f"{sigma[k, 1]:.2f}",
             }
             for k, head in enumerate(orientation.heads)
         ]
@@ -203,27 +204,12 @@ def turned_table(
         rows.append(
             {
                 "Turned head": f"{head.name} by {kappa_deg:g}°",
-                "Added to the differences, RMS (px)": found.systematic_mm / pixel,
-                "left after the mean shift, RMS (px)": found.refined_mm / pixel,
-                "left at most (px)": found.largest_mm / pixel,
+                "Added to the differences, RMS (px)": f"{found.systematic_mm / pixel:.2f}",
+                "left after the mean shift, RMS (px)": f"{found.refined_mm / pixel:.2f}",
+                "left at most (px)": f"{found.largest_mm / pixel:.2f}",
             }
         )
-    return pd.DataFrame(rows)
-
-
-OVERLAP_FORMATS = {"Area (Mpx)": ".1f", "RMS before (px)": ".2f", "RMS after (px)": ".2f"}
-SHIFT_FORMATS = {
-    "$X_c$ moved by (µm)": "+.2f",
-    "$Y_c$ moved by (µm)": "+.2f",
-    "Sigma of $X_c$ (µm)": ".2f",
-    "Sigma of $Y_c$ (µm)": ".2f",
-}
-TURNED_FORMATS = {
-    "Added to the differences, RMS (px)": ".2f",
-    "left after the mean shift, RMS (px)": ".2f",
-    "left at most (px)": ".2f",
-}
-"""Formats of the tables above."""
+    return pd.DataFrame(rows or [NO_TIES])
 
 
 # --- sentences -------------------------------------------------------------------------------
