@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import pandas as pd
@@ -11,6 +12,9 @@ MISSING = "\N{EN DASH}"
 """What stands in a cell without a value."""
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+POWER = re.compile(r"(?<=mm)\^(-\d)")
+"""Exponent of a unit, as results files write it."""
 
 
 def myst_table(
@@ -73,7 +77,8 @@ def _cell(value: object, spec: str) -> str:
     """Return one cell; what is missing or not a number is a dash."""
     if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
         return MISSING
-    return _line(format(value, "" if isinstance(value, str) else spec)).replace("|", r"\|")
+    text = format(value, "" if isinstance(value, str) else spec)
+    return POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), _line(text)).replace("|", r"\|")
 
 
 def _line(text: str) -> str:

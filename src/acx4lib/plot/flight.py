@@ -122,7 +122,7 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
         colour = LEVEL_COLOURS[i % len(LEVEL_COLOURS)]
         _draw_level(ax, block, level, at, colour=colour)
         words = ("higher strips", "lower strips") if len(levels) == 2 else ("strips",)
-        name = words[min(i, len(words) - 1)]
+        name = words[min(i, len(words) - 1)] if any(level.strips) else "exposures"
         handles[name] = Line2D([], [], color=colour, marker="o", ms=2.5, lw=1, label=name)
     handles |= _draw_surveyed(ax, block)
     _finish_map(ax, _extent(block))
@@ -145,18 +145,18 @@ def _draw_level(ax: Axes, block: Block, level: design.Level, at: Array, *, colou
     """Draw the strips of one flying height with their directions, and one exposure's images."""
     way = design.directions(block)
     strip_of = np.array(design.strip_of_exposure(block), dtype=object)
-    r = block.trajectory.T_m_b.r[:, :2]
     for strip in level.strips:
         own = np.flatnonzero(strip_of == strip)
-        reach = 0.9 * np.linalg.norm(r[own[-1]] - r[own[0]]) / max(len(own) - 1, 1)
-        ax.plot(*at[own].T, color=colour, lw=0.9, marker="o", ms=1.9, zorder=4)
-        ax.annotate(
-            "",
-            xy=at[own[-1]] + 0.001 * reach * way[own[-1]],
-            xytext=at[own[-1]],
-            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkA": 0},
-            zorder=4,
-        )
+        ax.plot(*at[own].T, "o" if not strip else "o-", color=colour, lw=0.9, ms=1.9, zorder=4)
+        if strip and len(own) > 1:
+            reach = 0.9 * np.linalg.norm(at[own[-1]] - at[own[0]]) / (len(own) - 1)
+            ax.annotate(
+                "",
+                xy=at[own[-1]] + reach * way[own[-1]],
+                xytext=at[own[-1]],
+                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkA": 0},
+                zorder=4,
+            )
     of_strip = np.flatnonzero(strip_of == level.strips[len(level.strips) // 2])
     middle = of_strip[len(of_strip) // 2]
     corners = design.footprints(block)[block.images.exposure_idx == middle]

@@ -168,7 +168,8 @@ def radial_distortion(
                 ax.plot(r, px, color=colour(i), label=name)
                 ax.fill_between(r, px - sigma, px + sigma, color=colour(i), alpha=0.25, lw=0)
             ends = [px[-1], printed_px.get(name, px[-1])]
-            near.plot(*([r[-1]], ends[1:]), "D", ms=4.5, mfc="white", mec=colour(i), mew=1.3)
+            if name in printed_px:
+                near.plot(r[-1], ends[1], "D", ms=4.5, mfc="white", mec=colour(i), mew=1.3)
             lowest, highest = min(lowest, 0.93 * min(ends)), max(highest, 1.05 * max(ends))
             corner = max(corner, r[-1])
         highest = max(highest, 1.04 * (claim_px or 0.0))

@@ -171,7 +171,7 @@ def _held_cells(stage: HeadsStage, one: HeldFocalLength) -> dict[str, str]:
     ]
     rise = list(one.above_gnss_m.values())
     cells = {
-        "Held $f$": f"{which} {change:+.1f} mm" if changed else "as declared",
+        "Held $f$": f"{which} {change:+.1f} mm" if changed else "unchanged",
         "Variance of unit weight": f"{one.sigma0_sq:.3f}",
         "RMS at control points (mm)": f"{1000 * one.control_rms_m:.1f}",
         "Cameras above GNSS (m)": f"{min(rise):+.1f} to {max(rise):+.1f}",

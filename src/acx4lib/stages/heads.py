@@ -9,6 +9,7 @@ import numpy as np
 
 from acx4lib import experiments
 from acx4lib.bundle import Bundle
+from acx4lib.calibration import from_bundle, not_determined
 from acx4lib.correlations import interior_exterior, largest_pairs
 from acx4lib.errors import AdjustmentError
 from acx4lib.experiments import HeldFocalLength
@@ -76,13 +77,8 @@ def orient(flight: Flight, heads: Heads) -> HeadsStage:
     flight : Flight
     heads : Heads
     """
-    if flight.synthetic is None:
-        return HeadsStage(
-            heads=heads, orientation=None, left_out="flight.toml has no table [synthetic]"
-        )
-    missing = [name for name in flight.synthetic.heads if name not in heads.bundles]
-    if missing:
-        left_out = f"{', '.join(missing)} could not be adjusted"
+    left_out = _why_not(flight, heads)
+    if left_out or flight.synthetic is None:
         return HeadsStage(heads=heads, orientation=None, left_out=left_out)
     try:
         synthetic = flight.cameras[flight.synthetic.camera]
@@ -90,6 +86,19 @@ def orient(flight: Flight, heads: Heads) -> HeadsStage:
     except AdjustmentError as error:
         return HeadsStage(heads=heads, orientation=None, left_out=str(error))
     return HeadsStage(heads=heads, orientation=orientation)
+
+
+def _why_not(flight: Flight, heads: Heads) -> str:
+    """Return what stands against a relative orientation; empty where nothing does."""
+    if flight.synthetic is None:
+        return "flight.toml has no table [synthetic]"
+    missing = [name for name in flight.synthetic.heads if name not in heads.bundles]
+    if missing:
+        return f"{', '.join(missing)} could not be adjusted"
+    weak = [name for name, fit in heads.bundles.items() if not_determined(from_bundle(fit))]
+    if weak:
+        return f"the interior orientation of {', '.join(weak)} is not determined"
+    return ""
 
 
 def records(stage: HeadsStage) -> list[Record]:

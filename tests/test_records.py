@@ -1,0 +1,160 @@
+"""What stands in a results folder is what was computed, and can be read back."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flights_simulated
+from acx4lib import (
+    calibration,
+    mounting,
+    records,
+    relative_orientation,
+    results,
+    validation,
+)
+
+SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return flights_simulated.fly("single-head", seed=1).flight
+
+
+@pytest.fixture(scope="module")
+def mountings(flown):
+    return mounting.calibrate(flown.calibration, **SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, flown, mountings):
+    path = tmp_path_factory.mktemp("results")
+    records.write(path, "mounting", records.of_mountings(mountings))
+    found = results.read(path)
+    validations = [
+        validation.validate(flown.validation, said, method=method)
+        for method, said in records.calibrations_for(flown, found).items()
+    ]
+    records.write(path, "validation", records.of_validations(validations))
+    return path
+
+
+@pytest.mark.parametrize("method", mounting.METHODS)
+def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, folder, method):
+    said = mountings[method].calibration
+    back = records.read_calibration(
+        results.read(folder), f"mounting/{method}", flown.calibration.cameras
+    )
+    (a,), (b,) = said.cameras, back.cameras
+    assert_allclose(b.interior.to_array(), a.interior.to_array(), rtol=1e-14)
+    assert_allclose(b.T_b_c.R, a.T_b_c.R, atol=1e-14)  # rad
+    assert_allclose(b.T_b_c.r, a.T_b_c.r, atol=1e-15)  # m
+    assert_allclose(back.cov, said.cov, rtol=1e-9)
+    assert_allclose(calibration.reported_covariance(back), calibration.reported_covariance(said))
+
+
+def test_sigma_in_parameters_is_the_root_of_the_covariance(folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        cov = results.covariance(found, f"mounting/{method}")
+        listed = results.rows(found, "parameters", f"mounting/{method}")
+        names = listed["camera"] + "/" + listed["parameter"]
+        sigma = np.sqrt(np.diag(cov.loc[names, names]))
+        assert_allclose(listed["sigma"], sigma, rtol=1e-12)
+
+
+def test_every_residual_stands_in_the_table_and_sums_up_to_the_cost(mountings, folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        rows = results.rows(found, "residuals", f"mounting/{method}")
+        solution = mountings[method].bundle.solution
+        assert len(rows) == solution.n_observations
+        assert_allclose(np.sum((rows["v"] / rows["sigma"]) ** 2), solution.cost, rtol=1e-10)
+        assert_allclose(rows["redundancy"].sum(), solution.redundancy, rtol=1e-8)
+        # Baarda's w is v over its own standard deviation
+        w = rows["v"] / (rows["sigma"] * np.sqrt(rows["redundancy"]))
+        assert_allclose(rows["w"], w, rtol=1e-9)
+
+
+def test_the_summary_of_a_validation_counts_the_rows_of_its_tables(folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        entry = found.summary[f"validation/{method}"]
+        pairs = results.rows(found, "validation", f"validation/{method}")
+        points = results.rows(found, "check_points", f"validation/{method}")
+        assert entry["n_pairs"] == len(pairs)
+        assert entry["n_points"] == len(points)
+        d = pairs[["d_east_m", "d_north_m", "d_height_m"]]
+        assert_allclose(entry["rms"], np.sqrt((d**2).mean()), rtol=1e-12)
+        assert_allclose(entry["std"], d.std(ddof=1), rtol=1e-12)
+        assert 0.5 < entry["sigma0_squared"] < 1.7  # chi-square of some eighty observations
+
+
+def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
+    order = {name: i for i, name in enumerate(flown.validation.images.names)}
+    pairs = results.read(folder).validation
+    assert all(order[a] < order[b] for a, b in zip(pairs["image_a"], pairs["image_b"], strict=True))
+
+
+def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
+    without = records.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    assert list(without) == ["given"]
+    assert without["given"].n_columns == 0
+    checked = validation.validate(flown.validation, without["given"], method="given")
+    # a nominal calibration is metres off, and its sigma has no part of the parameters
+    assert np.sqrt(np.mean(checked.points.d**2)) > 3 * np.sqrt(np.mean(checked.points.sigma**2))
+
+
+def _only_validation(flown):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    return replace(flown, blocks={"validation": flown.validation})
+
+
+def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
+    record = records.of_left_out("mounting", "two_step", "no control")
+    records.write(tmp_path, "mounting", [record])
+    found = results.read(tmp_path)
+    assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
+    assert len(found.parameters) == 0
+
+
+def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(flown):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.calibration
+    camera = block.cameras[0]
+    wrong = camera.with_interior(replace(camera.interior, f=1.03 * camera.interior.f))
+    spoilt = replace(block, cameras=(wrong,))
+    bundle = mounting.two_step(spoilt, free=("xp", "yp")).bundle
+    assert records.height_scale(bundle) == pytest.approx(1.03 * 50 / 50.128, abs=0.005)
+    (record,) = records.of_mountings(
+        mounting.Mountings(
+            methods={"two_step": mounting.two_step(spoilt, free=("xp", "yp"))}, failures={}
+        )
+    )
+    assert any("focal length" in note for note in record.summary["mounting/two_step"]["notes"])
+
+
+def test_heads_come_back_from_their_files_as_they_were(tmp_path):
+    flown = flights_simulated.fly("acx4", seed=1, blocks=("heads",)).flight
+    heads = relative_orientation.calibrate_heads(
+        flown.heads, flown.synthetic.heads, free=flown.estimate_heads
+    )
+    said = relative_orientation.relative_orientation(heads.bundles, flown.cameras["SYN"])
+    bundles = [
+        records.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
+        for name, fit in heads.bundles.items()
+    ]
+    oriented = records.of_relative_orientation("heads", "relative_orientation", said)
+    records.write(tmp_path, "heads", [*bundles, oriented])
+    back = records.read_relative_orientation(
+        results.read(tmp_path), "heads/relative_orientation", flown.cameras
+    )
+    assert_allclose(back.xyz_mm, said.xyz_mm, atol=1e-12)
+    assert_allclose(back.opk, said.opk, atol=1e-14)
+    assert_allclose(back.cov, said.cov, atol=1e-18)
+    assert back.n_exposures == said.n_exposures == 31
+    for a, b in zip(said.heads, back.heads, strict=True):
+        assert_allclose(b.interior.to_array(), a.interior.to_array(), rtol=1e-14)

@@ -1,0 +1,57 @@
+"""The verdicts follow the rule that stands above them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4lib import paper, scorecard
+from acx4lib.scorecard import Ours
+
+
+@pytest.mark.parametrize(
+    ("text", "what", "value", "half"),
+    [
+        ("74.4404 ± 0.0010", "value", 74.4404, 0.00005),
+        ("74.4404 ± 0.0010", "sigma", 0.0010, 0.00005),
+        ("2.42^07 ± 2.05^08", "value", 2.42e-7, 0.5e-9),
+        ("2.42^07 ± 2.05^08", "sigma", 2.05e-8, 0.5e-10),
+        ("2.75E-03", "value", 2.75e-3, 0.5e-5),
+        ("0.44 [4.4 pixels]", "value", 0.44, 0.005),
+        ("262", "value", 262.0, 0.5),
+    ],
+)
+def test_rounding_of_the_print_is_half_a_unit_of_its_last_digit(text, what, value, half):
+    assert scorecard.half_digit(text, what, value) == pytest.approx(half)
+
+
+@pytest.mark.parametrize(
+    ("off", "verdict"), [(0.0, "agrees"), (1.9, "agrees"), (2.5, "near"), (3.1, "differs")]
+)
+def test_a_verdict_counts_combined_standard_deviations(off, verdict):
+    f = next(
+        scorecard.as_printed_row(row)
+        for row in paper.table(3).to_dict("records")
+        if row["parameter"] == "f_mm" and row["column"] == "single_step"
+    )
+    ours_sigma = 0.002
+    combined = np.sqrt(ours_sigma**2 + 0.0010**2 + 0.00005**2 / 3)
+    ours = Ours(value=74.4404 + off * combined, sigma=ours_sigma, role=scorecard.INPUT)
+    row = scorecard.line(f, "value", ours)
+    assert row["verdict"] == verdict
+    assert row["deviation"] == pytest.approx(off, abs=1e-9)
+    assert bool(row["reason"]) == (verdict != "agrees")
+
+
+def test_counts_are_those_of_the_card():
+    card = pd.DataFrame(
+        {
+            "table": [1, 1, 1, 3],
+            "role": ["input", "input", "independent", "independent"],
+            "verdict": ["agrees", "differs", "near", "agrees"],
+        }
+    )
+    table = scorecard.counts(card).set_index(["table", "role"])
+    assert table.loc[(1, "input")].to_dict() == {
+        "numbers": 2, "agrees": 1, "near": 0, "differs": 1
+    }  # fmt: skip
+    assert table["numbers"].sum() == 4

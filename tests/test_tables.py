@@ -1,0 +1,33 @@
+"""Tables show values to the digits that their standard deviations support."""
+
+import numpy as np
+import pytest
+
+from acx4lib import tables
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        (74.44038, 0.00104, "74.4404 ± 0.0010"),
+        (-0.3987, 0.0262, "-0.399 ± 0.026"),
+        (2.42e-7, 2.04e-8, "2.42·10⁻⁷ ± 2.0·10⁻⁸"),
+        (12.3, 45.0, "12 ± 45"),
+        (74.0, 0.0, "74"),
+        (np.nan, 1.0, ""),
+    ],
+)
+def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
+    assert tables.value_and_sigma(value, sigma) == text
+
+
+def test_every_printed_parameter_has_a_label():
+    from acx4lib import paper  # noqa: PLC0415 used once
+
+    for number in (1, 2, 3, 4):
+        assert set(paper.table(number)["parameter"]) <= set(tables.LABELS)
+
+
+def test_without_a_validation_the_tables_keep_their_columns():
+    assert list(tables.test_table([]).columns) == list(tables.BIAS)
+    assert "nothing to validate" in tables.validation_sentence([])
