@@ -325,13 +325,14 @@ def test_start_values_of_points_are_where_their_rays_meet(exact_block):
 
 
 def test_rays_that_part_start_on_a_ray_before_the_camera(exact_block):
-    """Measured at opposite borders, the wrong way round: the rays meet behind the cameras."""
-    colrow = np.array([[3900.0, 1500.0], [100.0, 1500.0]])
+    """The image to the west looks west and the one to the east looks east."""
+    colrow = np.array([[100.0, 1500.0], [3900.0, 1500.0]])
     block = with_points(exact_block, [0, 2], colrow, ["parting"])
     T_m_c = block.T_m_b_images @ Pose(R=blocks.CAMERA.T_b_c.R, r=blocks.CAMERA.T_b_c.r)
+    assert T_m_c.r[0, 0] < T_m_c.r[2, 0]
     x_m, angle = bundle.start_points(block, T_m_c, np.arange(len(block.image_points)))
     assert np.isfinite(x_m).all()
-    assert 400 < x_m[-1, 2] < 1400  # about the ground, at 900 m
+    assert 400 < x_m[-1, 2] < 1400  # about the ground, at 900 m; the rays meet above 2000 m
     assert angle[-1] > np.radians(20)
 
 

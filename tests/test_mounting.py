@@ -156,6 +156,18 @@ def test_an_exposure_that_was_rejected_enters_no_mean(exact_block, kind):
     assert found.bundle.rejected == tuple(rejected)
 
 
+def test_a_mean_boresight_lies_amid_those_of_the_images():
+    """A camera turned by 90 degrees on its mount, and attitudes so poor that all weigh the same."""
+    block = blocks.standard(cameras=(SIDE,))
+    sigma = np.full((len(block.trajectory), 3), np.radians(0.2))
+    block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
+    noise = sigma * np.random.default_rng(11).normal(size=sigma.shape)
+    found = mounting.two_step(blocks.changed(block, "attitude", noise), free=("xp", "yp"))
+    away = log(found.calibration.cameras[0].T_b_c.R.T @ found.per_image.R)
+    assert np.abs(away).max() > np.radians(0.2)
+    assert_allclose(away.mean(axis=0), 0.0, atol=np.radians(0.002))  # weights differ by a per cent
+
+
 def test_single_step_says_what_it_rejected_and_the_others_take_it_over(noisy_block):
     by = np.zeros((len(noisy_block.image_points), 2))
     by[100, 1] = 8.0

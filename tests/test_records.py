@@ -10,8 +10,10 @@ from acx4lib import (
     mounting,
     records,
     relative_orientation,
+    restored,
     results,
     validation,
+    validation_records,
 )
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
@@ -34,16 +36,16 @@ def folder(tmp_path_factory, flown, mountings):
     found = results.read(path)
     validations = [
         validation.validate(flown.validation, said, method=method)
-        for method, said in records.calibrations_for(flown, found).items()
+        for method, said in restored.calibrations_for(flown, found).items()
     ]
-    records.write(path, "validation", records.of_validations(validations))
+    records.write(path, "validation", validation_records.of_validations(validations))
     return path
 
 
 @pytest.mark.parametrize("method", mounting.METHODS)
 def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, folder, method):
     said = mountings[method].calibration
-    back = records.read_calibration(
+    back = restored.read_calibration(
         results.read(folder), f"mounting/{method}", flown.calibration.cameras
     )
     (a,), (b,) = said.cameras, back.cameras
@@ -98,7 +100,7 @@ def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
 
 
 def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
-    without = records.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    without = restored.calibrations_for(_only_validation(flown), results.read(tmp_path))
     assert list(without) == ["given"]
     assert without["given"].n_columns == 0
     checked = validation.validate(flown.validation, without["given"], method="given")
@@ -149,7 +151,7 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     ]
     oriented = records.of_relative_orientation("heads", "relative_orientation", said)
     records.write(tmp_path, "heads", [*bundles, oriented])
-    back = records.read_relative_orientation(
+    back = restored.read_relative_orientation(
         results.read(tmp_path), "heads/relative_orientation", flown.cameras
     )
     assert_allclose(back.xyz_mm, said.xyz_mm, atol=1e-12)

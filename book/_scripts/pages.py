@@ -10,7 +10,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from acx4lib import flight, notebooks, results, runner, scorecard
+from acx4lib import flight, notebooks, results, runner, scorecard_page
 
 ALWAYS = ("05-reference-data", "06-errata")
 TITLES = {
@@ -37,7 +37,7 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
         notebooks.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         notebooks.scrub(executed / source.name)
     found = results.read(results_path)
-    text = scorecard.page(found, flight.read(flight_path))
+    text = scorecard_page.page(found, flight.read(flight_path))
     (generated / "scorecard.md").write_text(text, encoding="utf-8")
 
 

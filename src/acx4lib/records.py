@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from acx4lib import accuracy, results, standards
+from acx4lib import results
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block
 from acx4lib.bundle import Bundle
@@ -17,22 +17,18 @@ from acx4lib.calibration import (
     REPORTED,
     Calibration,
     from_bundle,
-    given,
     is_determined,
     not_determined,
     parameters,
     reported_covariance,
-    to_reported,
 )
-from acx4lib.camera import INTERIOR, Camera, Interior
-from acx4lib.flight import Flight
-from acx4lib.frames import Pose, opk_jacobian, rotation_from_opk
-from acx4lib.georeferencing import pose_covariances
+from acx4lib.camera import INTERIOR
+from acx4lib.frames import Pose, opk_jacobian
 from acx4lib.gross_errors import CRITICAL, Rejection
-from acx4lib.mounting import METHODS, Mounting, Mountings
-from acx4lib.network import MOUNT, Layout, Network
+from acx4lib.mounting import Mounting, Mountings
+from acx4lib.network import Network
 from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.validation import Differences, Validation, compare
+from acx4lib.validation import compare
 
 COMPONENTS = {
     "image_point": ("col_px", "row_px"),
@@ -358,12 +354,13 @@ def _check_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
     check = np.flatnonzero(seen[block.check.point_idx] >= 2)
     idx = block.check.point_idx[check]
     d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
-    return _point_table(stage, method, [block.points[i] for i in idx], seen[idx], d, sigma)
+    return point_table(stage, method, [block.points[i] for i in idx], seen[idx], d, sigma)
 
 
-def _point_table(
+def point_table(
     stage: str, method: str, names: Sequence[str], n_images: Index, d: Array, sigma: Array
 ) -> pd.DataFrame:
+    """Return the differences at points and their sigma, east, north, height in m."""
     frame = pd.DataFrame(
         np.column_stack([d, sigma]), columns=list(results.COLUMNS["check_points"][4:])
     )
@@ -387,7 +384,7 @@ def of_relative_orientation(stage: str, method: str, orientation: RelativeOrient
         for k, head in enumerate(orientation.heads)
         for j, name in enumerate(RELATIVE)
     ]
-    names, scale = _joint([head.name for head in orientation.heads], degrees)
+    names, scale = joint_names([head.name for head in orientation.heads], degrees)
     cov = orientation.cov_joint * scale[:, None] * scale
     kept = np.flatnonzero((np.arange(len(cov)) < len(rows)) | (np.diag(cov) > 0))
     return Record(
@@ -403,233 +400,8 @@ def of_relative_orientation(stage: str, method: str, orientation: RelativeOrient
     )
 
 
-def _joint(heads: Sequence[str], angles: Array) -> tuple[list[str], Array]:
+def joint_names(heads: Sequence[str], angles: Array) -> tuple[list[str], Array]:
     """Return the names in the order of `RelativeOrientation.cov_joint` and their unit factors."""
     names = [f"{head}/{name}" for head in heads for name in RELATIVE]
     interior = [f"{head}/{REPORTED[key][0]}" for head in heads for key in INTERIOR]
     return names + interior, np.concatenate([np.tile(angles, len(heads)), np.ones(len(interior))])
-
-
-def read_relative_orientation(
-    found: results.Results, stage_method: str, cameras: Mapping[str, Camera]
-) -> RelativeOrientation:
-    """Return the heads as a results folder has them.
-
-    Parameters
-    ----------
-    found : Results
-    stage_method : str
-        ``heads/relative_orientation`` or ``synthetic/refined``.
-    cameras : mapping of str to Camera
-        As the flight declares them.
-
-    Raises
-    ------
-    FlightError
-        Where the folder does not have them.
-    """
-    names = results.cameras(found, stage_method)
-    values = np.array(
-        [results.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
-    )
-    cov = results.covariance(found, stage_method)
-    labels, scale = _joint(names, np.array([1.0, 1.0, 1.0, *np.radians(np.ones(3))]))
-    joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
-    entry = found.summary.get(stage_method, {})
-    return RelativeOrientation(
-        heads=tuple(_estimated(found, "heads/bundle", cameras[name]) for name in names),
-        xyz_mm=values[:, :3],
-        opk=np.radians(values[:, 3:]),
-        cov_joint=joint * scale[:, None] * scale,
-        n_exposures=int(str(entry.get("n_exposures", 0))),
-    )
-
-
-def _estimated(found: results.Results, stage_method: str, camera: Camera) -> Camera:
-    """Return a declared camera with what a method estimated of it."""
-    values = results.parameters(found, stage_method, camera.name)["value"].to_dict()
-    declared = np.concatenate(
-        [camera.interior.to_array(), camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]
-    )
-    said = np.array(
-        [
-            values.get(REPORTED[key][0], old)
-            for key, old in zip((*INTERIOR, *MOUNT), declared, strict=True)
-        ]
-    )
-    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
-    return replace(
-        camera,
-        interior=Interior.from_array(interior),
-        T_b_c=Pose(R=rotation_from_opk(np.radians(angles)), r=lever),
-    )
-
-
-# --- mounting and validation -----------------------------------------------------------------
-
-
-def read_calibration(
-    found: results.Results, stage_method: str, cameras: Sequence[Camera]
-) -> Calibration:
-    """Return a calibration as a results folder has it; inverse of `calibration_tables`.
-
-    Parameters
-    ----------
-    found : Results
-    stage_method : str
-    cameras : sequence of Camera
-        As the flight declares them; what has no row keeps the declared value.
-
-    Raises
-    ------
-    FlightError
-        Where the folder does not have the method.
-    """
-    estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
-    columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
-    names = list(results.covariance(found, stage_method).index)
-    for k, camera in enumerate(cameras):
-        for j, key in enumerate((*INTERIOR, *MOUNT)):
-            label = f"{camera.name}/{REPORTED[key][0]}"
-            if label in names:
-                columns[k, j] = names.index(label)
-    sigma0_sq = float(str(found.summary[stage_method]["sigma0_squared"]))
-    reported = Calibration(
-        cameras=estimated,
-        layout=Layout(
-            interior=columns[:, : len(INTERIOR)],
-            mount=columns[:, len(INTERIOR) :],
-            pose=np.zeros((0, 6), dtype=np.intp),
-        ),
-        cov=np.zeros((len(names), len(names))),
-        sigma0_sq=sigma0_sq,
-        open_columns=np.zeros(len(names), dtype=bool),
-    )
-    back = np.linalg.inv(to_reported(reported))
-    cov = results.covariance(found, stage_method).to_numpy() / sigma0_sq
-    return replace(reported, cov=back @ cov @ back.T)
-
-
-def calibrations_for(flight: Flight, found: results.Results) -> dict[str, Calibration]:
-    """Return the calibrations to validate a flight with, by method.
-
-    Where the flight has no calibration block, the cameras as it gives them (method ``given``);
-    a method with a parameter that is not determined is left out.
-
-    Raises
-    ------
-    FlightError
-        Where the flight has a calibration block whose results are not in the folder.
-    """
-    cameras = flight.validation.cameras if flight.validation else ()
-    if flight.calibration is None:
-        return {"given": given(cameras)}
-    results.rows(found, "parameters", "mounting")
-    return {
-        method: read_calibration(found, f"mounting/{method}", cameras)
-        for method in calibrated_methods(found)
-    }
-
-
-def calibrated_methods(found: results.Results) -> tuple[str, ...]:
-    """Return the methods of the mounting stage all of whose parameters are determined."""
-    listed = found.parameters
-    present = set(listed.loc[listed["stage"] == "mounting", "method"])
-    return tuple(
-        m
-        for m in METHODS
-        if m in present and not results.messages(found.summary[f"mounting/{m}"], "not_determined")
-    )
-
-
-def of_validations(validations: Sequence[Validation]) -> list[Record]:
-    """Return the records of all methods' validations; without any, one that says why."""
-    if not validations:
-        reason = "no method has all its parameters determined"
-        return [of_left_out("validation", "all", reason)]
-    return [of_validation(validation) for validation in validations]
-
-
-def of_validation(validation: Validation) -> Record:
-    """Return all rows of one method's validation."""
-    method, block = validation.method, validation.block
-    points = validation.points
-    names = [block.points[block.check.point_idx[i]] for i in points.point_idx]
-    cov = pose_covariances(block, validation.georeferenced)
-    tables = {
-        "validation": _pair_table(method, block, validation.pairs),
-        "check_points": _point_table(
-            "validation", method, names, points.n_images, points.d, points.sigma
-        ),
-        "exterior_orientation": exterior_table(
-            *("validation", method, block, block.images.names),
-            T_m_c=validation.georeferenced.T_m_c,
-            cov=cov,
-        ),
-        "rejected": rejected_table(
-            "validation",
-            method,
-            block,
-            validation.rejected,
-            pose_names=block.trajectory.exposures,
-        ),
-    }
-    return Record(
-        stage="validation",
-        method=method,
-        tables=tables,
-        summary={f"validation/{method}": _validation_summary(validation)},
-    )
-
-
-def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:
-    images = np.array(block.images.names, dtype=object)
-    points = np.array(block.points, dtype=object)
-    frame = pd.DataFrame(
-        np.column_stack([pairs.d, pairs.sigma]),
-        columns=list(results.COLUMNS["validation"][4:]),
-    )
-    frame.insert(0, "method", method)
-    frame.insert(1, "point", points[block.check.point_idx[pairs.point_idx]])
-    frame.insert(2, "image_a", images[pairs.image_idx[:, 0]])
-    frame.insert(3, "image_b", images[pairs.image_idx[:, 1]])
-    return frame
-
-
-def _validation_summary(validation: Validation) -> dict[str, object]:
-    over_pairs = accuracy.from_differences(validation.pairs.d)
-    over_points = accuracy.from_differences(validation.points.d)
-    survey = validation.block.check.sigma_m[validation.points.point_idx]
-    survey_sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)) if len(survey) else [0] * 3)
-    return {
-        "n_observations": validation.n_observations,
-        "n_unknowns": 3 * len(validation.points),
-        "redundancy": validation.redundancy,
-        "sigma0_squared": validation.sigma0_sq,
-        "chi_square_p": validation.chi_square_p,
-        "iterations": 1,
-        "converged": True,
-        "n_rejected": len(validation.rejected),
-        "n_left_out": validation.n_left_out,
-        "n_pairs": len(validation.pairs),
-        "n_failed_pairs": validation.n_failed,
-        "n_points": len(validation.points),
-        **_statistics(over_pairs),
-        "points": {
-            **_statistics(over_points),
-            "t": _test(accuracy.mean_test(over_points)),
-            "classes": standards.classes(over_points, survey_sigma=survey_sigma),
-        },
-    }
-
-
-def _statistics(said: accuracy.Accuracy) -> dict[str, object]:
-    return {"mean": list(said.mean), "std": list(said.std), "rms": list(said.rms)}
-
-
-def _test(test: accuracy.AxisTest) -> dict[str, object]:
-    return {
-        "statistic": list(test.statistic),
-        "critical": test.critical,
-        "accepted": list(test.accepted),
-    }

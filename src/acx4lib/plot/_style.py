@@ -33,14 +33,14 @@ FAINT = "#c9d0d6"
 PAPER = "#fbfcfd"
 """Text and marks that matter, what explains them, grids and spines, and the ground of axes."""
 
-BLUE = "#2660a4"
+BLUE = "#2158a0"
 ORANGE = "#e58a1f"
-TEAL = "#12907f"
-PLUM = "#8c2f6b"
-SKY = "#7db4e6"
-BRICK = "#b8432f"
+TEAL = "#1d9a78"
+PLUM = "#741f5a"
+SKY = "#9cc6ef"
+BRICK = "#bf4630"
 PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
-"""Colours in order. Neighbours differ in lightness, so that no colour vision loses a pair."""
+"""Colours in order; every pair stays apart for readers who do not see all colours."""
 
 PRINTED = INK
 """The paper's values, in every figure: dark, dashed or as open diamonds."""

@@ -14,8 +14,9 @@ from acx4lib.camera import Camera
 from acx4lib.errors import AdjustmentError
 from acx4lib.experiments import misfit, turned
 from acx4lib.flight import Flight
-from acx4lib.records import Record, of_left_out, of_relative_orientation, read_relative_orientation
+from acx4lib.records import Record, of_left_out, of_relative_orientation
 from acx4lib.relative_orientation import RelativeOrientation
+from acx4lib.restored import read_relative_orientation
 from acx4lib.synthetic_image import coverage
 from acx4lib.tables import LABELS
 from acx4lib.tie_points import Overlap, TiePoints, overlaps, refine_by_mean_differences
