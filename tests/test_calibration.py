@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import blocks
 from acx4lib import calibration
+from acx4lib.bundle import adjust, mounted_orientation
 from acx4lib.calibration import from_bundle, given, is_determined, not_determined, parameters
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.frames import Pose, exp, rotation_from_opk
@@ -99,8 +100,6 @@ def test_given_cameras_have_nothing_estimated(exact_block):
 
 
 def test_all_parameters_of_a_good_block_are_determined(exact_block):
-    from acx4lib.bundle import adjust, mounted_orientation  # noqa: PLC0415  # short for one use
-
     fit = from_bundle(adjust(mounted_orientation(exact_block, free=("xp", "yp", "k1"))))
     assert is_determined(fit).all()
     assert not_determined(fit) == []
