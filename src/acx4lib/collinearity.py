@@ -155,6 +155,13 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
     return transform(T_m_c.R, ray_c / np.linalg.norm(ray_c, axis=1, keepdims=True))
 
 
+LAPSE, DENSITY = 0.0065 / 288.15, 4.2559
+"""Standard atmosphere: decrease of temperature with height as a share, 1/m, and the exponent."""
+
+REFRACTIVITY = 2.78e-4
+"""n - 1 of visible light in air at sea level, 15 degrees Celsius and 1013.25 hPa."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
     """Measured image points with the camera and the pose of each.
@@ -245,27 +252,26 @@ def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Arra
 def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
     """Return by how much refraction makes points appear too high, m.
 
-    Standard atmosphere, valid up to 9 km. A ray that leaves the vertical by theta is bent by
-    K tan(theta); the straight ray meets the point raised by K (Z_c - Z) / cos^2(theta).
+    In level layers of air a ray that leaves the vertical by theta is bent by K tan(theta), K the
+    mean refractive index between point and camera less that at the camera. The straight ray
+    meets the point raised by K (Z_c - Z) / cos^2(theta).
 
     Parameters
     ----------
     r_m_c, x_m : ndarray, shape (n, 3)
-        Cameras and points, m; heights are counted from the ellipsoid.
+        Cameras and points, m; heights are counted from the ellipsoid, up to 11 km.
 
     Returns
     -------
     ndarray, shape (n,)
 
-    References
-    ----------
-    .. [1] C. C. Slama (ed.), "Manual of Photogrammetry", 4th ed., 1980, chapter 9.
+    Notes
+    -----
+    The density is that of the ICAO standard atmosphere, (1 - LAPSE h)^DENSITY of its value at
+    sea level, and n - 1 is proportional to it.
     """
-    camera_km, ground_km = r_m_c[:, 2] / 1000, x_m[:, 2] / 1000
-
-    def density_term(h: Array) -> Array:
-        return 2410 * h / (h * h - 6 * h + 250)
-
-    K = 1e-6 * (density_term(camera_km) - density_term(ground_km) * ground_km / camera_km)
+    camera, ground = 1 - LAPSE * r_m_c[:, 2], 1 - LAPSE * x_m[:, 2]
     down = x_m - r_m_c
+    integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
+    K = REFRACTIVITY * (integral / -down[:, 2] - camera**DENSITY)
     return -K * np.sum(down * down, axis=1) / down[:, 2]

@@ -1,0 +1,299 @@
+"""Steps, tables and sentences of the first stages, on the paper's flight and on another one."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4lib import errata, experiments, paper, records, results, runner, simulate
+from acx4lib import flight as flights
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.relative_orientation import Heads
+from acx4lib.stages import flight as contents
+from acx4lib.stages import head_sentences, head_tables, heads, synthetic
+from flights_simulated import HEADS, fly
+
+NAMES = {"CAM2": "port", "CAM3": "starboard"}
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly("acx4", seed=1, blocks=("heads",)).flight
+
+
+@pytest.fixture(scope="module")
+def stage(flight):
+    return heads.orient(flight, heads.calibrate(flight))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, stage):
+    """Return a results folder that the heads stage has left."""
+    folder = tmp_path_factory.mktemp("results")
+    records.write(folder, "heads", heads.records(stage))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def other_path(tmp_path_factory):
+    """Write a flight of two heads that are not the paper's."""
+    path = tmp_path_factory.mktemp("other") / "flight"
+    options = simulate.Options(blocks=("heads",))
+    simulate.write(simulate.DESIGNS["acx4"](seed=1, options=options), path)
+    toml = (path / "flight.toml").read_text()
+    toml = re.sub(r"\[cameras\.CAM[14]\]\n(.+\n)+\n", "", toml)
+    for old, new in {**NAMES, "SYN": "virtual"}.items():
+        toml = toml.replace(f"cameras.{old}]", f"cameras.{new}]").replace(f'"{old}"', f'"{new}"')
+    toml = toml.replace('"CAM1", ', "").replace(', "CAM4"', "")
+    (path / "flight.toml").write_text(toml)
+    images = pd.read_csv(path / "heads" / "images.csv", dtype=str)
+    images = images[images["camera"].isin(NAMES)]
+    points = pd.read_csv(path / "heads" / "image_points.csv", dtype=str)
+    points = points[points["image"].isin(images["image"])]
+    images.assign(camera=images["camera"].map(NAMES)).to_csv(
+        path / "heads" / "images.csv", index=False
+    )
+    points.to_csv(path / "heads" / "image_points.csv", index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def other(other_path):
+    return flights.read(other_path)
+
+
+# --- what flew -------------------------------------------------------------------------------
+
+
+def test_the_papers_flight_stands_beside_the_papers_numbers(flight):
+    table = contents.level_table(flight).set_index("Flying height (m)")
+    high, low = (table.loc[h] for h in ("2597 (2600)", "1596 (1600)"))
+    assert high["Ground pixel (cm)"] == "21.1 (22)"
+    assert high["Side overlap (%)"] == ""
+    assert (low["Strips"], low["Images per strip"]) == ("3 (3)", "7 (7)")
+    assert low["Directions"] == "1 (1)"
+    (held,) = contents.content_table(flight).to_dict("records")
+    assert (held["Images each"], held["Surveyed"]) == ("31 (31)", "56 (56)")
+
+
+def test_every_statement_that_is_shown_is_transcribed():
+    names = [name for said in contents.PRINTED.values() for name in said.values()]
+    names += [*contents.PRINTED_IMAGES.values(), *contents.PRINTED_POINTS.values()]
+    assert all(paper.statement(name) > 0 for name in names)
+
+
+def test_other_flights_stand_alone(other):
+    text = contents.level_table(other).to_csv() + contents.content_table(other).to_csv()
+    assert "(26" not in text
+    assert "(31)" not in text
+    assert contents.content_table(other)["Cameras"].tolist() == ["port, starboard"]
+
+
+def test_the_standard_deviations_are_those_of_flight_toml(flight):
+    (row,) = contents.sigma_table(flight).to_dict("records")
+    assert row["Image points (px)"] == flight.apriori.image_point_px
+    assert row["heading (deg)"] == pytest.approx(flight.apriori.heading_deg)
+
+
+def test_notes_are_a_list(flight):
+    assert contents.notes(replace(flight, notes=("one", "two"))) == "- one\n- two"
+    assert "Nothing" in contents.notes(replace(flight, notes=()))
+
+
+def test_directions_are_said(flight):
+    assert "in one direction only" in contents.directions_sentence(flight)
+
+
+# --- the heads -------------------------------------------------------------------------------
+
+
+def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder):
+    found = results.read(folder)
+    keys = {f"heads/bundle/{name}" for name in HEADS} | {"heads/relative_orientation"}
+    assert set(found.summary) == keys
+    assert results.cameras(found, "heads/relative_orientation") == HEADS
+    largest = errata.largest_correlations(folder)
+    assert {name.split()[0] for name in largest} == set(HEADS)
+    assert all(0.1 < value <= 1 for value in largest.values())
+    assert "Cannot be the maximum" in errata.audit(largest)[10].verdict
+
+
+def test_table_1_has_every_printed_number(flight, stage):
+    interior = head_tables.interior(flight, stage)
+    relative = head_tables.orientation(flight, stage)
+    assert (len(interior), len(relative)) == (5 * 4, 6 * 4)
+    assert interior["Printed"].iloc[2] == "0.2619 ± 0.0032"
+    assert relative.set_index(["Parameter", "Head"])["Printed"]["$Z_c$", "CAM2"] == "74.272"
+    first = relative.set_index(["Parameter", "Head"]).loc[("$Z_c$", "CAM1")]
+    assert (first["Value"], first["Apart (sigma)"]) == ("74.000", "")  # held, no sigma
+
+
+def test_the_sentences_have_the_papers_claims(flight, stage):
+    assert "20 parameters" in head_sentences.agreement(flight, stage)
+    assert "approximately 15 pixels" in head_sentences.border(flight, stage)
+    said = head_sentences.correlation(flight, stage)
+    assert "below 10 %" in said
+    assert "cannot hold" in said
+    assert "m on the ground" in head_sentences.orientation(flight, stage)
+
+
+def test_held_focal_lengths_are_tabled_and_said(flight, stage):
+    tried = heads.hold(flight, stage, (-0.5, 0.0, 0.5))
+    one = heads.hold_last(flight, stage, 0.5)
+    table = head_tables.held(stage, [*tried, one])
+    assert table["Held $f$"].tolist() == [
+        "all heads -0.5 mm",
+        "unchanged",
+        "all heads +0.5 mm",
+        "CAM4 +0.5 mm",
+    ]
+    assert "0.5 mm changes" in head_sentences.held(stage, tried)
+    assert head_sentences.gnss(tried).endswith("instead of 74 mm.")
+
+
+def test_other_heads_are_not_compared_with_the_paper(other):
+    stage = heads.orient(other, heads.calibrate(other))
+    assert [head.name for head in stage.orientation.heads] == ["port", "starboard"]
+    for table in (
+        head_tables.quality(other, stage),
+        head_tables.interior(other, stage),
+        head_tables.orientation(other, stage),
+        head_tables.border(other, stage),
+    ):
+        assert not [column for column in table.columns if "rinted" in column or "Table" in column]
+        assert len(table)
+    for sentence in (head_sentences.border, head_sentences.correlation):
+        assert "paper" not in sentence(other, stage)
+    assert "other cameras" in head_sentences.agreement(other, stage)
+    assert head_tables.claim(other, "max_correlation") is None
+
+
+def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
+    kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
+    failed = heads.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
+    records.write(tmp_path, "heads", heads.records(failed))
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
+    assert summary["heads/bundle/CAM1"]["converged"] is True
+    (reason,) = summary["heads/relative_orientation"]["left_out"]
+    assert reason == "heads/relative_orientation: CAM2 could not be adjusted"
+    with pytest.raises(AdjustmentError, match="CAM2 could not be adjusted"):
+        synthetic.read_heads(flight, tmp_path)
+    assert "CAM2 could not" in head_sentences.orientation(flight, failed)
+    assert len(head_tables.orientation(flight, failed)) == 1
+
+
+def test_without_any_head_everything_still_says_so(flight):
+    none = heads.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
+    tried = heads.hold(flight, none, (-0.5, 0.0, 0.5))
+    for table in (head_tables.quality, head_tables.interior, head_tables.border):
+        assert table(flight, none)["Head"].tolist() == ["none could be adjusted"]
+    assert len(head_tables.held(none, [*tried, heads.hold_last(flight, none, 0.5)])) == 1
+    sentences = [
+        head_sentences.held(none, tried),
+        head_sentences.gnss(tried),
+        head_sentences.correlation(flight, none),
+        head_sentences.border(flight, none),
+    ]
+    assert sentences == ["No head could be adjusted."] * 4
+
+
+# --- the synthetic image ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def orientation(flight, folder):
+    return synthetic.read_heads(flight, folder)
+
+
+@pytest.fixture(scope="module")
+def refinement(flight, orientation):
+    return synthetic.refine(flight, orientation)
+
+
+def test_results_of_the_heads_are_asked_for(flight, tmp_path):
+    with pytest.raises(FlightError, match="run stage heads first"):
+        synthetic.read_heads(flight, tmp_path)
+
+
+def test_the_refined_heads_are_written(refinement, folder, tmp_path):
+    records.write(tmp_path, "synthetic", synthetic.records(refinement))
+    found = results.read(tmp_path)
+    assert results.cameras(found, "synthetic/refined") == HEADS
+    assert results.has(found, "synthetic/refined")
+
+
+def test_table_2_is_the_papers(flight):
+    table = synthetic.table_2(flight).set_index("Parameter")
+    printed = table["Printed"].str.split(" x ").str[0].astype(float)
+    assert np.array_equal(table["Value"].astype(float), printed)
+
+
+def test_coverage_is_that_of_the_printed_table_1(flight, orientation):
+    """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
+    table = synthetic.coverage_table(flight, orientation)
+    printed = table["Table 1 as printed (%)"].astype(float)
+    assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
+    assert np.allclose(table["Share (%)"].astype(float), printed, atol=0.5)
+
+
+def test_every_pair_of_heads_has_a_row(flight, orientation, refinement):
+    table = synthetic.overlap_table(flight, orientation, refinement)
+    assert len(table) == 6
+    areas = table.set_index("Heads")["Area (Mpx)"].astype(float)
+    assert areas["CAM1 and CAM2"] == pytest.approx(16.4, abs=0.5)
+    assert len(synthetic.shift_table(orientation, refinement)) == 4
+
+
+def test_what_is_said_has_the_papers_half_pixel(flight, refinement):
+    assert "3 µm, 0.5 px" in synthetic.quality(flight, refinement)
+    assert "nothing is rendered" in synthetic.rendering(flight)
+
+
+def test_a_transposed_reading_is_said(flight, orientation):
+    said = synthetic.uncovered(flight, [orientation, experiments.transposed(orientation)])
+    assert "0.0 %" in said
+    assert re.search(r"47\.\d %", said)
+
+
+def test_a_turned_head_is_tabled(flight, orientation, refinement):
+    table = synthetic.turned_table(flight, orientation, refinement, kappa_deg=0.01)
+    assert table["Turned head"].tolist() == [f"{name} by 0.01°" for name in HEADS]
+    left = table["left after the mean shift, RMS (px)"].astype(float)
+    assert (left > 0.2).all()
+
+
+def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_path):
+    block = flight.blocks["heads"]
+    rows = block.images.camera_idx[block.image_points.image_idx] == 0
+    alone = replace(block, image_points=block.image_points[rows])
+    bare = replace(flight, blocks={"heads": alone})
+    refinement = synthetic.refine(bare, orientation)
+    records.write(tmp_path, "synthetic", synthetic.records(refinement))
+    entry = results.read(tmp_path).summary["synthetic/refined"]
+    assert results.messages(entry, "left_out") == [
+        "synthetic/refined: no two heads share a tie point at an exposure"
+    ]
+    assert "nothing can be refined" in synthetic.quality(bare, refinement)
+    assert len(synthetic.overlap_table(bare, orientation, refinement)) == 1
+    assert len(synthetic.turned_table(bare, orientation, refinement, kappa_deg=0.01)) == 1
+
+
+# --- the notebooks ---------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_notebooks_run_on_heads_that_are_not_the_papers(other_path, tmp_path):
+    report = runner.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
+    assert report.ran == ("heads", "synthetic")
+    assert report.not_determined == report.left_out == ()
+    found = results.read(tmp_path / "results")
+    assert results.cameras(found, "synthetic/refined") == ("port", "starboard")
+    for path in (tmp_path / "results" / "notebooks").glob("0*.ipynb"):
+        text = path.read_text()
+        assert '"output_type": "error"' not in text
+        assert '"name": "stderr"' not in text
+        assert "CAM1" not in text
