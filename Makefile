@@ -4,8 +4,12 @@ FLIGHT  ?= data/flights/acx4
 PYTHON  ?= $(shell command -v python3.11 || command -v python3)
 PORT    ?= 8000
 
+$(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
+
 BIN       := .venv/bin
-RESULTS   := build/results/$(subst /,-,$(patsubst $(CURDIR)/%,%,$(abspath $(FLIGHT))))
+# One folder of results per flight, however it is called: by the path from here, / written as -.
+RESULTS   := build/results/$(shell (cd '$(FLIGHT)' 2>/dev/null && pwd || echo '$(FLIGHT)') \
+               | sed "s|^$$PWD/||; s|[^A-Za-z0-9._-]|-|g")
 PIP       := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.lock
 NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
@@ -17,10 +21,10 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test notebooks book serve bench reference-data clean
+.PHONY: help .venv lock check test notebooks book serve bench reference-data reference-results clean
 
 help: ## list these targets
-	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  make book FLIGHT=folder reads another flight than $(FLIGHT)"
 
 # --- set-up: the only part that needs the network ------------------------------------------
@@ -97,6 +101,9 @@ serve: ## show the built book at localhost:PORT
 
 reference-data: .venv/.stamp-test ## bring the public measurements of data/reference/index.csv
 	@$(BIN)/python -m acx4lib.reference
+
+reference-results: .venv/.stamp ## compute the comparisons with these anew, and store them
+	@$(BIN)/python -m acx4lib.checked && echo data/reference/results
 
 clean: ## remove all that was made, except .venv and the reference data
 	@rm -rf build book/_build book/_executed book/_generated data/flights

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 
 from acx4lib import flight
 from acx4lib.errors import FlightError
-from flights import write_flight
+from flights import CAMERA, MOUNTS, write_flight
 
 IMAGES = "calibration/images.csv"
 POINTS = "calibration/image_points.csv"
@@ -418,10 +419,75 @@ def test_a_quote_that_is_not_closed(tmp_path):
     assert line.startswith(f"{POINTS}:9: file: cannot be read as a table (unexpected end of data)")
 
 
-def test_semicolons_are_recognised(tmp_path):
-    replace(write_flight(tmp_path), POINTS, ",", ";")
-    expected = "missing in the header (separated by semicolons? commas are expected); required"
-    assert problems(tmp_path)[0] == f"{POINTS}:1: image: {expected}"
+@pytest.mark.parametrize(
+    ("separator", "called"), [(";", "semicolons"), ("\t", "tabs"), (" ", "spaces")]
+)
+def test_other_separators_are_one_line(tmp_path, separator, called):
+    replace(write_flight(tmp_path), TRAJECTORY, ",", separator)
+    assert problems(tmp_path) == [
+        f"{TRAJECTORY}:1: header: is separated by {called}; "
+        "must be separated by commas, numbers with decimal points"
+    ]
+
+
+def test_a_blank_first_line_is_no_header(tmp_path):
+    write_flight(tmp_path)
+    (tmp_path / CONTROL).write_text("\n\n")
+    assert problems(tmp_path) == [f"{CONTROL}:1: file: is empty; needs a header"]
+    (tmp_path / CONTROL).write_text("\npoint,east_m,north_m,height_m\n")
+    assert problems(tmp_path) == [f"{CONTROL}:1: file: begins with a blank line; needs a header"]
+
+
+def test_a_last_line_without_an_end_is_noted(tmp_path):
+    """Cut inside its last number, a row still has all its cells."""
+    text = (write_flight(tmp_path) / POINTS).read_text()
+    (tmp_path / POINTS).write_text(text[:-3])
+    expected = f"{tmp_path / POINTS}: the last line has no line end; was the file cut off?"
+    assert flight.read(tmp_path).notes == (expected,)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    (write_flight(tmp_path) / POINTS).unlink()
+    os.mkfifo(tmp_path / POINTS)
+    expected = "cannot be read (no regular file); must be a readable file"
+    assert problems(tmp_path) == [f"{POINTS}:1: file: {expected}"]
+
+
+def test_a_camera_that_is_validated_must_be_calibrated(tmp_path):
+    write_flight(tmp_path, blocks=("calibration", "validation"))
+    (tmp_path / TOML).write_text(
+        (tmp_path / TOML).read_text() + CAMERA.format(*MOUNTS["CAM"], name="SPARE")
+    )
+    replace(tmp_path, "validation/images.csv", ",CAM,", ",SPARE,")
+    expected = f"must be a camera with images in {IMAGES}"
+    assert problems(tmp_path) == [
+        f"validation/images.csv:2: camera: 'SPARE' is not calibrated; {expected}"
+    ]
+
+
+def test_a_block_of_another_name_is_named(tmp_path):
+    write_flight(tmp_path, blocks=("calibration", "validation"))
+    (tmp_path / "calibration").rename(tmp_path / "calibraton")
+    assert flight.read(tmp_path).notes == ("calibraton/images.csv is in no block and is not read",)
+    (tmp_path / "validation").rename(tmp_path / "Validation")
+    (line,) = problems(tmp_path)
+    found = "no block at all (Validation/images.csv is in none) (calibraton/images.csv is in none)"
+    assert line.startswith(f"{tmp_path}:1: folder: {found}; needs at least one of the folders")
+
+
+def test_a_table_of_flight_toml_has_the_line_of_its_first_key(tmp_path):
+    """There may be no line of its own: [camera.X] begins `camera`."""
+    replace(write_flight(tmp_path), TOML, "lever_z_m = 0.2", "[camera.SPARE]\nwidth_px = 4000")
+    assert problems(tmp_path)[0].startswith(f"{TOML}:14: camera: unknown key (did you mean 'cam")
+
+
+def test_a_geoid_grid_that_is_none_is_named_without_a_pipeline(tmp_path):
+    (write_flight(tmp_path) / "geoid.gtx").write_bytes(b"hello")
+    replace(tmp_path, TOML, "ellipsoidal", "geoid.gtx")
+    assert problems(tmp_path) == [
+        f"{TOML}:3: heights: 'geoid.gtx' cannot be used (PROJ cannot read it as a geoid grid); "
+        "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
+    ]
 
 
 def test_heads_need_the_synthetic_camera_and_images_of_every_head(tmp_path):
@@ -583,8 +649,11 @@ def test_a_misfit_without_explanation_says_how_far_apart_everything_is(tmp_path)
     assert line.startswith(f"{CONTROL}:1: east_m: control points lie ")
     assert (
         "no usual mistake explains it; the control points' middle lies 3000 m east, 38 m north and "
-        "-1001 m up of the exposures'"
+        "-1001 m up of the exposures'; must be"
     ) in line
+    change(tmp_path, CONTROL, lambda t: t.assign(north_m=t["north_m"] - 1e6))
+    (line,) = problems(tmp_path)
+    assert "of the exposures' (is EPSG:31982 the right CRS?); must be" in line
 
 
 def test_a_few_gross_errors_are_left_to_the_adjustment(tmp_path):

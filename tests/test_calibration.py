@@ -15,7 +15,7 @@ from acx4lib.bundle import adjust, mounted_orientation
 from acx4lib.calibration import from_bundle, given, is_determined, not_determined, parameters
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.frames import Pose, exp, rotation_from_opk
-from acx4lib.network import MOUNT, layout
+from acx4lib.unknowns import MOUNT, layout
 from helpers import numeric_jacobian
 
 

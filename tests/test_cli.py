@@ -182,7 +182,13 @@ def test_an_error_of_the_library_is_said_as_it_is(
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_ends_with_130_and_leaves_nothing_half_done(flight, tmp_path, notebooks):
+@pytest.mark.parametrize(
+    ("sent", "status", "said"),
+    [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")],
+)
+def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
+    flight, tmp_path, notebooks, sent, status, said
+):
     marker = tmp_path / "started"
     sleep = (
         f"import os, pathlib, time\npathlib.Path({str(marker)!r}).write_text(str(os.getpid()))\n"
@@ -195,9 +201,9 @@ def test_an_interrupted_run_ends_with_130_and_leaves_nothing_half_done(flight, t
         deadline = time.monotonic() + 60
         while not (marker.exists() and marker.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
-        run.send_signal(signal.SIGINT)
+        run.send_signal(sent)
         out, err = run.communicate(timeout=60)
-    assert (run.returncode, out, err) == (130, "", "interrupted\n")
+    assert (run.returncode, out, err) == (status, "", said)
     assert {path.name for path in (tmp_path / "r").iterdir()} == set(results.FILES)
     with pytest.raises(ProcessLookupError):
         os.kill(int(marker.read_text()), 0)

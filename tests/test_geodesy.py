@@ -233,17 +233,6 @@ def test_a_point_outside_the_projection_is_not_finite():
     assert np.isfinite(x_m[1]).all()
 
 
-# --- covariances -----------------------------------------------------------------------------
-
-
-def test_sigmas_along_turned_axes(rng):
-    R = rotation_from_opk(rng.uniform(-1, 1, (4, 3)))
-    sigma = rng.uniform(0.01, 1.0, (4, 3))
-    cov = geodesy.rotate_covariance(np.swapaxes(R, 1, 2), np.apply_along_axis(np.diag, 1, sigma**2))
-    assert_allclose(geodesy.sigma_along(R, cov), sigma, rtol=1e-12)
-    assert_allclose(np.trace(cov, axis1=1, axis2=2), (sigma**2).sum(axis=1), rtol=1e-12)
-
-
 # --- systems that cannot be used -------------------------------------------------------------
 
 

@@ -46,6 +46,14 @@ def test_a_self_calibration_has_no_datum_and_says_so(block):
     assert is_determined(from_bundle(fit)).all()
 
 
+def test_what_is_open_takes_nothing_of_the_redundancy(block):
+    """Three positions, three attitudes and a scale; redundancy is the sum of all its shares."""
+    solution = adjust(free_orientation(block, free=("xp", "yp"))).solution
+    assert solution.defect == 7
+    shares = sum(np.nansum(group.redundancy) for group in solution.groups)
+    assert solution.redundancy == pytest.approx(shares, abs=1e-6)
+
+
 def test_two_step_is_refused(block):
     with pytest.raises(AdjustmentError, match="0 control points in images do not orient the block"):
         mounting.two_step(block, free=("xp", "yp"))

@@ -12,7 +12,7 @@ from acx4lib.calibration import Calibration, given
 from acx4lib.camera import Interior
 from acx4lib.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.georeferencing import Rays, georeference, intersect_rays
-from acx4lib.network import MOUNT, layout
+from acx4lib.unknowns import MOUNT, layout
 from helpers import numeric_jacobian
 
 SECOND = replace(

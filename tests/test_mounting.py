@@ -11,9 +11,10 @@ import blocks
 from acx4lib import mounting, paper
 from acx4lib.bundle import adjust, free_orientation
 from acx4lib.camera import Interior
+from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.gross_errors import Rejection
-from acx4lib.network import MOUNT
+from acx4lib.unknowns import MOUNT
 from helpers import numeric_jacobian, rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -286,3 +287,16 @@ def test_errors_over_many_flights_are_as_large_as_their_joint_covariance_says(ex
         dof += len(error)
     low, high = stats.chi2.ppf([0.005, 0.995], dof)
     assert low < total < high
+
+
+def test_where_no_method_has_an_outcome_every_reason_is_said():
+    block = blocks.standard()
+    one = replace(block, image_points=block.image_points[block.image_points.image_idx == 0])
+    with pytest.raises(AdjustmentError) as caught:
+        mounting.calibrate(one, free=FREE)
+    lines = str(caught.value).splitlines()
+    assert [line.partition(":")[0] for line in lines] == [
+        "mounting/single_step",
+        "mounting/two_step",
+        "mounting/two_step_gnss",
+    ]

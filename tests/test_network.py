@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import bundle, network
+from acx4lib import bundle
 from acx4lib.camera import INTERIOR
 from acx4lib.frames import Pose, exp, log, rotation_from_opk, transform
-from acx4lib.network import MOUNT, POSE
+from acx4lib.unknowns import MOUNT, POSE, layout
 from helpers import dense_jacobian, numeric_dense_jacobian
 
 SECOND = replace(
@@ -111,7 +111,7 @@ def test_columns_are_named_once(net):
 
 
 def test_what_is_held_has_no_column():
-    columns = network.layout(2, 3, free=("f", "k1"), free_mount=("lever_z",))
+    columns = layout(2, 3, free=("f", "k1"), free_mount=("lever_z",))
     assert columns.n_columns == 2 * 3 + 3 * 6
     assert columns.interior[:, [0, 3]].tolist() == [[0, 1], [3, 4]]
     assert np.all(columns.interior[:, [1, 2, 4, 5, 6, 7, 8]] == -1)
@@ -122,7 +122,7 @@ def test_what_is_held_has_no_column():
 
 def test_an_unknown_parameter_is_named():
     with pytest.raises(ValueError, match="no such parameter: k4, lever"):
-        network.layout(1, 1, free=("f", "k4"), free_mount=("lever",))
+        layout(1, 1, free=("f", "k4"), free_mount=("lever",))
 
 
 def test_a_wild_step_leaves_the_focal_length_positive(net):

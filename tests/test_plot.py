@@ -204,6 +204,16 @@ def test_exposures_without_strips_are_not_joined(flight):
     assert "exposures" in legend(fig)
 
 
+def test_a_map_without_surveyed_points_has_no_footprints(flight):
+    block = flight.heads
+    bare = replace(block, control=block.control[:0], check=block.check[:0])
+    fig = drawn(plot.block_maps(bare))
+    assert legend(fig) == ["higher strips", "lower strips"]
+    assert "124 images" in [text.get_text() for text in panels(fig)[0].texts]
+    (text,) = drawn(plot.control_maps(bare)).axes[0].texts
+    assert "No surveyed point" in text.get_text()
+
+
 def test_surveyed_points_have_their_names(flight):
     fig = drawn(plot.control_maps(flight.heads, None))
     assert_labelled(fig)

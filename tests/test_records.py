@@ -136,7 +136,9 @@ def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(f
             methods={"two_step": mounting.two_step(spoilt, free=("xp", "yp"))}, failures={}
         )
     )
-    assert any("focal length" in note for note in record.summary["mounting/two_step"]["notes"])
+    note = record.summary["mounting/two_step"]["notes"][-1]
+    percent = 100 * abs(records.height_scale(bundle) - 1)
+    assert f"control and trajectory differ by {percent:.1f} % in scale: the height system" in note
 
 
 def test_heads_come_back_from_their_files_as_they_were(tmp_path):
@@ -160,3 +162,57 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     assert back.n_exposures == said.n_exposures == 31
     for a, b in zip(said.heads, back.heads, strict=True):
         assert_allclose(b.interior.to_array(), a.interior.to_array(), rtol=1e-14)
+
+
+def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
+    records.write(tmp_path, "heads", [records.of_left_out("heads", "relative_orientation", "no")])
+    left_out = results.read(tmp_path).summary["heads/relative_orientation"]
+    assert left_out["n_observations"] is None
+    for entry in results.read(folder).summary.values():
+        assert records.NO_ADJUSTMENT.keys() < entry.keys()
+
+
+def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.calibration
+    (camera,) = block.cameras
+    turns = np.arange(len(block.images)) % 2
+    images = replace(block.images, camera_idx=turns)
+    both = replace(block, cameras=(replace(camera, name="A/B"), camera), images=images)
+    said = mounting.single_step(both, **SETTINGS)
+    records.write(tmp_path, "mounting", [records.of_mounting(said)])
+    found = results.read(tmp_path)
+    back = restored.read_calibration(found, "mounting/single_step", block.cameras)
+    assert back.n_columns == said.calibration.n_columns // 2 == 14
+    sigma = results.parameters(found, "mounting/single_step", "CAM")["sigma"]
+    reported = calibration.reported_covariance(back)
+    assert_allclose(np.sort(np.sqrt(np.diag(reported))), np.sort(sigma), rtol=1e-9)
+
+
+def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, tmp_path):
+    held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
+    records.write(tmp_path, "mounting", [records.of_mounting(held)])
+    (method,) = restored.calibrated_methods(results.read(tmp_path))
+    back = restored.read_calibration(
+        results.read(tmp_path), f"mounting/{method}", flown.calibration.cameras
+    )
+    assert back.n_columns == 0
+    assert back.cameras[0].interior == flown.calibration.cameras[0].interior
+
+
+def test_a_validation_says_what_spoils_all_of_its_points(flown):
+    """45 m is the undulation there: the check points orthometric, the trajectory ellipsoidal."""
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.validation
+    said = calibration.given(block.cameras)
+    checked = validation.validate(block, said, method="given")
+    notes = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    assert [note.partition(" measurements")[0] for note in notes] == ["validation/given: 24 of 75"]
+    check = block.check
+    lower = replace(block, check=replace(check, x_m=check.x_m - [0.0, 0.0, 45.0]))
+    checked = validation.validate(lower, said, method="given")
+    (_, note) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    assert " m too high, " in note
+    assert note.endswith("points or trajectory, or the focal length, is wrong")

@@ -1,5 +1,7 @@
 """The stages, with notebooks of two cells on a simulated flight that has no heads."""
 
+import shutil
+
 import pandas as pd
 import pytest
 
@@ -157,3 +159,39 @@ def test_results_that_cannot_be_read_stop_the_run(tmp_path, flight_path, noteboo
     pd.DataFrame({"stage": ["heads"]}).to_csv(tmp_path / "parameters.csv")
     with pytest.raises(FlightError, match=r"parameters\.csv: not a results table"):
         runner.run(flight_path, tmp_path, notebooks_path=notebooks_path)
+
+
+@pytest.mark.slow
+def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
+    flight = tmp_path / "flight"
+    simulate.write(simulate.DESIGNS["acx4"](seed=1), flight)
+    folder = tmp_path / "notebooks"
+    write(folder / "00-flight.ipynb", PARAMETERS, "seed")
+    for stage in results.STAGES:
+        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
+    failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
+    write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
+    report = runner.run(flight, tmp_path / "results", notebooks_path=folder)
+    assert report.not_determined == ("no heads",)
+    stages = results.read(tmp_path / "results").parameters["stage"]
+    assert list(stages) == ["heads", "mounting", "validation"]
+
+
+def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
+    (tmp_path / "results" / ".running-x" / "notebooks").mkdir(parents=True)
+    runner.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {*results.FILES, "notebooks"}
+
+
+def test_a_validation_without_a_point_in_two_images_is_skipped(
+    tmp_path, flight_path, notebooks_path
+):
+    alone = tmp_path / "flight"
+    shutil.copytree(flight_path, alone)
+    points = pd.read_csv(alone / "validation" / "image_points.csv", dtype=str)
+    points.drop_duplicates("point").to_csv(alone / "validation" / "image_points.csv", index=False)
+    report = runner.run(
+        alone, tmp_path / "results", stages=["validation"], notebooks_path=notebooks_path
+    )
+    reason = "no check point of block validation is measured in two images"
+    assert report.skipped == (f"validation: skipped, {reason}",)

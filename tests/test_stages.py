@@ -107,6 +107,17 @@ def test_directions_are_said(flight):
     assert "in one direction only" in contents.directions_sentence(flight)
 
 
+def test_a_flight_without_surveyed_points_has_no_height_above_ground(flight):
+    block = without_control(flight.heads)
+    said = contents.directions_sentence(replace(flight, blocks={"heads": block}))
+    assert said.startswith("*heads*: height above ground not known, flown in ")
+
+
+def without_control(block):
+    nothing = np.zeros(len(block.control), dtype=bool)
+    return replace(block, control=block.control[nothing])
+
+
 # --- the heads -------------------------------------------------------------------------------
 
 
@@ -184,6 +195,28 @@ def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
         synthetic.read_heads(flight, tmp_path)
     assert "CAM2 could not" in head_sentences.orientation(flight, failed)
     assert len(head_tables.orientation(flight, failed)) == 1
+
+
+def test_heads_without_control_points_are_told_so(flight):
+    block = without_control(flight.heads)
+    said = heads.calibrate(replace(flight, blocks={"heads": block}))
+    assert set(said.failures) == set(HEADS)
+    assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
+
+
+def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
+    as_declared = replace(flight, estimate_heads=())
+    stage = heads.orient(as_declared, heads.calibrate(as_declared))
+    records.write(tmp_path, "heads", heads.records(stage))
+    read = synthetic.read_heads(as_declared, tmp_path)
+    assert [head.interior.k1 for head in read.heads] == [0.0] * 4
+    assert "no correlations to show" in head_sentences.correlation(as_declared, stage)
+
+
+def test_the_paper_is_beside_no_other_choice_of_heads(flight):
+    three = replace(flight.synthetic, heads=HEADS[:3])
+    assert paper.applies(flight)
+    assert not paper.applies(replace(flight, synthetic=three))
 
 
 def test_without_any_head_everything_still_says_so(flight):

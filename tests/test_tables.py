@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acx4lib import tables
+from acx4lib import sentences, tables
 
 
 @pytest.mark.parametrize(
@@ -30,4 +30,5 @@ def test_every_printed_parameter_has_a_label():
 
 def test_without_a_validation_the_tables_keep_their_columns():
     assert list(tables.test_table([]).columns) == list(tables.BIAS)
-    assert "nothing to validate" in tables.validation_sentence([])
+    assert "nothing to validate" in sentences.validation([])
+    assert "nothing to validate" in sentences.normalised([])

@@ -18,17 +18,17 @@ from scipy.spatial.transform import Rotation
 
 Vector = NDArray[np.floating]
 
-INK, SOFT = "#1f2933", "#7a8793"
-MAPPING, BODY, CAMERA, RAY = "#3a7d44", "#b3541e", "#1f5fa8", "#8b1e5b"
+INK, SOFT = "#1f2933", "#67737f"
+MAPPING, BODY, CAMERA, RAY = "#2f7a3d", "#b3541e", "#2158a0", "#741f5a"
 
 # The scene, in metres of no particular size, in the mapping frame (east, north, up).
 R_B_M = Rotation.from_euler("ZYX", [40, -4, 7], degrees=True)  # body to mapping
-R_C_B = Rotation.from_euler("XYZ", [9, -10, 20], degrees=True)  # the boresight, exaggerated
-BODY_AT = np.array([2.6, 4.2, 7.4])
-LEVER_ARM = np.array([3.0, -3.6, -0.9])  # body axes
+R_C_B = Rotation.from_euler("XYZ", [6, -4, 14], degrees=True)  # the boresight, exaggerated
+BODY_AT = np.array([1.6, 5.0, 8.6])
+LEVER_ARM = np.array([3.4, -4.6, -1.0])  # body axes
 CAMERA_AT = BODY_AT + R_B_M.apply(LEVER_ARM)
-FOCAL, HALF = 2.6, np.array([2.2, 1.6])
-IMAGE_POINT = np.array([-1.0, -0.7, -FOCAL])  # camera axes
+FOCAL, HALF = 3.0, np.array([1.35, 1.0])
+IMAGE_POINT = np.array([-0.75, -0.5, -FOCAL])  # camera axes
 
 # Seen from the south-south-west, from 20 degrees above, along parallel rays.
 VIEW = Rotation.from_euler("zx", [-24, -70], degrees=True)
@@ -70,35 +70,45 @@ def triad(ax: Axes, origin: Vector, axes: Vector, names: list[str], colour: str)
     ax.plot(*start, "o", color=colour, ms=4, zorder=5)
 
 
+def on_ground(points: Vector) -> Vector:
+    """Follow rays from the perspective centre through points in camera axes to the ground."""
+    directions = from_camera(points) - CAMERA_AT
+    return CAMERA_AT - directions * (CAMERA_AT[2] / directions[..., 2:])
+
+
 def draw_ground(ax: Axes) -> None:
     """Draw the ground and the mapping frame on it."""
-    corners = np.array([[-1.2, -1.4, 0], [8.6, -1.4, 0], [8.6, 6.4, 0], [-1.2, 6.4, 0]])
+    corners = np.array([[-1.4, -2.4, 0], [12.2, -2.4, 0], [12.2, 8.4, 0], [-1.4, 8.4, 0]])
     ax.add_patch(Polygon(seen(corners), fc="#eef3ea", ec="#c9d6c3", lw=1, zorder=0))
     triad(ax, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
-    note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-6, -18))
+    note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
 
 
 def draw_image_in_space(ax: Axes) -> None:
     """Draw the image below the perspective centre, its point a, and the ray to A."""
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     corners = np.column_stack([signs * HALF, np.full(4, -FOCAL)])
+    footprint = on_ground(corners)
+    ax.add_patch(Polygon(seen(footprint), fc="#d9e5d3", ec="#9db695", lw=0.8, zorder=1))
+    for corner in footprint:
+        ax.plot(*seen(np.array([CAMERA_AT, corner])).T, color="#b9c7d6", lw=0.7, zorder=1)
     ax.add_patch(Polygon(seen(from_camera(corners)), fc="#dbe8f6", ec=CAMERA, lw=1.2, zorder=2))
-    foot = np.array([0.0, 0.0, -FOCAL])
-    line = seen(np.array([CAMERA_AT, from_camera(foot)]))
-    ax.plot(*line.T, color=CAMERA, lw=1, ls=":", zorder=3)
+    foot = from_camera(np.array([0.0, 0.0, -FOCAL]))
+    line = seen(np.array([CAMERA_AT, foot]))
+    ax.plot(*line.T, color=CAMERA, lw=1.2, ls=(0, (2, 1.5)), zorder=3)
+    ax.plot(*seen(foot), "+", color=CAMERA, ms=8, mew=1.4, zorder=5)
+    note(ax, seen(foot), "$p$", CAMERA, shift=(10, -3))
     note(ax, line.mean(axis=0), "$f$", CAMERA, shift=(8, 0))
-    a = from_camera(IMAGE_POINT)
-    direction = a - CAMERA_AT
-    ground = CAMERA_AT - direction * CAMERA_AT[2] / direction[2]
-    ax.plot(*seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.2, zorder=3)
+    a, ground = from_camera(IMAGE_POINT), on_ground(IMAGE_POINT)
+    ax.plot(*seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.4, zorder=3)
     for point, name in ((a, "$a$"), (ground, "$A$")):
         ax.plot(*seen(point), "o", color=RAY, ms=5, zorder=5)
-        note(ax, seen(point), name, RAY, shift=(10, -8))
+        note(ax, seen(point), name, RAY, shift=(-10, -4))
     corner = np.array([-HALF[0], HALF[1], -FOCAL])
-    for step, name in (([1.5, 0, 0], "col"), ([0, -1.5, 0], "row")):
+    for step, name in (([1.2, 0, 0], "col"), ([0, -1.2, 0], "row")):
         tip = seen(from_camera(corner + np.array(step)))
         arrow(ax, seen(from_camera(corner)), tip, INK, width=1.2)
-        note(ax, tip, name, INK, shift=(-6, 10) if name == "col" else (-15, 0))
+        note(ax, tip, name, INK, shift=(-6, 10) if name == "col" else (-13, -6))
 
 
 def draw_space(ax: Axes) -> None:
@@ -108,7 +118,7 @@ def draw_space(ax: Axes) -> None:
     arrow(ax, seen(np.zeros(3)), body, SOFT, width=1.2)
     note(ax, seen(BODY_AT * 0.45), r"$r_b^m(t)$", SOFT, shift=(-20, 6))
     arrow(ax, body, camera, INK, width=2.4)
-    note(ax, (body + camera) / 2, "lever arm $r_c^b$", INK, shift=(-46, -12))
+    note(ax, 0.6 * body + 0.4 * camera, "lever arm $r_c^b$", INK, shift=(-34, -16))
     body_axes = R_B_M.apply(2.4 * np.eye(3))
     triad(ax, BODY_AT, body_axes, ["$x$ forward", "$y$ left", "$z$ up"], BODY)
     note(ax, body, "body frame $b$\n(IMU)", BODY, shift=(-46, -6))
@@ -117,11 +127,10 @@ def draw_space(ax: Axes) -> None:
     triad(ax, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
     for axis in R_B_M.apply(1.9 * np.eye(3)):
         ax.plot(*seen(np.array([CAMERA_AT, CAMERA_AT + axis])).T, color=BODY, lw=1, ls="--")
-    boresight = "camera frame $c$\nboresight $R_c^b$: from its axes\nto the body's (dashed)"
-    note(ax, camera, boresight, CAMERA, shift=(92, 104))
+    note(ax, camera, "camera frame $c$\nwith boresight $R_c^b$", CAMERA, shift=(104, -20))
     ax.set_aspect("equal")
-    ax.set_xlim(-2.4, 12.2)
-    ax.set_ylim(-2.3, 10.2)
+    ax.set_xlim(-2.8, 14.6)
+    ax.set_ylim(-3.0, 12.2)
     ax.axis("off")
 
 
@@ -160,7 +169,7 @@ def main(folder: Path) -> None:
     mpl.rcParams["svg.hashsalt"] = "frames"
     folder.mkdir(parents=True, exist_ok=True)
     for name, size, draw in (
-        ("frames", (7.2, 6.3), draw_space),
+        ("frames", (7.4, 6.2), draw_space),
         ("image-plane", (6.0, 4.9), draw_image_plane),
     ):
         figure = Figure(figsize=size, layout="constrained")

@@ -1,44 +1,65 @@
 """Bring a run's pages into the book: ``python pages.py FLIGHT RESULTS BOOK``.
 
-The executed notebooks of the stages are copied; a stage that the flight does not have gets a page
-that says so. The notebooks that hang on no stage are run here. The scorecard is written.
+The executed notebooks of the stages are copied, with the code of every cell that shows something
+folded; a stage that the flight does not have gets a page that says so. The notebooks that hang on
+no stage are run here. The scorecard is written, and what a simulated flight was given.
 """
 
 from __future__ import annotations
 
-import shutil
+import json
 import sys
 from pathlib import Path
 
-from acx4lib import flight, notebooks, results, runner, scorecard_page
+import nbformat
+
+from acx4lib import flight, notebooks, results, runner, scorecard_page, simulation_page
 
 ALWAYS = ("05-reference-data", "06-errata")
-TITLES = {
-    "heads": "Calibration of the heads",
-    "synthetic": "The synthetic image",
-    "mounting": "Interior orientation, boresight and lever arm",
-    "validation": "Validation on an independent block",
-}
 
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:
-    """Fill ``_executed`` and write ``_generated/scorecard.md``."""
+    """Fill ``_executed``; write scorecard.md and simulation.md into ``_generated``."""
     executed, generated = book / "_executed", book / "_generated"
-    for stage, name in runner.NOTEBOOKS.items():
-        source = results_path / "notebooks" / f"{name}.ipynb"
-        if source.is_file():
-            shutil.copyfile(source, executed / source.name)
+    for name in runner.NOTEBOOKS.values():
+        done, source = (
+            folder / f"{name}.ipynb"
+            for folder in (results_path / "notebooks", runner.NOTEBOOKS_PATH)
+        )
+        if done.is_file():
+            fold(done, executed / done.name)
         else:
-            text = f"# {TITLES[stage]}\n\nThis flight has no data for this stage.\n"
+            text = f"{title(source)}\n\nThis flight has no data for this stage.\n"
             (executed / f"{name}.md").write_text(text, encoding="utf-8")
     for name in ALWAYS:
         source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
         values = notebooks.with_defaults(source, {"results_path": str(results_path)})
         notebooks.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         notebooks.scrub(executed / source.name)
-    found = results.read(results_path)
-    text = scorecard_page.page(found, flight.read(flight_path))
-    (generated / "scorecard.md").write_text(text, encoding="utf-8")
+        fold(executed / source.name, executed / source.name)
+    flown, found = flight.read(flight_path), results.read(results_path)
+    truth_path = flight_path.with_name(f"{flight_path.name}.truth.json")
+    truth = json.loads(truth_path.read_text("utf-8")) if truth_path.is_file() else None
+    for name, text in (
+        ("scorecard", scorecard_page.page(found, flown, simulated=truth is not None)),
+        ("simulation", simulation_page.page(flown, truth)),
+    ):
+        (generated / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def fold(executed: Path, page: Path) -> None:
+    """Write an executed notebook as a page: the code of a cell that shows something is folded."""
+    notebook = nbformat.read(executed, as_version=4)
+    for cell in notebook.cells:
+        tags = cell.metadata.get("tags", [])
+        if cell.cell_type == "code" and cell.outputs and "hide-input" not in tags:
+            cell.metadata["tags"] = [*tags, "hide-input"]
+    page.write_text(nbformat.writes(notebook), encoding="utf-8")
+
+
+def title(notebook: Path) -> str:
+    """Return the title of a notebook, as Markdown."""
+    return nbformat.read(notebook, as_version=4).cells[0].source.splitlines()[0]
 
 
 def _silent(_done: int, _total: int) -> None:

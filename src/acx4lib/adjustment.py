@@ -98,6 +98,8 @@ class Solution:
         Weighted sum of squared residuals.
     iterations : int
     n_observations, n_unknowns : int
+    defect : int
+        Number of directions of the unknowns that the observations leave open.
     cov : ndarray, shape (n_columns, n_columns)
         Of the reduced unknowns, for unit weight one (a priori).
     cov_points : ndarray, shape (n_points, 3, 3)
@@ -115,6 +117,7 @@ class Solution:
     iterations: int
     n_observations: int
     n_unknowns: int
+    defect: int
     cov: Array
     cov_points: Array
     undetermined: Mask
@@ -125,7 +128,7 @@ class Solution:
     @property
     def redundancy(self) -> int:
         """Degrees of freedom."""
-        return self.n_observations - self.n_unknowns
+        return self.n_observations - self.n_unknowns + self.defect
 
     @property
     def sigma0_sq(self) -> float:
@@ -275,6 +278,7 @@ def _quality(problem: Problem[S], equations: Sequence[Equations], iterations: in
         iterations=iterations,
         n_observations=sum(int(u.sum()) for u in used),
         n_unknowns=problem.n_columns + 3 * int(problem.free_points.sum()),
+        defect=int(np.sum(values <= SINGULAR)),
         cov=cov,
         cov_points=cov_points,
         undetermined=undetermined,

@@ -6,6 +6,7 @@ arrays that point into the names by index.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -184,6 +185,14 @@ class Block:
     def rays(self) -> Index:
         """Number of measurements of every point, shape (n_points,)."""
         return np.bincount(self.image_points.point_idx, minlength=len(self.points))
+
+
+def mountings(cameras: Sequence[Camera]) -> Pose:
+    """Return the mountings T_b_c of cameras, one after the other."""
+    return Pose(
+        R=np.stack([camera.T_b_c.R for camera in cameras]),
+        r=np.stack([camera.T_b_c.r for camera in cameras]),
+    )
 
 
 def select_camera(block: Block, name: str) -> Block:

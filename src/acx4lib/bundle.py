@@ -16,19 +16,46 @@ import numpy as np
 from acx4lib import adjustment
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
-from acx4lib.block import Block, SurveyedPoints
+from acx4lib.block import Block, SurveyedPoints, mountings
 from acx4lib.camera import Camera
-from acx4lib.collinearity import mounted_jacobian, rays
+from acx4lib.collinearity import Measurement, directions, mounted_jacobian
+from acx4lib.covariance import propagate
+from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
 from acx4lib.gross_errors import Rejection
 from acx4lib.intersection import intersect, largest_angles
-from acx4lib.network import MOUNT, Layout, Network, PoseObservations, State, camera_poses, layout
+from acx4lib.network import Network, PoseObservations, State, camera_poses
+from acx4lib.unknowns import MOUNT, Layout, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
 
 
 # --- setting up ------------------------------------------------------------------------------
+
+
+def require_control(block: Block) -> None:
+    """Raise where fewer than three points off one line are control in images.
+
+    Parameters
+    ----------
+    block : Block
+
+    Raises
+    ------
+    AdjustmentError
+        Exteriors that no trajectory observes would have no datum.
+    """
+    usable = np.isfinite(block.control.sigma_m).all(axis=1)
+    usable &= block.rays[block.control.point_idx] > 0
+    x_m = block.control.x_m[usable]
+    spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False) if len(x_m) else np.zeros(3)
+    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
+        msg = (
+            f"{len(x_m)} control points in images do not orient the block: "
+            "three that do not lie on one line are needed"
+        )
+        raise AdjustmentError(msg)
 
 
 def free_orientation(
@@ -57,7 +84,7 @@ def free_orientation(
     Network
     """
     n_images = len(block.images)
-    T_m_c = block.T_m_b_images @ _mountings(block.cameras)[block.images.camera_idx]
+    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
     )
@@ -86,7 +113,7 @@ def mounted_orientation(
     free : sequence of str
         Interior parameters to estimate, names of `camera.INTERIOR`.
     free_mount : sequence of str
-        Parts of the mounting to estimate, names of `network.MOUNT`; the others stay at the
+        Parts of the mounting to estimate, names of `unknowns.MOUNT`; the others stay at the
         cameras' values.
     refraction : str
         ``"none"`` or ``"standard"``.
@@ -108,15 +135,8 @@ def mounted_orientation(
             sigma_position=trajectory.sigma_position,
             sigma_attitude=trajectory.sigma_attitude,
         ),
-        T_b_c=_mountings(block.cameras),
+        T_b_c=mountings(block.cameras),
         refraction=refraction,
-    )
-
-
-def _mountings(cameras: Sequence[Camera]) -> Pose:
-    return Pose(
-        R=np.stack([camera.T_b_c.R for camera in cameras]),
-        r=np.stack([camera.T_b_c.r for camera in cameras]),
     )
 
 
@@ -207,20 +227,20 @@ def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
         Radians.
     """
     points = block.image_points[rows]
-    poses = T_m_c[points.image_idx]
-    camera_idx = block.images.camera_idx[points.image_idx]
-    directions = np.zeros((len(points), 3))
-    for k, camera in enumerate(block.cameras):
-        of_camera = camera_idx == k
-        directions[of_camera] = rays(camera, poses[of_camera], points.colrow[of_camera])
-    n_points = len(block.points)
-    x_m = intersect(poses.r, directions, points.point_idx, n_points)
-    along = np.sum((x_m[points.point_idx] - poses.r) * directions, axis=1)
+    seen = Measurement(
+        cameras=block.cameras,
+        camera_idx=block.images.camera_idx[points.image_idx],
+        T_m_c=T_m_c[points.image_idx],
+        colrow=points.colrow,
+    )
+    origins, rays, n_points = seen.T_m_c.r, directions(seen), len(block.points)
+    x_m = intersect(origins, rays, points.point_idx, n_points)
+    along = np.sum((x_m[points.point_idx] - origins) * rays, axis=1)
     range_m = np.nanmedian(np.where(along > 0, along, np.nan)) if np.any(along > 0) else 1000.0
     wild = ~((along > 0.2 * range_m) & (along < 5 * range_m))
     for row in np.flatnonzero(wild):
-        x_m[points.point_idx[row]] = poses.r[row] + range_m * directions[row]
-    return x_m, largest_angles(directions, points.point_idx, n_points)
+        x_m[points.point_idx[row]] = origins[row] + range_m * rays[row]
+    return x_m, largest_angles(rays, points.point_idx, n_points)
 
 
 # --- adjusting -------------------------------------------------------------------------------
@@ -271,8 +291,7 @@ class Bundle:
             [network.layout.mount[images.camera_idx], network.layout.pose[network.pose_idx]], axis=1
         )
         padded = np.pad(self.solution.cov, (0, 1))  # column -1, one that is held, has no variance
-        cov = padded[columns[:, :, None], columns[:, None, :]]
-        return J @ cov @ np.swapaxes(J, 1, 2)
+        return propagate(J, padded[columns[:, :, None], columns[:, None, :]])
 
     @property
     def oriented(self) -> Mask:

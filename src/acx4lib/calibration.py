@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib._typing import Array, Mask
+from acx4lib._typing import Array, Index, Mask
 from acx4lib.bundle import Bundle
 from acx4lib.camera import INTERIOR, Camera
+from acx4lib.covariance import correlation, propagate, sigmas
 from acx4lib.frames import opk_jacobian
-from acx4lib.network import MOUNT, Layout, layout
+from acx4lib.unknowns import MOUNT, Layout, layout
 
 LIMIT_LEVER_M = 1.0
 LIMIT_BORESIGHT_DEG = 0.1
@@ -131,7 +132,7 @@ def given(cameras: Sequence[Camera]) -> Calibration:
 
 def parameters(calibration: Calibration) -> list[Parameter]:
     """Return every estimated parameter with its a posteriori standard deviation."""
-    sigma = np.sqrt(np.diag(reported_covariance(calibration)))
+    sigma = sigmas(reported_covariance(calibration))
     open_columns = _open_reported(calibration)
     out = []
     for k, camera in enumerate(calibration.cameras):
@@ -158,14 +159,15 @@ def _position(calibration: Calibration, parameter: Parameter) -> int:
     return int(columns[(*INTERIOR, *MOUNT).index(parameter.key)])
 
 
-def _columns(calibration: Calibration, k: int) -> Array:
+def _columns(calibration: Calibration, k: int) -> Index:
     return np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
 
 
 def _reported_values(camera: Camera) -> dict[str, float]:
     values = dict(zip(INTERIOR, camera.interior.to_array(), strict=True))
-    lever_and_angles = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
-    return {k: float(v) for k, v in (values | dict(zip(MOUNT, lever_and_angles))).items()}  # noqa: B905
+    mounting = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
+    values |= dict(zip(MOUNT, mounting, strict=True))
+    return {key: float(value) for key, value in values.items()}
 
 
 def to_reported(calibration: Calibration) -> Array:
@@ -185,8 +187,7 @@ def to_reported(calibration: Calibration) -> Array:
 
 def reported_covariance(calibration: Calibration) -> Array:
     """Return the a posteriori covariance of the reported parameters, shape (n, n)."""
-    J = to_reported(calibration)
-    return calibration.sigma0_sq * J @ calibration.cov @ J.T
+    return calibration.sigma0_sq * propagate(to_reported(calibration), calibration.cov)
 
 
 def _open_reported(calibration: Calibration) -> Mask:
@@ -217,9 +218,7 @@ def not_determined(calibration: Calibration) -> list[str]:
     Each names its standard deviation, the largest correlations and the geometry that helps.
     """
     listed = parameters(calibration)
-    cov = reported_covariance(calibration)
-    sigma = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    correlation = cov / sigma[:, None] / sigma
+    related = correlation(reported_covariance(calibration))
     out = []
     for i in np.flatnonzero(~is_determined(calibration)):
         p = listed[i]
@@ -229,11 +228,9 @@ def not_determined(calibration: Calibration) -> list[str]:
             else f"sigma {p.sigma:.3g} {p.unit}"
         )
         strongest = sorted(
-            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(correlation[i, j])
+            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
         )[:2]
-        with_others = ", ".join(
-            f"{correlation[i, j]:+.2f} with {listed[j].name}" for j in strongest
-        )
+        with_others = ", ".join(f"{related[i, j]:+.2f} with {listed[j].name}" for j in strongest)
         helps = HELP.get(p.key, DISTORTION_HELP)
         out.append(
             f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib.metadata
 import logging
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from acx4lib.runner import Tell
 
 # What computes is imported by the commands themselves, so that `acx4 --help` is quick.
+
+TERMINATED = 128 + signal.SIGTERM
+ENDED = {128 + signal.SIGINT: "interrupted", TERMINATED: "terminated"}
+"""Exit statuses of a command that was stopped from outside, and what is said of it."""
 
 app = typer.Typer(
     add_completion=False,
@@ -44,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         In the place of the command line's.
     """
     logging.getLogger("papermill").addHandler(logging.NullHandler())
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run tidies up
     try:
         app(arguments, prog_name="acx4")
     except Acx4Error as error:
@@ -54,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         _say(f"{where}{error.strerror or error}")
         sys.exit(2)
     except SystemExit as end:
-        if end.code == 130:
-            _say("interrupted")
+        if end.code in ENDED:
+            _say(ENDED[end.code])
         raise
     sys.exit(0)
 

@@ -199,6 +199,15 @@ class Measurement:
         return np.array([camera.interior.f for camera in self.cameras])[self.camera_idx]
 
 
+def directions(seen: Measurement) -> Array:
+    """Return the unit rays of measurements, shape (n, 3), mapping frame."""
+    out = np.zeros((len(seen.colrow), 3))
+    for k, camera in enumerate(seen.cameras):
+        own = seen.camera_idx == k
+        out[own] = rays(camera, seen.T_m_c[own], seen.colrow[own])
+    return out
+
+
 def image_residuals(seen: Measurement, x_m: Array) -> Array:
     """Return projected less corrected measured image points, eqs (1)-(11), as col, row in px.
 
@@ -275,3 +284,30 @@ def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
     integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
     K = REFRACTIVITY * (integral / -down[:, 2] - camera**DENSITY)
     return -K * np.sum(down * down, axis=1) / down[:, 2]
+
+
+def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
+    """Return where points appear to stand, so that rays to them are straight.
+
+    Parameters
+    ----------
+    r_m_c, x_m : ndarray, shape (n, 3)
+        Cameras and points, m.
+    refraction : str
+        ``"none"``, or ``"standard"`` for `refraction_lift`.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+
+    Raises
+    ------
+    ValueError
+        For another kind of refraction.
+    """
+    if refraction == "none":
+        return x_m
+    if refraction == "standard":
+        return x_m + refraction_lift(r_m_c, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
+    msg = f"refraction is 'none' or 'standard', got {refraction!r}"
+    raise ValueError(msg)

@@ -11,6 +11,7 @@ from acx4lib.bundle import Bundle
 from acx4lib.calibration import REPORTED
 from acx4lib.camera import INTERIOR
 from acx4lib.collinearity import mounted_jacobian
+from acx4lib.covariance import propagate, sigmas
 from acx4lib.frames import opk_jacobian
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
@@ -62,9 +63,8 @@ def interior_exterior(bundle: Bundle) -> Correlations:
     interior = padded[columns[estimated][:, None], unknowns[:, None, :]]
     cross = interior @ np.swapaxes(np.concatenate([by_mount, by_body], axis=2), 1, 2)
     to_grid = _to_grid(bundle)[oriented]
-    cov = to_grid @ bundle.camera_pose_covariances[oriented] @ np.swapaxes(to_grid, 1, 2)
-    sigma_exterior = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    sigma_interior = np.sqrt(np.diag(bundle.solution.cov)[columns[estimated]])
+    sigma_exterior = sigmas(propagate(to_grid, bundle.camera_pose_covariances[oriented]))
+    sigma_interior = sigmas(bundle.solution.cov)[columns[estimated]]
     values = cross @ np.swapaxes(to_grid, 1, 2)
     return Correlations(
         interior=tuple(REPORTED[INTERIOR[i]][0] for i in estimated),

@@ -52,6 +52,21 @@ def ground_height(block: Block) -> float:
     return float(surveyed[:, 2].mean()) if len(surveyed) else np.nan
 
 
+def flying_heights(block: Block) -> Array:
+    """Return the height of every exposure above the mean of the surveyed points, m.
+
+    Above the ellipsoid where there are none.
+
+    Returns
+    -------
+    ndarray, shape (n_exposures,)
+    """
+    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    ground = block.frame.to_geographic(surveyed)[:, 2].mean() if len(surveyed) else 0.0
+    above: Array = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
+    return above
+
+
 def strip_of_exposure(block: Block) -> list[str]:
     """Return the strip of every exposure; an exposure of several images has the first one's."""
     strips = [""] * len(block.trajectory)
@@ -106,7 +121,7 @@ def footprints(block: Block) -> Array:
 
 def levels(block: Block) -> tuple[Level, ...]:
     """Return the strips of a block by flying height, the highest first."""
-    height = block.trajectory.T_m_b.r[:, 2] - np.nan_to_num(ground_height(block))
+    height = flying_heights(block)
     strip_of = np.array(strip_of_exposure(block), dtype=object)
     names = list(dict.fromkeys(strip_of))
     of_strip = {name: float(np.median(height[strip_of == name])) for name in names}
@@ -121,19 +136,20 @@ def levels(block: Block) -> tuple[Level, ...]:
 
 def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
     exposures = np.flatnonzero(np.isin(strip_of, strips))
-    above = block.trajectory.T_m_b.r[exposures, 2] - ground_height(block)
-    height = float(np.median(above))
+    known = np.isfinite(ground_height(block))
+    height = float(np.median(flying_heights(block)[exposures])) if known else np.nan
     per_camera = np.bincount(block.images.camera_idx, minlength=len(block.cameras))
     present = np.flatnonzero(per_camera)
     n_images = np.isin(block.images.exposure_idx, exposures).sum()
     way = directions(block)[exposures]
+    image_idx, share = forward_overlaps(block)
     return Level(
         strips=tuple(strips),
         exposure_idx=exposures,
         height_m=height,
         gsd_m=float(np.mean([height * c.pixel_mm / c.interior.f for c in block.cameras])),
         images_per_strip=float(n_images / len(present) / len(strips)),
-        forward_overlap=_forward_overlap(block, exposures, strip_of),
+        forward_overlap=_median(share[np.isin(block.images.exposure_idx[image_idx], exposures)]),
         side_overlap=_side_overlap(block, strips, strip_of),
         n_directions=1 + int(np.any(way @ way[0] < 0)),
     )
@@ -154,20 +170,27 @@ def _overlap(block: Block, images: Index, shift: Array) -> Array:
     return share
 
 
-def _forward_overlap(block: Block, exposures: Index, strip_of: Array) -> float:
-    """Return the median overlap of each image with the camera's next one in the strip."""
-    before: list[int] = []
-    after: list[int] = []
-    for strip in sorted(set(strip_of[exposures]) - {""}):
-        for k in range(len(block.cameras)):
-            own = np.flatnonzero(
-                (strip_of[block.images.exposure_idx] == strip) & (block.images.camera_idx == k)
-            )
-            before += own[:-1].tolist()
-            after += own[1:].tolist()
-    a, b = np.array(before, dtype=np.intp), np.array(after, dtype=np.intp)
+def forward_overlaps(block: Block) -> tuple[Index, Array]:
+    """Return which images have a next one of their camera in the strip, and their overlap with it.
+
+    Valid for images that look down, over flat ground at the surveyed points.
+
+    Returns
+    -------
+    image_idx : ndarray, shape (n,)
+    share : ndarray, shape (n,)
+        0 to 1; NaN where the ground is not known.
+    """
+    next_of: dict[int, int] = {}
+    last: dict[tuple[int, str], int] = {}
+    for i, strip in enumerate(block.images.strips):
+        key = (int(block.images.camera_idx[i]), strip)
+        if strip and key in last:
+            next_of[last[key]] = i
+        last[key] = i
+    a, b = (np.array([*part], dtype=np.intp) for part in (next_of.keys(), next_of.values()))
     r = block.T_m_b_images.r
-    return _median(_overlap(block, a, r[b] - r[a]))
+    return a, _overlap(block, a, r[b] - r[a])
 
 
 def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float:

@@ -204,22 +204,6 @@ def log_jacobian(delta: Array) -> Array:
     return out
 
 
-def project_to_rotation(R: Array) -> Array:
-    """Return the rotations nearest to matrices (polar decomposition).
-
-    Parameters
-    ----------
-    R : ndarray, shape (..., 3, 3)
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-    """
-    U, _, Vt = np.linalg.svd(R)
-    U[..., :, 2] *= np.linalg.det(U @ Vt)[..., None]
-    return U @ Vt
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pose:
     """Position and attitude of a frame b in a frame a, one or many.

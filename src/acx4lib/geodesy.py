@@ -297,14 +297,3 @@ def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
     on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
     centre = grid.ecef_from_geographic(on_ellipsoid).mean(axis=0)
     return MappingFrame(grid=grid, origin=grid.geographic_from_ecef(centre[None])[0, :2])
-
-
-def rotate_covariance(R: Array, cov: Array) -> Array:
-    """Return R cov R^T over leading axes."""
-    return R @ cov @ np.swapaxes(R, -1, -2)
-
-
-def sigma_along(R: Array, cov: Array) -> Array:
-    """Return standard deviations of covariances (..., 3, 3) along the rows of R, shape (..., 3)."""
-    turned = rotate_covariance(R, cov)
-    return np.sqrt(np.maximum(np.diagonal(turned, axis1=-2, axis2=-1), 0.0))

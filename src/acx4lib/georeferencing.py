@@ -7,16 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib._typing import Array, Index
-from acx4lib.block import Block
+from acx4lib.block import Block, mountings
 from acx4lib.calibration import Calibration
 from acx4lib.camera import Camera
 from acx4lib.collinearity import (
     Measurement,
+    as_seen,
+    directions,
     image_derivatives,
     mounted_jacobian,
-    rays,
-    refraction_lift,
 )
+from acx4lib.covariance import propagate
 from acx4lib.frames import Pose
 from acx4lib.intersection import intersect
 
@@ -73,10 +74,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     which = np.array([names.index(camera.name) for camera in block.cameras])
     cameras = tuple(calibration.cameras[k] for k in which)
     camera_idx = block.images.camera_idx
-    T_b_c = Pose(
-        R=np.stack([camera.T_b_c.R for camera in cameras])[camera_idx],
-        r=np.stack([camera.T_b_c.r for camera in cameras])[camera_idx],
-    )
+    T_b_c = mountings(cameras)[camera_idx]
     by_body, by_mount = mounted_jacobian(block.T_m_b_images, T_b_c)
     mount = calibration.layout.mount[which][camera_idx]
     by_parameters = np.zeros((len(camera_idx), 6, calibration.n_columns + 1))
@@ -97,9 +95,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
 def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
     """Return the covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
     g = georeferenced
-    own = g.by_body @ g.cov_body[block.images.exposure_idx] @ np.swapaxes(g.by_body, 1, 2)
-    common = g.by_parameters @ g.cov_parameters @ np.swapaxes(g.by_parameters, 1, 2)
-    return own + common
+    own = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
+    return own + propagate(g.by_parameters, g.cov_parameters)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,15 +170,6 @@ def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Meas
     )
 
 
-def directions(seen: Measurement) -> Array:
-    """Return the unit rays of measurements, shape (n, 3), mapping frame."""
-    out = np.zeros((len(seen.colrow), 3))
-    for k, camera in enumerate(seen.cameras):
-        own = seen.camera_idx == k
-        out[own] = rays(camera, seen.T_m_c[own], seen.colrow[own])
-    return out
-
-
 def intersect_rays(
     block: Block,
     georeferenced: Georeferenced,
@@ -211,7 +199,8 @@ def intersect_rays(
     P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
     x_m = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
     for _ in range(20):
-        v, by_interior, by_pose, B = _derivatives(seen, x_m[selected.group], refraction)
+        at = as_seen(seen.T_m_c.r, x_m[selected.group], refraction=refraction)
+        v, by_interior, by_pose, B = image_derivatives(seen, at)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
         bad = ~np.all(np.isfinite(normal), axis=(1, 2))
@@ -230,18 +219,10 @@ def intersect_rays(
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
     by_body = by_pose @ georeferenced.by_body[selected.image_idx]
     exposure = block.images.exposure_idx[selected.image_idx]
-    cov_v = cov_v + by_body @ georeferenced.cov_body[exposure] @ np.swapaxes(by_body, 1, 2)
+    cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
     return Intersections(
         x_m=x_m, v=v, cov=cov, by_parameters=by_parameters, cov_v=cov_v, by_point=B
     )
-
-
-def _derivatives(
-    seen: Measurement, x_m: Array, refraction: str
-) -> tuple[Array, Array, Array, Array]:
-    if refraction == "standard":
-        x_m = x_m + refraction_lift(seen.T_m_c.r, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
-    return image_derivatives(seen, x_m)
 
 
 def _summed(values: Array, selected: Rays) -> Array:
@@ -271,14 +252,12 @@ def _propagated(
     )
     by_body = np.zeros((len(keys), 3, 6))
     np.add.at(by_body, shared.ravel(), gain @ by_pose @ g.by_body[image_idx])
-    from_body = by_body @ g.cov_body[keys[:, 1]] @ np.swapaxes(by_body, 1, 2)
     cov = from_image
-    np.add.at(cov, keys[:, 0], from_body)
+    np.add.at(cov, keys[:, 0], propagate(by_body, g.cov_body[keys[:, 1]]))
     by_column = by_pose @ g.by_parameters[image_idx]
     columns = g.interior_columns[block.images.camera_idx[image_idx]]
     padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
     at = np.broadcast_to(columns[:, None, :], by_interior.shape)
     np.put_along_axis(padded, at, by_interior, axis=2)
     by_parameters = _summed(gain @ padded[:, :, :-1], selected)
-    cov = cov + by_parameters @ g.cov_parameters @ np.swapaxes(by_parameters, 1, 2)
-    return cov, by_parameters
+    return cov + propagate(by_parameters, g.cov_parameters), by_parameters

@@ -8,15 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib._typing import Array, Mask
-from acx4lib.block import Block
-from acx4lib.bundle import Bundle, adjust, free_orientation, mounted_orientation
+from acx4lib.block import Block, mountings
+from acx4lib.bundle import (
+    Bundle,
+    adjust,
+    free_orientation,
+    mounted_orientation,
+    require_control,
+)
 from acx4lib.calibration import Calibration, from_bundle
 from acx4lib.camera import Camera
+from acx4lib.covariance import propagate
 from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, skew, transform
 from acx4lib.gross_errors import Rejection, without
-from acx4lib.network import MOUNT, Layout, PoseObservations, layout
+from acx4lib.network import PoseObservations
+from acx4lib.unknowns import MOUNT, Layout, layout
 
 LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
 
@@ -76,6 +84,11 @@ def calibrate(
     ----------
     block, free, fix, refraction
         As in `single_step`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no method has an outcome.
     """
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
@@ -92,6 +105,8 @@ def calibrate(
             )
         except AdjustmentError as error:
             failures[name] = str(error)
+    if not methods:
+        raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
     ordered = {name: methods[name] for name in METHODS if name in methods}
     return Mountings(methods=ordered, failures=failures)
 
@@ -160,7 +175,7 @@ def two_step(
     """
     cleaned = without(block, rejected)
     network = free_orientation(cleaned, free=free, refraction=refraction)
-    _require_control(cleaned)
+    require_control(cleaned)
     bundle = replace(adjust(network), rejected=tuple(rejected))
     return _averaged("two_step", bundle, free=free, estimated=free_mount(fix))
 
@@ -189,7 +204,7 @@ def two_step_gnss(
         Where the bundle does not converge.
     """
     cleaned = without(block, rejected)
-    lever = np.stack([camera.T_b_c.r for camera in block.cameras])[block.images.camera_idx]
+    lever = mountings(block.cameras).r[block.images.camera_idx]
     T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
     positions = PoseObservations(
         T_m_b=Pose(R=T_m_b.R, r=T_m_b.r + transform(T_m_b.R, lever)),
@@ -201,20 +216,6 @@ def two_step_gnss(
     bundle = replace(adjust(network), rejected=tuple(rejected))
     held = {*fix, "lever_arm"}
     return _averaged("two_step_gnss", bundle, free=free, estimated=free_mount(tuple(held)))
-
-
-def _require_control(block: Block) -> None:
-    """Raise where fewer than three points off one line are control in images."""
-    usable = np.isfinite(block.control.sigma_m).all(axis=1)
-    usable &= block.rays[block.control.point_idx] > 0
-    x_m = block.control.x_m[usable]
-    spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False) if len(x_m) else np.zeros(3)
-    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
-        msg = (
-            f"{len(x_m)} control points in images do not orient the block: "
-            "three that do not lie on one line are needed"
-        )
-        raise AdjustmentError(msg)
 
 
 # --- eqs (12) and (13) -----------------------------------------------------------------------
@@ -231,11 +232,9 @@ def _averaged(
     known: Mask = np.all(np.isfinite(sigma), axis=1)
     entering = bundle.oriented & known[exposure]
     by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
-    cov_pose = _pose_covariances(bundle)
     cov_trajectory = trajectory.cov
-    sigma0_sq = bundle.solution.sigma0_sq
-    per_image = _sandwich(by_camera_pose, cov_pose)
-    per_image += _sandwich(by_trajectory, cov_trajectory[exposure])
+    per_image = propagate(by_camera_pose, _pose_covariances(bundle))
+    per_image += propagate(by_trajectory, cov_trajectory[exposure])
     n_cameras, n_images = len(block.cameras), len(block.images)
     weights = np.zeros((n_cameras, 6, n_images, 6))
     cameras = list(bundle.cameras)
@@ -249,13 +248,13 @@ def _averaged(
     columns = layout(n_cameras, 0, free=free, free_mount=estimated)
     J = _by_bundle(bundle, weights, by_camera_pose, columns)
     K = _by_exposures(block, weights, by_trajectory, columns)
-    cov = J @ bundle.solution.cov @ J.T
+    cov = propagate(J, bundle.solution.cov)
     cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
     calibration = Calibration(
         cameras=tuple(cameras),
         layout=columns,
         cov=cov,
-        sigma0_sq=sigma0_sq,
+        sigma0_sq=bundle.solution.sigma0_sq,
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
     )
     return Mounting(
@@ -296,10 +295,6 @@ def _pose_covariances(bundle: Bundle) -> Array:
     """Return the covariances of the poses, shape (n_poses, 6, 6)."""
     columns = bundle.network.layout.pose
     return bundle.solution.cov[columns[:, :, None], columns[:, None, :]]
-
-
-def _sandwich(J: Array, cov: Array) -> Array:
-    return J @ cov @ np.swapaxes(J, -1, -2)
 
 
 def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:

@@ -6,7 +6,6 @@ the two is free, held or observed is all that distinguishes the uses; `bundle` s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,18 +15,14 @@ from acx4lib.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.collinearity import (
     Measurement,
+    as_seen,
     image_derivatives,
     image_residuals,
     mounted_jacobian,
-    refraction_lift,
 )
 from acx4lib.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.normal_equations import Equations
-
-MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
-"""The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
-
-POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
+from acx4lib.unknowns import MOUNT, POSE, Layout
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,63 +45,6 @@ class PoseObservations:
     R_g_m: Array
     sigma_position: Array
     sigma_attitude: Array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Layout:
-    """Which unknown stands in which column; nobody else counts.
-
-    Attributes
-    ----------
-    interior : ndarray, shape (n_cameras, 9)
-        Columns of the interior parameters in the order of `camera.INTERIOR`, -1 where held.
-    mount : ndarray, shape (n_cameras, 6)
-        Columns of the mountings in the order of `MOUNT`, -1 where held.
-    pose : ndarray, shape (n_poses, 6)
-        Columns of the poses.
-    """
-
-    interior: Index
-    mount: Index
-    pose: Index
-
-    @property
-    def n_columns(self) -> int:
-        """Number of unknowns that are not points."""
-        return int(sum(np.sum(part >= 0) for part in (self.interior, self.mount, self.pose)))
-
-
-def layout(
-    n_cameras: int, n_poses: int, *, free: Sequence[str], free_mount: Sequence[str] = ()
-) -> Layout:
-    """Return which unknown has which column: per camera interior and mounting, then poses.
-
-    Parameters
-    ----------
-    n_cameras, n_poses : int
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
-    free_mount : sequence of str
-        Names of `MOUNT`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    unknown = sorted((set(free) - set(INTERIOR)) | (set(free_mount) - set(MOUNT)))
-    if unknown:
-        msg = f"no such parameter: {', '.join(unknown)}"
-        raise ValueError(msg)
-    is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
-    per_camera = np.tile(is_free, (n_cameras, 1))
-    columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
-    first = int(per_camera.sum())
-    return Layout(
-        interior=columns[:, : len(INTERIOR)],
-        mount=columns[:, len(INTERIOR) :],
-        pose=first + np.arange(6 * n_poses).reshape(n_poses, 6),
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -261,9 +199,7 @@ def _seen(network: Network, state: State) -> tuple[Measurement, Array]:
     """Return the measurements with their camera poses, and the points where they appear."""
     points = network.image_points
     T_m_c = camera_poses(network, state)[points.image_idx]
-    x_m = state.x_m[points.point_idx]
-    if network.refraction == "standard":
-        x_m = x_m + refraction_lift(T_m_c.r, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
+    x_m = as_seen(T_m_c.r, state.x_m[points.point_idx], refraction=network.refraction)
     cameras = [
         camera.with_interior(interior)
         for camera, interior in zip(network.block.cameras, state.interiors, strict=True)

@@ -145,7 +145,7 @@ def scrub(executed: Path, *, hidden: str = "") -> None:
         if "injected-parameters" in cell.metadata.get("tags", []):
             cell.metadata.tags.append("hide-input")
     _renumber(notebook)
-    text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call]
+    text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call] # untyped
     if hidden:
         text = text.replace(f"/{hidden}", "").replace(hidden, ".")
     # bounded: a picture is one word of a million letters, and each would be a start to try
@@ -190,7 +190,7 @@ def _kernel_manager(home: str) -> type[AsyncKernelManager]:
 
 
 def _read(notebook: Path) -> nbformat.NotebookNode:
-    read: nbformat.NotebookNode = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call]
+    read: nbformat.NotebookNode = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
     return read
 
 

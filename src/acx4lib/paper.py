@@ -24,8 +24,22 @@ METHODS = ("two_step", "single_step")
 """Columns of Tables 3 and 4."""
 
 
+class HasHeads(Protocol):
+    """The synthetic camera, as far as the paper needs it."""
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Names of its heads."""
+        ...
+
+
 class HasCameras(Protocol):
     """A flight, as far as the paper needs it."""
+
+    @property
+    def synthetic(self) -> HasHeads | None:
+        """The synthetic camera, where there is one."""
+        ...
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
@@ -177,10 +191,12 @@ def applies(flight: HasCameras) -> bool:
     Parameters
     ----------
     flight : Flight
-        Anything with a dictionary `cameras`.
+        Anything with a dictionary `cameras`, and `synthetic` that names heads or is None.
     """
     synthetic = flight.cameras.get("SYN")
     if synthetic is None or not set(HEADS) <= set(flight.cameras):
         return False
     same = (value(2, "width_px", "SYN"), value(2, "height_px", "SYN"))
+    if flight.synthetic is not None and flight.synthetic.heads != HEADS:
+        return False
     return (synthetic.width_px, synthetic.height_px) == same

@@ -10,8 +10,9 @@ import numpy as np
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import cross_covariance
 from acx4lib.block import Block, select_camera
-from acx4lib.bundle import Bundle, free_orientation
+from acx4lib.bundle import Bundle, free_orientation, require_control
 from acx4lib.camera import Camera
+from acx4lib.covariance import propagate, sigmas
 from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, exp, log, opk_jacobian, skew, transform
@@ -67,7 +68,7 @@ class RelativeOrientation:
     @property
     def sigma(self) -> Array:
         """Standard deviations, shape (n_heads, 6): mm and radians."""
-        return np.sqrt(np.maximum(np.diag(self.cov), 0.0)).reshape(-1, 6)
+        return sigmas(self.cov).reshape(-1, 6)
 
 
 def calibrate_heads(
@@ -92,9 +93,11 @@ def calibrate_heads(
     """
     bundles, failures = {}, {}
     for name in heads:
+        alone = select_camera(block, name)
         try:
+            require_control(alone)
             bundles[name] = adjust_rejecting(
-                select_camera(block, name),
+                alone,
                 lambda b: free_orientation(b, free=free, refraction=refraction),
             )
         except AdjustmentError as error:
@@ -141,7 +144,9 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     xyz[:, 2] += fits[0].state.interiors[0].f
     xyz[:, :2] -= xyz[:, :2].mean(axis=0)
     J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
-    cov = _covariance(fits, images, exposures, J, K)
+    # all millimetres are proportional to the first head's focal length
+    by_f = np.hstack([xyz / fits[0].state.interiors[0].f, np.zeros_like(opk)]).ravel()
+    cov = _covariance(fits, images, exposures, (J, K, by_f))
     to_opk = np.eye(len(cov))
     for k in range(len(fits)):
         angles = slice(6 * k + 3, 6 * k + 6)
@@ -150,7 +155,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
         heads=tuple(fit.cameras[0] for fit in fits),
         xyz_mm=xyz,
         opk=opk,
-        cov_joint=to_opk @ cov @ to_opk.T,
+        cov_joint=propagate(to_opk, cov),
         n_exposures=len(exposures),
     )
 
@@ -176,7 +181,10 @@ def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
         sets.append(set(exposure[fit.oriented & attitude[exposure]].tolist()))
     exposures = np.array(sorted(set.intersection(*sets)), dtype=np.intp)
     if len(exposures) == 0:
-        msg = "the heads share no exposure at which all of them are oriented"
+        msg = (
+            "the heads share no exposure at which all of them are oriented; each needs images "
+            "there, and three control points off one line in its images"
+        )
         raise AdjustmentError(msg)
     images = []
     for fit in fits:
@@ -232,17 +240,28 @@ def _jacobians(
 
 
 def _covariance(
-    fits: Sequence[Bundle], images: Sequence[Index], exposures: Index, J: Array, K: Array
+    fits: Sequence[Bundle],
+    images: Sequence[Index],
+    exposures: Index,
+    derivatives: tuple[Array, Array, Array],
 ) -> Array:
-    """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory."""
+    """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory.
+
+    The derivatives are by the heads' poses, by the trajectory, by the first focal length.
+    """
+    J, K, by_f = derivatives
     n = 15 * len(fits)
     cov, by_control = np.zeros((n, n)), []
     for k, (fit, idx) in enumerate(zip(fits, images, strict=True)):
-        by_columns = np.sqrt(fit.solution.sigma0_sq) * _by_columns(fit, k, idx, J[:, :, k])
+        by_columns = _by_columns(fit, k, idx, J[:, :, k])
+        own_f = fit.network.layout.interior[0, 0]
+        if k == 0 and own_f >= 0:
+            by_columns[: len(by_f), own_f] = by_f
+        by_columns *= np.sqrt(fit.solution.sigma0_sq)
         by_control.append(by_columns @ _by_control(fit))
-        cov += by_columns @ fit.solution.cov @ by_columns.T
+        cov += propagate(by_columns, fit.solution.cov)
         cov -= by_control[k] @ by_control[k].T
-    together = sum(by_control)
+    together: Array = np.sum(by_control, axis=0)
     by_body = np.zeros((n, len(exposures), 6))
     by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
     cov_body = fits[0].network.block.trajectory.cov[exposures]

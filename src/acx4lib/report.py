@@ -13,6 +13,8 @@ MISSING = "\N{EN DASH}"
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
+SIGMA = "\N{PLUS-MINUS SIGN}"
+
 POWER = re.compile(r"(?<=mm)\^(-\d)")
 """Exponent of a unit, as results files write it."""
 
@@ -31,8 +33,8 @@ def myst_table(
     Parameters
     ----------
     table : DataFrame
-        Text cells are taken as Markdown; line breaks in them become spaces and a ``|`` is
-        escaped. Columns of numbers are set right-aligned.
+        Text cells are taken as Markdown; line breaks in them become spaces, a ``|`` is escaped,
+        and no line ends after a ``±``. Columns of numbers are set right-aligned.
     caption : str
         Markdown, without line breaks.
     name : str
@@ -78,7 +80,8 @@ def _cell(value: object, spec: str) -> str:
     if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
         return MISSING
     text = format(value, "" if isinstance(value, str) else spec)
-    return POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), _line(text)).replace("|", r"\|")
+    text = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), _line(text)).replace("|", r"\|")
+    return text.replace(f"{SIGMA} ", f"{SIGMA}\N{NO-BREAK SPACE}")  # no line ends between the two
 
 
 def _line(text: str) -> str:

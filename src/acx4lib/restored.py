@@ -10,12 +10,13 @@ import numpy as np
 from acx4lib import results
 from acx4lib.calibration import REPORTED, Calibration, given, to_reported
 from acx4lib.camera import INTERIOR, Camera, Interior
+from acx4lib.covariance import propagate
 from acx4lib.flight import Flight
 from acx4lib.frames import Pose, rotation_from_opk
 from acx4lib.mounting import METHODS
-from acx4lib.network import MOUNT, Layout
-from acx4lib.records import RELATIVE, joint_names
+from acx4lib.record_tables import RELATIVE, joint_names
 from acx4lib.relative_orientation import RelativeOrientation
+from acx4lib.unknowns import MOUNT, Layout
 
 
 def read_relative_orientation(
@@ -55,7 +56,9 @@ def read_relative_orientation(
 
 def _estimated(found: results.Results, stage_method: str, camera: Camera) -> Camera:
     """Return a declared camera with what a method estimated of it."""
-    values = results.parameters(found, stage_method, camera.name)["value"].to_dict()
+    listed = results.rows(found, "parameters", stage_method)
+    mine = listed[listed["camera"] == camera.name]
+    values = dict(zip(mine["parameter"], mine["value"], strict=True))
     declared = np.concatenate(
         [camera.interior.to_array(), camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]
     )
@@ -76,14 +79,17 @@ def _estimated(found: results.Results, stage_method: str, camera: Camera) -> Cam
 def read_calibration(
     found: results.Results, stage_method: str, cameras: Sequence[Camera]
 ) -> Calibration:
-    """Return a calibration as a results folder has it; inverse of `calibration_tables`.
+    """Return a calibration as a results folder has it.
+
+    The inverse of `record_tables.calibration_tables`.
 
     Parameters
     ----------
     found : Results
     stage_method : str
     cameras : sequence of Camera
-        As the flight declares them; what has no row keeps the declared value.
+        As the flight declares them; what has no row keeps the declared value. Others that the
+        method calibrated as well are left out.
 
     Raises
     ------
@@ -92,7 +98,9 @@ def read_calibration(
     """
     estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
     columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
-    names = list(results.covariance(found, stage_method).index)
+    whole = results.covariance(found, stage_method)
+    mine = {camera.name for camera in cameras}
+    names = [label for label in whole.index if label.rpartition("/")[0] in mine]
     for k, camera in enumerate(cameras):
         for j, key in enumerate((*INTERIOR, *MOUNT)):
             label = f"{camera.name}/{REPORTED[key][0]}"
@@ -111,8 +119,8 @@ def read_calibration(
         open_columns=np.zeros(len(names), dtype=bool),
     )
     back = np.linalg.inv(to_reported(reported))
-    cov = results.covariance(found, stage_method).to_numpy() / sigma0_sq
-    return replace(reported, cov=back @ cov @ back.T)
+    cov = whole.loc[names, names].to_numpy() / sigma0_sq
+    return replace(reported, cov=propagate(back, cov))
 
 
 def calibrations_for(flight: Flight, found: results.Results) -> dict[str, Calibration]:
@@ -129,7 +137,7 @@ def calibrations_for(flight: Flight, found: results.Results) -> dict[str, Calibr
     cameras = flight.validation.cameras if flight.validation else ()
     if flight.calibration is None:
         return {"given": given(cameras)}
-    results.rows(found, "parameters", "mounting")
+    results.rows(found, "parameters", "mounting")  # raises where the stage has not been run
     return {
         method: read_calibration(found, f"mounting/{method}", cameras)
         for method in calibrated_methods(found)
@@ -138,10 +146,9 @@ def calibrations_for(flight: Flight, found: results.Results) -> dict[str, Calibr
 
 def calibrated_methods(found: results.Results) -> tuple[str, ...]:
     """Return the methods of the mounting stage all of whose parameters are determined."""
-    listed = found.parameters
-    present = set(listed.loc[listed["stage"] == "mounting", "method"])
+    said = {method: found.summary.get(f"mounting/{method}", {}) for method in METHODS}
     return tuple(
-        m
-        for m in METHODS
-        if m in present and not results.messages(found.summary[f"mounting/{m}"], "not_determined")
+        method
+        for method, entry in said.items()
+        if entry.get("converged") and not results.messages(entry, "not_determined")
     )

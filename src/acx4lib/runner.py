@@ -16,7 +16,7 @@ from typing import Any
 
 from acx4lib import flight as flights
 from acx4lib import notebooks, results
-from acx4lib.errors import Acx4Error
+from acx4lib.errors import Acx4Error, AdjustmentError
 
 NOTEBOOKS_PATH = Path(__file__).parents[2] / "notebooks"
 """Where the notebooks lie: beside ``src`` in a clone."""
@@ -29,6 +29,9 @@ NOTEBOOKS: Mapping[str, str] = {
     "validation": "04-validation",
 }
 """The notebook of every stage; ``flight`` only shows the data, and always runs first."""
+
+ENDS = ("synthetic",)
+"""Stages whose results no later one needs: where one is not determined, the run goes on."""
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
@@ -48,7 +51,8 @@ class RunReport:
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Parameters of `DECISIVE` methods that the data do not determine.
+        Parameters of `DECISIVE` methods that the data do not determine, and what stopped a stage
+        of `ENDS`.
     notes : tuple of str
         What else the stages have to say of the data.
     left_out : tuple of str
@@ -117,14 +121,21 @@ def run(
     jobs = [_job(stage, notebooks_path, given) for stage in ran]
     _check_known(parameters or {}, jobs)
     folder = Path(results_path)
+    _tidy(folder)
     results.replace(folder, list(skipped), tables={}, summary={})
     for stage in skipped:
         (folder / "notebooks" / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
     done: list[str] = []
+    failed: list[str] = []
     try:
         for job in jobs:
-            _run_job(job, folder, tell or (lambda *_: None))
-            done.append(job.stage)
+            try:
+                _run_job(job, folder, tell or (lambda *_: None))
+                done.append(job.stage)
+            except AdjustmentError as error:
+                if job.stage not in ENDS:
+                    raise
+                failed += str(error).splitlines()
     except Acx4Error as error:
         for line in _messages(folder, done, "not_determined", DECISIVE):
             error.add_note(line)
@@ -132,7 +143,7 @@ def run(
     return RunReport(
         ran=tuple(ran[1:]),
         skipped=tuple(f"{stage}: skipped, {reason}" for stage, reason in skipped.items()),
-        not_determined=tuple(_messages(folder, done, "not_determined", DECISIVE)),
+        not_determined=(*_messages(folder, done, "not_determined", DECISIVE), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
     )
@@ -155,6 +166,9 @@ def _missing(flight: flights.Flight, stage: str) -> str:
         return f"the flight has no block {block}"
     if stage == "synthetic" and flight.synthetic is None:
         return "flight.toml has no table [synthetic]"
+    checked = flight.blocks[block].check.point_idx
+    if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
+        return "no check point of block validation is measured in two images"
     return ""
 
 
@@ -210,6 +224,13 @@ def _run_job(job: _Job, folder: Path, tell: Tell) -> None:
     failed.unlink(missing_ok=True)
     if failed.parent.is_dir() and not any(failed.parent.iterdir()):
         failed.parent.rmdir()
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what a run that was killed left behind."""
+    for pattern in (".running-*", ".new-*"):
+        for stale in folder.glob(pattern):
+            shutil.rmtree(stale)
 
 
 def _move(path: Path, target: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import paper, results
+from acx4lib.design import flying_heights
 from acx4lib.flight import Flight
 
 RULE = (
@@ -18,13 +19,15 @@ RULE = (
     "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
     "scatter or an RMS over n points it is the one that n independent points give it, of a count "
     "its square root. A standard deviation itself depends on the number and the spread of "
-    "tie points, which the paper does not tell: it is taken to be known to 20 %."
+    "tie points, which the paper does not tell: it is taken to be known to 20 %. The paper's "
+    "two-step column is compared with the two-step method that has GNSS positions in its bundle, "
+    "since the printed standard deviations are those of that reading."
 )
 """How the verdict is reached; stands above the table."""
 
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
-"""What the paper's two-step method must have been."""
+"""The reading of the two-step method that gives the printed standard deviations."""
 
 INPUT = "input"
 INDEPENDENT = "independent"
@@ -276,53 +279,59 @@ def ground_sample_m(flight: Flight) -> float:
     if block is None:
         return float("nan")
     camera = block.cameras[0]
-    height = block.trajectory.T_m_b.r[:, 2].mean() - block.check.x_m[:, 2].mean()
-    return float(camera.pixel_mm * height / camera.interior.f)
+    return float(camera.pixel_mm * flying_heights(block).mean() / camera.interior.f)
 
 
 # --- why -------------------------------------------------------------------------------------
 
 HEADS_SIGMA = (
-    "a bundle on control points alone, as the paper describes it, cannot determine this better; "
-    "the paper's exterior orientations must have been constrained in a way it does not tell"
+    "a bundle on control points alone, over this block and with this noise, determines it no "
+    "better; less noise does not explain the printed one, since that of $k_1$ is off the other "
+    "way, but exterior orientations that were constrained would"
 )
 REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
-    (1, ("sigma0_squared",), "the paper's a priori standard deviations were about twice too large"),
+    (
+        1,
+        ("sigma0_squared",),
+        "ours has the true a priori standard deviations; if the paper expected one, its own were "
+        "about twice too large",
+    ),
     (1, ("sigma:xp_mm", "sigma:yp_mm", "sigma:p1", "sigma:p2"), HEADS_SIGMA),
     (
         1,
         ("sigma:k1",),
-        "depends on how many measurements reach the corners; ours has more tie points, with k1 "
-        "alone for the radial part",
+        "depends on how many measurements there are and how many of them reach the corners, which "
+        "the paper does not tell; fewer would give the printed one",
     ),
     (
         1,
         ("Xc_mm", "Yc_mm"),
-        "0.05 mm is 1 m on the ground: no lever arm, but what the paper's adjustment pushed there; "
-        "the simulated heads stand where heads can stand",
+        "a twentieth of a millimetre is a metre in space, which is no place of a head in its "
+        "mount; what it is, the paper does not say, and the simulation was not given it",
     ),
     (
         1,
         ("omega_deg", "phi_deg", "kappa_deg"),
-        "f is held at 74 mm in heads whose true f is another; with a head that looks aslant, tilt "
-        "and principal point take up the difference",
+        "$f$ is held at 74 mm in heads whose true $f$ is another; in a head that looks aslant, "
+        "tilt and principal point take up the difference",
     ),
     (
         3,
         ("sigma0_squared",),
-        "the weight unit of the paper's adjustments is not told; with the true a priori "
-        "standard deviations it is one",
+        "the unit of weight of the paper's adjustments is not told; ours has the true a priori "
+        "standard deviations, which give one",
     ),
     (
         3,
         ("sigma:boresight_omega_deg", "sigma:boresight_phi_deg", "sigma:boresight_kappa_deg"),
-        "the paper prints the scatter of single images, not the standard deviation of the mean",
+        "the printed ones have the size of the scatter of single images; ours are those of their "
+        "mean",
     ),
     (
         4,
         ("rms", "mean", "sigma:mean", "n_within", "within"),
-        "the paper's RMS, scatter and count contradict each other (see the errata); attitude and "
-        "GNSS noise as section 3.1 has them give ours",
+        "the paper's RMS, scatter and count contradict each other (see the errata); ours is what "
+        "the simulated noise predicts, with the attitude of section 3.1",
     ),
     (4, ("n_pairs", "n_success"), "the places of the natural targets are not published"),
 )
@@ -334,4 +343,4 @@ def _reason(printed: Printed, what: str) -> str:
     for table, prefixes, reason in REASONS:
         if table == printed.table and name.startswith(prefixes):
             return reason
-    return "chance, or something that we do not know of"
+    return "chance, or something that is not understood"

@@ -24,8 +24,10 @@ TITLES = {
 """Names of the methods in headings."""
 
 PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
-"""The paper's column for a method; its two-step bundle had GNSS positions."""
+"""The paper's column that a method is set beside: its two-step sigmas are those of this reading."""
 
+UNITS = {"deg": "°", "um": "µm"}
+"""Units as a reader sees them, where results files spell them out."""
 
 LABELS = {
     "sigma0_squared": "variance of unit weight",
@@ -100,35 +102,50 @@ def mounting_table(
     Returns
     -------
     DataFrame
-        camera (where there are several), parameter, unit, a column per method and per print.
+        Camera (where there are several), Parameter with its unit, a column per method and per
+        print; ``held`` where a method does not estimate what another does.
     """
     cells: dict[tuple[str, str, str], dict[str, str]] = {}
     for method, mounting in methods.items():
         for p in parameters(mounting.calibration):
             row = cells.setdefault((p.camera, p.name, p.unit), {})
             row[TITLES[method]] = value_and_sigma(p.value, p.sigma)
-            if method in beside_paper:
-                row[f"Printed: {TITLES[PRINTED[method]].lower()}"] = _printed_cell(method, p.name)
-    table = pd.DataFrame(
-        [
-            {"Camera": c, "Parameter": LABELS[p], "Unit": u, **row}
-            for (c, p, u), row in cells.items()
-        ]
-    ).fillna("")
-    variance = {TITLES[m]: f"{f.calibration.sigma0_sq:.3f}" for m, f in methods.items()}
-    for method in beside_paper:
-        printed = paper.value(3, "sigma0_squared", PRINTED[method])
-        variance[f"Printed: {TITLES[PRINTED[method]].lower()}"] = f"{printed:.3g}"
-    first = pd.DataFrame(
-        [{"Camera": "", "Parameter": "a posteriori variance", "Unit": "1", **variance}]
-    )
-    table = pd.concat([first, table], ignore_index=True)
+    rows: list[dict[str, str]] = [{"Camera": "", "Parameter": "a posteriori variance"}]
+    rows += [
+        {"Camera": camera, "Parameter": with_unit(LABELS[name], unit)}
+        for camera, name, unit in cells
+    ]
+    for method, mounting in methods.items():
+        found = [f"{mounting.calibration.sigma0_sq:.3f}"]
+        found += [row.get(TITLES[method], "held") for row in cells.values()]
+        columns = {TITLES[method]: found}
+        if method in beside_paper:
+            names = ["sigma0_squared", *(name for _, name, _ in cells)]
+            columns[printed_title(method)] = [_printed_cell(method, name) for name in names]
+        for title, texts in columns.items():
+            for row, text in zip(rows, texts, strict=True):
+                row[title] = text
+    table = pd.DataFrame(rows)
     return table.drop(columns="Camera") if table["Camera"].nunique() <= 2 else table
+
+
+def with_unit(label: str, unit: str) -> str:
+    """Return a label with its unit in brackets; a number without a unit has none."""
+    return label if unit in ("", "1") else f"{label} ({UNITS.get(unit, unit)})"
+
+
+def printed_title(method: str) -> str:
+    """Return the heading of the paper's column beside a method."""
+    return f"Printed: {TITLES[PRINTED[method]].lower()}"
 
 
 def _printed_cell(method: str, name: str) -> str:
     column = PRINTED[method]
+    if name not in set(paper.table(3)["parameter"]):
+        return ""
     value, sigma = paper.value(3, name, column), paper.sigma(3, name, column)
+    if name == "sigma0_squared":
+        return f"{value:.3g}"
     return value_and_sigma(value, sigma) if np.isfinite(value) else "ND"
 
 
@@ -150,7 +167,7 @@ def validation_table(
         columns[TITLES[validation.method]] = _validation_cells(validation, gsd_m)
         if beside_paper and validation.method in PRINTED:
             column = PRINTED[validation.method]
-            columns[f"Printed: {TITLES[column].lower()}"] = _printed_validation(column)
+            columns[printed_title(validation.method)] = _printed_validation(column)
     table = pd.DataFrame(columns)
     table.insert(0, "Quantity", table.index)
     return table.reset_index(drop=True)
@@ -201,7 +218,7 @@ def _printed_validation(column: str) -> dict[str, str]:
 
 BIAS = (
     *("Method", "Axis", "Points", "Mean (m)", "RMS (m)"),
-    *("95 % of the RMS (m)", "t", "critical", "bias"),
+    *("RMS, 95 % limits (m)", "t", "critical", "bias"),
 )
 
 
@@ -220,7 +237,7 @@ def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
                     "Points": said.n,
                     "Mean (m)": said.mean[axis],
                     "RMS (m)": said.rms[axis],
-                    "95 % of the RMS (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
+                    "RMS, 95 % limits (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
                     "t": test.statistic[axis],
                     "critical": test.critical,
                     "bias": "none seen" if test.accepted[axis] else "significant",
@@ -262,7 +279,10 @@ def class_table(validations: Sequence[Validation], scales: Sequence[int]) -> pd.
 
 def variant_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return the variants of a calibration with each value and sigma in one cell."""
-    out = table[["variant", "images"]].rename(columns={"variant": "Variant", "images": "Images"})
+    names = {"variant": "Variant", "images": "Images", "sigma0_squared": "Variance of unit weight"}
+    out = table[list(names)].rename(columns=names)
+    variance = out["Variance of unit weight"]
+    out["Variance of unit weight"] = [f"{v:.3f}" if np.isfinite(v) else "" for v in variance]
     for name in ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m"):
         if name in table:
             out[f"{LABELS[name]} ({name.rpartition('_')[2]})"] = [
@@ -284,7 +304,7 @@ def adjustment_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
                 "Unknowns": solution.n_unknowns,
                 "Redundancy": solution.redundancy,
                 "Variance of unit weight": solution.sigma0_sq,
-                "Chi-square test, p": solution.chi_square_p,
+                "p of χ²": solution.chi_square_p,
                 "Iterations": solution.iterations,
                 "Rejected": len(bundle.rejected),
                 "Left out": sum(bundle.network.left_out.values()),
@@ -296,38 +316,3 @@ def adjustment_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
 def attitude_sigma_deg(block: Block) -> Array:
     """Return the median standard deviation of roll, pitch and heading, degrees, shape (3,)."""
     return np.degrees(np.median(block.trajectory.sigma_attitude, axis=0))
-
-
-def lever_arm_sentence(seen: pd.DataFrame) -> str:
-    """Say by how much the lever arm read from the interior orientation misses the estimated one."""
-    if seen.empty:
-        return "One of the two methods gave no result, so there is nothing to compare."
-    difference = seen["lever_seen_m"] - seen["lever_estimated_m"]
-    sigma = np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"])
-    shifts = ", ".join(
-        f"{shift:+.4f} mm in {LABELS.get(f'{key}_mm', str(key))}"
-        for shift, key in zip(seen["shift_mm"], seen["parameter"], strict=True)
-    )
-    metres = ", ".join(f"{value:+.2f}" for value in difference)
-    return (
-        f"The two-step interior orientation differs by {shifts}. Read as a lever arm, this misses "
-        f"the one estimated by the single step by {metres} m, at most "
-        f"{float(np.max(np.abs(difference) / sigma)):.1f} combined standard deviations."
-    )
-
-
-def validation_sentence(validations: Sequence[Validation]) -> str:
-    """Say how the RMS found compares with the one predicted, for the last method."""
-    if not validations:
-        return "No method has all its parameters determined, so there is nothing to validate."
-    validation = validations[-1]
-    found = np.sqrt(np.mean(validation.pairs.d**2, axis=0))
-    predicted = np.sqrt(np.mean(validation.pairs.sigma**2, axis=0))
-    ratio = ", ".join(f"{value:.2f}" for value in found / predicted)
-    points = np.sqrt(np.mean(validation.points.d**2, axis=0))
-    return (
-        f"With the method *{TITLES[validation.method].lower()}*, the RMS over "
-        f"{len(validation.pairs)} pairs is {ratio} times the predicted one in east, north and "
-        f"height; from all rays of a point it falls to "
-        f"{', '.join(f'{value:.2f}' for value in points)} m."
-    )

@@ -9,6 +9,7 @@ import numpy as np
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block
 from acx4lib.camera import INTERIOR, Interior
+from acx4lib.covariance import sigmas
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import synthetic_from_head
 
@@ -144,7 +145,7 @@ def refine_by_mean_differences(
     xyz = orientation.xyz_mm.copy()
     xyz[:, :2] += shifts
     n = 6 * len(orientation.heads)
-    sigma = np.sqrt(np.maximum(np.diag(orientation.cov_joint), 0.0))
+    sigma = sigmas(orientation.cov_joint)
     J = np.eye(len(sigma))
     for i in map(int, np.flatnonzero(sigma)):
         ahead, _, _ = _shifts(_varied(orientation, i, sigma[i]), ties)

@@ -11,13 +11,12 @@ from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle import SMALLEST_ANGLE
 from acx4lib.calibration import Calibration
-from acx4lib.collinearity import Measurement
-from acx4lib.geodesy import rotate_covariance
+from acx4lib.collinearity import Measurement, directions
+from acx4lib.covariance import propagate
 from acx4lib.georeferencing import (
     Georeferenced,
     Intersections,
     Rays,
-    directions,
     georeference,
     intersect_rays,
     measured,
@@ -306,5 +305,5 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     met = np.isfinite(x_m).all(axis=1)
     d = np.full((len(x_m), 3), np.nan)
     d[met] = block.frame.to_grid(x_m[met]) - block.frame.to_grid(check.x_m[met])
-    cov_grid = rotate_covariance(check.R_g_m, cov)
+    cov_grid = propagate(check.R_g_m, cov)
     return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)

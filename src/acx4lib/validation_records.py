@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -10,8 +10,12 @@ import pandas as pd
 from acx4lib import accuracy, results, standards
 from acx4lib.block import Block
 from acx4lib.georeferencing import pose_covariances
-from acx4lib.records import Record, exterior_table, of_left_out, point_table, rejected_table
+from acx4lib.record_tables import exterior_table, point_table, rejected_table
+from acx4lib.records import SCALE_LIMIT, Record, of_left_out
 from acx4lib.validation import Differences, Validation
+
+MANY = 0.1
+"""Share of rejected measurements beyond which they are no gross errors."""
 
 
 def of_validations(validations: Sequence[Validation]) -> list[Record]:
@@ -86,6 +90,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
         "n_points": len(validation.points),
+        "notes": [f"validation/{validation.method}: {note}" for note in _notes(validation)],
         **_statistics(over_pairs),
         "points": {
             **_statistics(over_points),
@@ -93,6 +98,28 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
             "classes": standards.classes(over_points, survey_sigma=survey_sigma),
         },
     }
+
+
+def _notes(validation: Validation) -> Iterator[str]:
+    """Yield what a user should know: what spoils all points is no matter of single ones."""
+    n_rejected = len(validation.rejected)
+    n_measured = n_rejected + validation.n_observations // 2
+    if n_rejected > MANY * n_measured:
+        yield (
+            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
+            "rather a wrong calibration or trajectory than so many gross errors"
+        )
+    if not len(validation.points):
+        return
+    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
+    height = float(np.median(above))
+    off = float(np.median(validation.points.d[:, 2]))
+    if abs(off) > SCALE_LIMIT * height:
+        yield (
+            f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
+            f"{100 * abs(off) / height:.1f} % of the flying height: the height system of check "
+            "points or trajectory, or the focal length, is wrong"
+        )
 
 
 def _statistics(said: accuracy.Accuracy) -> dict[str, object]:

@@ -11,12 +11,11 @@ from acx4lib import calibration
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.checked.ign_readings import READINGS, Flight, Reading, complete, load
-from acx4lib.collinearity import image_residuals
+from acx4lib.collinearity import directions, image_residuals
 from acx4lib.formats import borea
 from acx4lib.georeferencing import (
     Intersections,
     Rays,
-    directions,
     georeference,
     intersect_rays,
     measured,

@@ -12,6 +12,7 @@ from scipy import stats
 from acx4lib import paper, standards
 from acx4lib.accuracy import Accuracy, Triple, from_summary, triple
 from acx4lib.report import scientific
+from acx4lib.tables import TITLES
 
 AXES = ("east", "north", "height")
 ROUNDING_M = 0.005
@@ -87,7 +88,8 @@ def rms_and_sigma() -> tuple[str, str, str]:
         f" (X, Y, Z); the printed numbers belong together for n = {sizes['n'].min():.1f} to"
         f" {sizes['n'].max():.1f} on all {len(sizes)} axes, rounding allows"
         f" {sizes['n_low'].min():.1f} to {sizes['n_high'].max():.1f}",
-        "Contradiction: the columns come from different samples, perhaps pairs and points.",
+        "Contradiction: the rows do not describe one sample; perhaps some are of pairs, others of"
+        " points.",
     )
 
 
@@ -169,6 +171,15 @@ def map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.D
     return pd.DataFrame(rows)[["scale", "method", "plan", "plan_by_axis", "height"]]
 
 
+def map_scale_table() -> pd.DataFrame:
+    """Return the classes of `map_scale_classes` as a reader sees them."""
+    classes = map_scale_classes()
+    classes["scale"] = [f"1:{scale}" for scale in classes["scale"]]
+    classes["method"] = [TITLES[method] for method in classes["method"]]
+    classes.columns = pd.Index(["Scale", "Method", "Plan", "Plan, each axis alone", "Height"])
+    return classes
+
+
 def map_scales() -> tuple[str, str, str]:
     """Item 20: map scales without an accuracy class."""
     small, large = (int(paper.statement(f"{size}_scale")) for size in ("smallest", "largest"))
@@ -186,7 +197,7 @@ def map_scales() -> tuple[str, str, str]:
         + "; with its standard deviations in their place"
         f" 1:{large} in height: {standards.pec_pcd(sigma, large).height}",
         f"1:{small} holds; 1:{large} holds in the lowest classes only, and hangs on which of two"
-        " contradictory columns is right (item 5).",
+        " contradictory rows is right (item 5).",
     )
 
 

@@ -94,5 +94,7 @@ def _key_lines(text: str) -> dict[tuple[str, ...], int]:
         keys = tuple(key.strip("\"'") for key in re.findall(KEY, match[2]))
         if match[1]:
             table, keys = keys, ()
-        lines.setdefault((*table, *keys), number)
+        whole = (*table, *keys)
+        for n in range(1, len(whole) + 1):  # a table that has no line of its own, by its first key
+            lines.setdefault(whole[:n], number)
     return lines

@@ -33,6 +33,9 @@ MOST = 0.75
 ALIKE = 0.9
 """A later explanation must be clearly better than an earlier one."""
 
+FAR = 50_000.0
+"""No block is so many metres from its control points: the CRS is another one."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Misfit:
@@ -208,7 +211,9 @@ def _where(tables: BlockTables, setup: Setup) -> str:
     block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     apart = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
+    doubt = f" (is {setup.grid.crs} the right CRS?)" if np.hypot(*apart[:2]) > FAR else ""
     return (
         "no usual mistake explains it; the control points' middle lies "
         f"{apart[0]:.0f} m east, {apart[1]:.0f} m north and {apart[2]:.0f} m up of the exposures'"
+        f"{doubt}"
     )

@@ -26,6 +26,7 @@ from acx4lib.flight.table_checks import (
     name_problems,
     position_problems,
     sensor_problems,
+    uncalibrated_problems,
 )
 from acx4lib.flight.toml_checks import toml_problems
 
@@ -94,9 +95,11 @@ def read(path: str | Path) -> Flight:
     problems += [] if blocks else [_no_block(folder)]
     for tables in blocks:
         problems += _block_problems(tables, toml, setup)
+    problems = problems or [*uncalibrated_problems(blocks)]
     if problems or setup is None:
         raise FlightError(lines_of(problems))
-    notes = [note for tables in blocks for note in _notes(tables)]
+    notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
+    notes += [note for tables in blocks for note in _notes(tables)]
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
         path=folder,
@@ -122,9 +125,16 @@ def _no_folder(folder: Path) -> Problem:
 
 def _no_block(folder: Path) -> Problem:
     expected = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
-    return Problem(
-        file=str(folder), line=1, column="folder", found="no block at all", expected=expected
-    )
+    stray = "".join(f" ({path} is in none)" for path in _strays(folder))
+    found = f"no block at all{stray}"
+    return Problem(file=str(folder), line=1, column="folder", found=found, expected=expected)
+
+
+def _strays(folder: Path) -> list[str]:
+    """Return the tables of images that stand in no block: its folder may be misspelt."""
+    paths = [*folder.glob("images.csv"), *folder.glob("*/images.csv")]
+    below = [path.relative_to(folder) for path in paths]
+    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)
 
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +69,20 @@ def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
         if head not in images.text["camera"] and head in toml.table("cameras"):
             expected = f"every head needs images in {images.file}"
             yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
+
+
+def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
+    """Yield cameras that are to be validated and are not in the calibration block."""
+    images = {tables.name: tables.images for tables in blocks}
+    if not {"calibration", "validation"} <= images.keys():
+        return
+    calibrated = images["calibration"].text.get("camera", ())
+    validated = images["validation"].text.get("camera", ())
+    for name in dict.fromkeys(validated) if calibrated else ():
+        if name not in calibrated:
+            row, found = validated.index(name), f"{name!r} is not calibrated"
+            expected = f"must be a camera with images in {images['calibration'].file}"
+            yield images["validation"].problem(row, "camera", found, expected)
 
 
 def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:

@@ -16,6 +16,8 @@ from acx4lib._typing import Array, Mask
 from acx4lib.flight.problems import Problem, Range, did_you_mean
 from acx4lib.flight.schemas import SCHEMAS, Schema
 
+NO_END = "the last line has no line end; was the file cut off?"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
@@ -90,13 +92,14 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
     lines, cells, problems = _rows(whole, file)
     if problems:
         return Table(file=file, problems=problems)
-    if not cells:
-        problem = Problem(
-            file=file, line=1, column="file", found="is empty", expected="needs a header"
-        )
+    if not cells or not any(cells[0]):
+        found = "begins with a blank line" if any(map(any, cells)) else "is empty"
+        problem = Problem(file=file, line=1, column="file", found=found, expected="needs a header")
         return Table(file=file, problems=(problem,))
     header = [name.strip() for name in cells[0]]
-    wrong = tuple(_header_problems(file, header, schema))
+    wrong = _separator_problems(file, header, schema) or tuple(
+        _header_problems(file, header, schema)
+    )
     if wrong and not set(header) & set(schema.required):
         return Table(file=file, problems=wrong)
     blank, lines, cells = _without_blank_end(lines[1:], cells[1:])
@@ -111,6 +114,7 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
         notes=(
             *(_extra_note(file, name, schema) for name in extra),
             *([f"{file}: {blank} blank lines at the end"] if blank else []),
+            *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
         ),
     )
 
@@ -123,6 +127,8 @@ def read_text(
     def wrong(line: int, found: str, expected: str) -> tuple[str, tuple[Problem, ...]]:
         return "", (Problem(file=file, line=line, column="file", found=found, expected=expected),)
 
+    if path.exists() and not (path.is_file() or path.is_dir()):  # reading a pipe would wait
+        return wrong(1, "cannot be read (no regular file)", "must be a readable file")
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -161,6 +167,20 @@ def _rows(text: str, file: str) -> tuple[list[int], list[list[str]], tuple[Probl
     return lines, cells, ()
 
 
+def _separator_problems(file: str, header: list[str], schema: Schema) -> tuple[Problem, ...]:
+    """Return the one problem of a table whose names are separated by something else."""
+    (name, *others) = header
+    separators = {";": "semicolons", "\t": "tabs"}
+    if set(name.split(" ")) & set(schema.known):
+        separators[" "] = "spaces"
+    called = [says for separator, says in separators.items() if separator in name]
+    if others or not called:
+        return ()
+    expected = "must be separated by commas, numbers with decimal points"
+    found = f"is separated by {called[0]}"
+    return (Problem(file=file, line=1, column="header", found=found, expected=expected),)
+
+
 def _header_problems(file: str, header: list[str], schema: Schema) -> Iterator[Problem]:
     def wrong(column: str, found: str, expected: str) -> Problem:
         return Problem(file=file, line=1, column=column, found=found, expected=expected)
@@ -184,9 +204,6 @@ def _header_problems(file: str, header: list[str], schema: Schema) -> Iterator[P
 
 
 def _header_hint(name: str, header: list[str], schema: Schema) -> str:
-    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
-        if len(header) == 1 and separator in header[0]:
-            return f" (separated by {called}? commas are expected)"
     unknown = [other for other in header if other not in schema.known]
     lower = {other.lower(): other for other in unknown}
     if name in lower:

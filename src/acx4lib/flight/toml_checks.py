@@ -114,6 +114,8 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
         _ = grid_of(toml)
     except ValueError as error:
         reason = " ".join(str(error.__cause__ or error).split())
+        if path is not None:
+            reason = "PROJ cannot read it as a geoid grid"
         hint = did_you_mean(str(heights), ["ellipsoidal"]) or f" ({reason})"
         yield toml.problem(("heights",), f"{heights!r} cannot be used{hint}", expected)
 

@@ -29,9 +29,8 @@ WIDTH = 7.0
 
 INK = "#1f2933"
 SOFT = "#67737f"
-FAINT = "#c9d0d6"
 PAPER = "#fbfcfd"
-"""Text and marks that matter, what explains them, grids and spines, and the ground of axes."""
+"""Text and marks that matter, what explains them, and the ground of axes."""
 
 BLUE = "#2158a0"
 ORANGE = "#e58a1f"

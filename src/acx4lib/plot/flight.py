@@ -127,7 +127,9 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
     handles |= _draw_surveyed(ax, block)
     _finish_map(ax, _extent(block))
     heights = " and ".join(f"{level.height_m:.0f}" for level in levels)
-    heading(ax, block.name, f"{len(block.images)} images from {heights} m above ground")
+    known = np.isfinite(design.ground_height(block))
+    above = f" from {heights} m above ground" if known else ""
+    heading(ax, block.name, f"{len(block.images)} images{above}")
     return handles
 
 

@@ -233,7 +233,7 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
             share = np.arange(1, len(values) + 1) / len(values)
             shares.plot(values, 100 * share, color=colour(i), label=name)
         shares.set(xlim=(0, 1), ylim=(0, 100), xlabel="absolute correlation (1)")
-        shares.set_ylabel("share of all pairs and images below (%)")
+        shares.set_ylabel("share of all below (%)")
         handles = shares.get_legend_handles_labels()[0]
         if claim is not None:
             line = shares.axvline(claim, color=PRINTED, ls=(0, (4, 2)), lw=1)

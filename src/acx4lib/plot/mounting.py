@@ -26,6 +26,7 @@ from acx4lib.plot._style import (
     nothing,
     style,
 )
+from acx4lib.tables import LABELS
 
 
 def correlation_matrix(correlations: pd.DataFrame) -> Figure:
@@ -34,11 +35,11 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
     Parameters
     ----------
     correlations : DataFrame
-        As `variants.correlations` returns it.
+        As `experiments.correlations` returns it.
     """
     if correlations.empty:
         return nothing("The single step gave no result.")
-    values, names = correlations.to_numpy(), [str(n) for n in correlations.index]
+    values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
     n = len(names)
     with style():
         side = min(WIDTH, 2.2 + 0.34 * n)
@@ -58,13 +59,19 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
                     *(j, i, f"{values[i, j]:+.2f}".replace("0.", ".")),
                     ha="center",
                     va="center",
-                    fontsize=6.2,
+                    fontsize=6.8,
                     color="white" if dark else INK,
                 )
         bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
         bar.set_label("correlation (no unit)")
         bar.outline.set_visible(False)
     return fig
+
+
+def _label(name: str) -> str:
+    """Return what a reader sees for a parameter's name, or for ``camera parameter``."""
+    *camera, parameter = name.split(" ")
+    return " ".join([*camera, LABELS.get(parameter, parameter)])
 
 
 def mounting_per_image(
@@ -95,7 +102,7 @@ def mounting_per_image(
         fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 3.9), sharex=True, sharey="row")
         _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
         for axis, name in enumerate(("x", "y", "z")):
-            axes[0, axis].set_title(name)
+            axes[0, axis].set_title(f"about and along {name}")
             if boresight_sigma_deg is not None:
                 s = float(boresight_sigma_deg[axis])
                 axes[0, axis].axhspan(-s, s, color=SOFT, alpha=0.12, lw=0, zorder=0)
@@ -116,7 +123,7 @@ def _draw_per_image(axes: Any, mounting: Mounting, T_b_c: Pose, averaged: Mask) 
     for k, camera in enumerate(mounting.calibration.cameras):
         own = np.flatnonzero(averaged & (block.images.camera_idx == k))
         seen = T_b_c[own]
-        turn = np.degrees(log(camera.T_b_c.R.T @ seen.R))
+        turn = np.degrees(log(seen.R @ camera.T_b_c.R.T))
         shift = seen.r - seen.r.mean(axis=0)
         strips = [block.images.strips[i] for i in own]
         for axis in range(3):
@@ -142,14 +149,14 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `variants.lever_arm_seen` returns it.
+        As `experiments.lever_arm_seen` returns it.
     """
     if table.empty:
         return nothing("One of the two methods gave no result.")
     labels = {
-        "xp": "x: out of the shift of $x_p$",
-        "yp": "y: out of the shift of $y_p$",
-        "f": "z: out of the shift of $f$",
+        "xp": "$x$: from the shift of $x_p$",
+        "yp": "$y$: from the shift of $y_p$",
+        "f": "$z$: from the shift of $f$",
     }
     several = len(set(table["camera"])) > 1
     names = [
@@ -160,7 +167,13 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     with style():
         fig, ax = plt.subplots(figsize=(WIDTH, 1.1 + 0.4 * len(table)))
         for offset, value, sigma, name, tint in (
-            (-0.13, "lever_seen_m", "sigma_seen_m", "two-step less single step, times H/f", ORANGE),
+            (
+                -0.13,
+                "lever_seen_m",
+                "sigma_seen_m",
+                "from interior orientations",
+                ORANGE,
+            ),
             (0.13, "lever_estimated_m", "sigma_estimated_m", "estimated by the single step", BLUE),
         ):
             ax.errorbar(

@@ -24,6 +24,7 @@ from acx4lib.plot._style import (
     scale_bar,
     style,
 )
+from acx4lib.tables import TITLES
 from acx4lib.validation import Validation
 
 AXES = ("east", "north", "height")
@@ -75,7 +76,7 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
         text = f"{longest:.2f} m in plan"
         ax.quiverkey(arrows, 0.98, 0.04, longest, text, labelpos="W", coordinates="axes")
         ax.set_aspect("equal")
-        ax.set(xlabel="east (km)", ylabel="north (km)")
+        ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
         ax.ticklabel_format(useOffset=False)
         bar = fig.colorbar(dots, ax=ax, shrink=0.7, aspect=28)
         bar.set_label("difference in height (m)")
@@ -106,7 +107,7 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
                     ms=3,
                     color=colour(i),
                     alpha=0.8,
-                    label=validation.method,
+                    label=TITLES[validation.method],
                 )
         for name, ax in zip(AXES, axes, strict=True):
             ax.axline((0, 0), slope=1, color=INK, lw=0.8)
@@ -152,7 +153,7 @@ def mistakes(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `variants.validations` returns it.
+        As `experiments.validations` returns it.
     """
     if table.empty:
         return nothing(NONE)
@@ -167,7 +168,8 @@ def mistakes(table: pd.DataFrame) -> Figure:
                 label=name,
             )
         ax.set_xscale("log")
-        ax.set_yticks(rows, [str(m) for m in table["mistake"]])
+        names = ["nothing forgotten" if m == "none" else str(m) for m in table["mistake"]]
+        ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set_xlabel("RMS of the check points' differences (m, logarithmic)")
         legend_below(fig, ax.get_legend_handles_labels()[0])

@@ -170,9 +170,11 @@ def directions_sentence(flight: Flight) -> str:
     for name, block in flight.blocks.items():
         found = levels(block)
         heights = " and ".join(f"{level.height_m:.0f}" for level in found)
+        known = all(np.isfinite(level.height_m) for level in found)
+        above = f"{heights} m above ground" if known else "height above ground not known"
         ways = max(level.n_directions for level in found)
         sentences.append(
-            f"*{name}*: {heights} m above ground, flown in "
+            f"*{name}*: {above}, flown in "
             f"{'opposite directions' if ways > 1 else 'one direction only'}"
         )
     return "; ".join(sentences) + "."

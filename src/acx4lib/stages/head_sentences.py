@@ -106,6 +106,8 @@ def correlation(flight: Flight, stage: HeadsStage) -> str:
     if not found:
         return "No head could be adjusted."
     every = np.concatenate([np.abs(c.values).ravel() for c in found.values()])
+    if not every.size:
+        return "No image is oriented by control points, so that there are no correlations to show."
     head = max(found, key=lambda name: float(found[name].largest.max()))
     pair = next(iter(largest_pairs(found[head], n=1)))
     inner, outer = (SYMBOLS[name] for name in pair.split("/"))

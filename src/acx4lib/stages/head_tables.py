@@ -12,7 +12,7 @@ from acx4lib.calibration import Parameter, from_bundle, parameters
 from acx4lib.experiments import HeldFocalLength
 from acx4lib.flight import Flight
 from acx4lib.lens import corner_radius, largest_at_corners, radial_profile
-from acx4lib.records import RELATIVE
+from acx4lib.record_tables import orientation_parameters
 from acx4lib.stages.heads import HeadsStage
 from acx4lib.tables import LABELS, value_and_sigma
 
@@ -61,23 +61,7 @@ def orientation(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
 
 def oriented(stage: HeadsStage) -> list[Parameter]:
     """Return the relative orientation as results report it; empty where there is none."""
-    orientation = stage.orientation
-    if orientation is None:
-        return []
-    values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
-    sigma = orientation.sigma * np.repeat([1.0, np.degrees(1.0)], 3)
-    return [
-        Parameter(
-            camera=head.name,
-            name=name,
-            key=name,
-            unit="mm" if j < 3 else "deg",
-            value=float(values[k, j]),
-            sigma=float(sigma[k, j]),
-        )
-        for k, head in enumerate(orientation.heads)
-        for j, name in enumerate(RELATIVE)
-    ]
+    return orientation_parameters(stage.orientation) if stage.orientation else []
 
 
 def _beside_table_1(flight: Flight, listed: Sequence[Parameter]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""What would be seen if something were wrong: calibrations and validations spoilt on purpose."""
+"""A mounting calibration with parts of the flight left out, or with a wrong assumption."""
 
 from __future__ import annotations
 
@@ -11,25 +11,18 @@ import pandas as pd
 from acx4lib._typing import Array, Mask
 from acx4lib.block import Block, SurveyedPoints, select_images
 from acx4lib.calibration import Calibration, parameters, reported_covariance
-from acx4lib.camera import Interior
+from acx4lib.covariance import correlation, propagate, sigmas
+from acx4lib.design import flying_heights
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, turn
+from acx4lib.frames import Pose
 from acx4lib.mounting import Mounting, Mountings, single_step
-from acx4lib.validation import validate
 
 SHOWN = ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m")
 
 
-def flying_height(block: Block) -> Array:
-    """Return the height of every exposure above the mean of the surveyed points, m."""
-    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
-    ground = surveyed[:, 2].mean() if len(surveyed) else 0.0
-    return block.trajectory.T_m_b.r[:, 2] - ground
-
-
 def lowest(block: Block) -> Mask:
     """Tell which images were taken at the lowest flying height, within a tenth of it."""
-    height = flying_height(block)[block.images.exposure_idx]
+    height = flying_heights(block)[block.images.exposure_idx]
     return height < 1.1 * height.min()
 
 
@@ -128,95 +121,6 @@ def _in_grid(block: Block, origin: Array, surveyed: SurveyedPoints) -> SurveyedP
     return replace(surveyed, x_m=block.frame.to_grid(surveyed.x_m) - origin, R_g_m=identity)
 
 
-def validations(
-    block: Block, calibrations: Sequence[Calibration], *, refraction: str = "none"
-) -> pd.DataFrame:
-    """Repeat the validation with one step of direct georeferencing forgotten at a time.
-
-    Parameters
-    ----------
-    block : Block
-    calibrations : sequence of Calibration
-        The last one is used.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-
-    Returns
-    -------
-    DataFrame
-        One row per mistake: mean and RMS of the points' differences in east, north, height, m;
-        no rows without a calibration.
-    """
-    if not calibrations:
-        return pd.DataFrame()
-    calibration = calibrations[-1]
-    mistakes: dict[str, tuple[Block, Calibration]] = {
-        "none": (block, calibration),
-        "lever arm forgotten": (block, _mounted(calibration, r=np.zeros(3))),
-        "boresight forgotten": (block, _mounted(calibration, R=_nearest_quarter)),
-        "distortion forgotten": (block, _interior(calibration, _undistorted)),
-        "principal point forgotten": (block, _interior(calibration, _centred)),
-        "meridian convergence forgotten": (_without_convergence(block), calibration),
-    }
-    rows = []
-    for name, (spoilt, said) in mistakes.items():
-        points = validate(spoilt, said, method=name, refraction=refraction).points
-        mean, rms = points.d.mean(axis=0), np.sqrt(np.mean(points.d**2, axis=0))
-        rows.append(
-            {
-                "mistake": name,
-                "points": len(points),
-                **dict(zip(("mean_east_m", "mean_north_m", "mean_height_m"), mean, strict=True)),
-                **dict(zip(("rms_east_m", "rms_north_m", "rms_height_m"), rms, strict=True)),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _mounted(
-    calibration: Calibration, *, R: Callable[[Array], Array] | None = None, r: Array | None = None
-) -> Calibration:
-    """Return the calibration with another boresight or lever arm of every camera."""
-    cameras = tuple(
-        replace(
-            camera,
-            T_b_c=Pose(
-                R=R(camera.T_b_c.R) if R else camera.T_b_c.R, r=camera.T_b_c.r if r is None else r
-            ),
-        )
-        for camera in calibration.cameras
-    )
-    return replace(calibration, cameras=cameras)
-
-
-def _nearest_quarter(R_b_c: Array) -> Array:
-    """Return the rotation by quarter turns that is nearest: what a mount looks like by eye."""
-    return np.round(R_b_c) if np.linalg.det(np.round(R_b_c)) == 1 else np.eye(3)
-
-
-def _interior(calibration: Calibration, change: Callable[[Interior], Interior]) -> Calibration:
-    cameras = tuple(c.with_interior(change(c.interior)) for c in calibration.cameras)
-    return replace(calibration, cameras=cameras)
-
-
-def _undistorted(interior: Interior) -> Interior:
-    return Interior(f=interior.f, xp=interior.xp, yp=interior.yp, b1=interior.b1)
-
-
-def _centred(interior: Interior) -> Interior:
-    return replace(interior, xp=0.0, yp=0.0)
-
-
-def _without_convergence(block: Block) -> Block:
-    """Return the block with attitudes read as if grid north were true north."""
-    trajectory = block.trajectory
-    lonlat = block.frame.to_geographic(trajectory.T_m_b.r)[:, :2]
-    gamma = block.frame.grid.convergence(lonlat)
-    R_t_m = block.trajectory.R_g_m  # mapping to grid axes; turning by gamma undoes convergence
-    wrong = np.swapaxes(R_t_m, 1, 2) @ turn(2, gamma) @ R_t_m @ trajectory.T_m_b.R
-    return replace(block, trajectory=replace(trajectory, T_m_b=Pose(R=wrong, r=trajectory.T_m_b.r)))
-
-
 def lever_arm_seen(mountings: Mountings) -> pd.DataFrame:
     """Compare what the two-step interior orientation took up with the lever arm it could not see.
 
@@ -239,7 +143,7 @@ def lever_arm_seen(mountings: Mountings) -> pd.DataFrame:
     single = mountings["single_step"].calibration
     gnss = mountings["two_step_gnss"].calibration
     block = mountings["single_step"].bundle.network.block
-    height = float(flying_height(block).mean())
+    height = float(flying_heights(block).mean())
     rows: list[tuple[object, ...]] = []
     for k in range(len(single.cameras)):
         rows += _seen_by_camera(single, gnss, k, height)
@@ -262,7 +166,7 @@ def _seen_by_camera(
     cov = np.zeros((3, 3))
     if np.all(columns >= 0):
         cov = single.sigma0_sq * single.cov[np.ix_(columns, columns)]
-    sigma_estimated = np.sqrt(np.diag(R_c_b @ cov @ R_c_b.T))
+    sigma_estimated = sigmas(propagate(R_c_b, cov))
     sigma = {p.key: p.sigma for p in parameters(single) if p.camera == camera.name}
     sigma_gnss = {p.key: p.sigma for p in parameters(gnss) if p.camera == camera.name}
     per_metre = -camera.interior.f / height
@@ -285,10 +189,9 @@ def correlations(mountings: Mountings, method: str = "single_step") -> pd.DataFr
     if method not in mountings.methods:
         return pd.DataFrame()
     calibration = mountings[method].calibration
-    cov = reported_covariance(calibration)
-    sigma = np.sqrt(np.diag(cov))
+    matrix = correlation(reported_covariance(calibration))
     names = [
         p.name if len(calibration.cameras) == 1 else f"{p.camera} {p.name}"
         for p in parameters(calibration)
     ]
-    return pd.DataFrame(cov / sigma[:, None] / sigma, index=names, columns=names)
+    return pd.DataFrame(matrix, index=names, columns=names)
