@@ -46,6 +46,11 @@ def test_missing_values_are_dashes_and_text_takes_no_number_format():
     assert got[1:] == [[report.MISSING, report.MISSING, "1.00"], ["5.0e-01", "ND", "A"]]
 
 
+def test_no_line_ends_between_plus_minus_and_the_sigma():
+    got = report.myst_table(pd.DataFrame({"v": ["0.5 ± 0.1"]}), "c", name="t")
+    assert "0.5 ±\N{NO-BREAK SPACE}0.1" in got
+
+
 def test_table_without_rows_keeps_its_head():
     frame = pd.DataFrame({"a": pd.Series(dtype=float)})
     assert rows(report.myst_table(frame, "c", name="t")) == [["a"]]

@@ -13,7 +13,15 @@ from pathlib import Path
 
 import nbformat
 
-from acx4lib import flight, notebooks, results, runner, scorecard_page, simulation_page
+from acx4lib import (
+    flight,
+    notebooks,
+    results,
+    runner,
+    scorecard_page,
+    simulate,
+    simulation_page,
+)
 
 ALWAYS = ("05-reference-data", "06-errata")
 
@@ -38,7 +46,7 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
         notebooks.scrub(executed / source.name)
         fold(executed / source.name, executed / source.name)
     flown, found = flight.read(flight_path), results.read(results_path)
-    truth_path = flight_path.with_name(f"{flight_path.name}.truth.json")
+    truth_path = simulate.truth_path(flight_path)
     truth = json.loads(truth_path.read_text("utf-8")) if truth_path.is_file() else None
     for name, text in (
         ("scorecard", scorecard_page.page(found, flown, simulated=truth is not None)),
