@@ -139,7 +139,7 @@ def test_table_1_has_every_printed_number(flight, stage):
     assert interior["Printed"].iloc[2] == "0.2619 ± 0.0032"
     assert relative.set_index(["Parameter", "Head"])["Printed"]["$Z_c$", "CAM2"] == "74.272"
     first = relative.set_index(["Parameter", "Head"]).loc[("$Z_c$", "CAM1")]
-    assert (first["Value"], first["Apart (sigma)"]) == ("74.000", "")  # held, no sigma
+    assert (first["Value"], first["Apart (σ)"]) == ("74.000", "")  # held, no sigma
 
 
 def test_the_sentences_have_the_papers_claims(flight, stage):

@@ -32,6 +32,9 @@ def lever_arm(seen: pd.DataFrame) -> str:
         return "One of the two methods gave no result, so there is nothing to compare."
     difference = seen["lever_seen_m"] - seen["lever_estimated_m"]
     sigma = np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"])
+    if not np.any(sigma > 0):
+        return "Interior orientation and lever arm are held, so there is nothing to compare."
+    largest = float(np.max(np.abs(difference[sigma > 0]) / sigma[sigma > 0]))
     shifts = ", ".join(
         f"{shift:+.4f} mm in {LABELS.get(f'{key}_mm', str(key))}"
         for shift, key in zip(seen["shift_mm"], seen["parameter"], strict=True)
@@ -40,7 +43,7 @@ def lever_arm(seen: pd.DataFrame) -> str:
         f"The interior orientation of the two-step method with GNSS positions differs from that "
         f"of the single step by {shifts}. Read as a lever arm, this misses the one that the "
         f"single step estimates by {_listed(difference, '+.2f')} m, at most "
-        f"{float(np.max(np.abs(difference) / sigma)):.1f} combined standard deviations."
+        f"{largest:.1f} combined standard deviations."
     )
 
 

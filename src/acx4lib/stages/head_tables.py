@@ -34,7 +34,7 @@ def quality(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
         if paper.applies(flight):
             row["Printed"] = paper.printed(1, "sigma0_squared", name)
         row |= {
-            "Chi-square test, p": f"{solution.chi_square_p:.3f}",
+            "p of χ²": f"{solution.chi_square_p:.3f}",
             "RMS (px)": f"{np.sqrt(np.mean(solution.group('image_point').v ** 2)):.2f}",
             "Rejected": f"{len(fit.rejected)}",
             "Left out": f"{sum(fit.network.left_out.values())}",
@@ -89,7 +89,7 @@ def _printed(p: Parameter) -> dict[str, str]:
     digits = 3 if p.unit == "mm" else 4
     return {
         "Printed": value_and_sigma(value, sigma) if sigma > 0 else f"{value:.{digits}f}",
-        "Apart (sigma)": f"{far:.1f}" if np.isfinite(far) else "",
+        "Apart (σ)": f"{far:.1f}" if np.isfinite(far) else "",
     }
 
 

@@ -185,8 +185,8 @@ def shift_table(orientation: RelativeOrientation, refinement: Refinement) -> pd.
                 "Head": head.name,
                 "$X_c$ moved by (µm)": f"{moved[k, 0]:+.2f}",
                 "$Y_c$ moved by (µm)": f"{moved[k, 1]:+.2f}",
-                "Sigma of $X_c$ (µm)": f"{sigma[k, 0]:.2f}",
-                "Sigma of $Y_c$ (µm)": f"{sigma[k, 1]:.2f}",
+                "σ of $X_c$ (µm)": f"{sigma[k, 0]:.2f}",
+                "σ of $Y_c$ (µm)": f"{sigma[k, 1]:.2f}",
             }
             for k, head in enumerate(orientation.heads)
         ]
