@@ -96,8 +96,9 @@ def test_phi_is_exact_near_a_quarter_turn(phi):
 @given(scale=st.sampled_from([0.0, 1e-12, 1e-6, 1e-3, 1.0, 3.1]), direction=directions())
 def test_log_is_the_inverse_of_exp_at_every_size(scale, direction):
     delta = scale * direction
-    # relative to the vector: small ones must not drown in the rounding of the identity
-    assert_allclose(frames.log(frames.exp(delta)), delta, rtol=1e-12, atol=1e-16)
+    # relative to the vector, not to its parts: small ones must not drown in the rounding of the
+    # identity, and 3.1 is so near a half turn that rounding counts twenty-fold
+    assert_allclose(frames.log(frames.exp(delta)), delta, rtol=0, atol=1e-13 * scale + 1e-28)
 
 
 @given(T_a_b=poses(), T_b_c=poses(), x_c=vectors(2000.0))

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
+from acx4lib import frames
 from acx4lib import relative_orientation as ro
 from acx4lib.bundle import adjust, free_orientation
 from acx4lib.camera import Interior
@@ -154,10 +155,10 @@ def test_heads_that_share_no_exposure_are_an_error(block):
 def test_a_mean_rotation_is_the_mean_of_small_turns(rng):
     R = rotation_from_opk(np.array([0.3, -1.0, 2.0]))
     turns = rng.normal(0, 1e-3, (7, 3))
-    found = ro.mean_rotation(R @ exp(turns))
+    found = frames.mean_rotation(R @ exp(turns))
     # turns of 1e-3 rad do not commute: 1e-6 rad, of which the mean keeps a thousandth
     assert_allclose(log(R.T @ found), turns.mean(axis=0), atol=1e-8)
-    assert rotation_angle(ro.mean_rotation(R[None]), R) < 1e-15
+    assert rotation_angle(frames.mean_rotation(R[None]), R) < 1e-15
 
 
 # --- covariances -----------------------------------------------------------------------------

@@ -204,6 +204,30 @@ def log_jacobian(delta: Array) -> Array:
     return out
 
 
+def mean_rotation(R: Array, weights: Array | None = None) -> Array:
+    """Return the mean of rotations near each other.
+
+    Parameters
+    ----------
+    R : ndarray, shape (n, 3, 3)
+    weights : ndarray, shape (3, n, 3), optional
+        Of the rotation vectors from the mean, about the turned axes; they sum to the identity.
+        By default all rotations count alike.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
+    mean = R[0]
+    for _ in range(20):
+        apart = log(mean.T @ R)
+        step = apart.mean(axis=0) if weights is None else np.einsum("inj,nj->i", weights, apart)
+        mean = mean @ exp(step)
+        if np.linalg.norm(step) < 1e-14:
+            break
+    return mean
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pose:
     """Position and attitude of a frame b in a frame a, one or many.

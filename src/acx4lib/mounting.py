@@ -21,7 +21,7 @@ from acx4lib.camera import Camera
 from acx4lib.covariance import propagate
 from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, exp, log, skew, transform
+from acx4lib.frames import Pose, mean_rotation, skew, transform
 from acx4lib.gross_errors import Rejection, without
 from acx4lib.network import PoseObservations
 from acx4lib.unknowns import MOUNT, Layout, layout
@@ -304,13 +304,7 @@ def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
         P = np.linalg.inv(cov[:, part, part])
         weights[part, :, part] = np.moveaxis(np.linalg.inv(P.sum(axis=0)) @ P, 0, 1)
     r = np.einsum("inj,nj->i", weights[:3, :, :3], T_b_c.r)
-    R = T_b_c.R[0]
-    for _ in range(20):
-        step = np.einsum("inj,nj->i", weights[3:, :, 3:], log(R.T @ T_b_c.R))
-        R = R @ exp(step)
-        if np.linalg.norm(step) < 1e-14:
-            break
-    return Pose(R=R, r=r), weights
+    return Pose(R=mean_rotation(T_b_c.R, weights[3:, :, 3:]), r=r), weights
 
 
 def _with_mounting(

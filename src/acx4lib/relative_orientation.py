@@ -15,7 +15,7 @@ from acx4lib.camera import Camera
 from acx4lib.covariance import propagate, sigmas
 from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, exp, log, opk_jacobian, skew, transform
+from acx4lib.frames import Pose, mean_rotation, opk_jacobian, skew, transform
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,17 +158,6 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
         cov_joint=propagate(to_opk, cov),
         n_exposures=len(exposures),
     )
-
-
-def mean_rotation(R: Array) -> Array:
-    """Return the mean of rotations near each other, shape (n, 3, 3) to (3, 3)."""
-    mean = R[0]
-    for _ in range(20):
-        step = log(mean.T @ R).mean(axis=0)
-        mean = mean @ exp(step)
-        if np.linalg.norm(step) < 1e-14:
-            break
-    return mean
 
 
 def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
