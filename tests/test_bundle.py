@@ -178,7 +178,10 @@ def assert_same_adjustment(a, b):
         for fit, columns in ((a, a.network.layout.interior), (b, b.network.layout.interior))
     ]
     assert np.all(np.abs(values[0] - values[1]) < 1e-5 * np.max(np.abs(values[0])))
-    assert rotation_angle(a.state.T_b_c.R, b.state.T_b_c.R).max() < 1e-9
+    boresight = a.network.layout.mount[:, 3:]
+    # a hundred kilometres from its origin a frame leaves residuals 1e-9 px of rounding
+    least = sigma[boresight].min() if np.all(boresight >= 0) else 1e-5
+    assert rotation_angle(a.state.T_b_c.R, b.state.T_b_c.R).max() < 1e-4 * least
     assert_allclose(
         b.solution.cov[:n, :n] / np.outer(sigma[:n], sigma[:n]),
         a.solution.cov[:n, :n] / np.outer(sigma[:n], sigma[:n]),

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import normal_equations
-from acx4lib.normal_equations import Equations
+from acx4lib.normal_equations import Equations, PlainNormals
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,9 +75,12 @@ def test_a_step_solves_the_full_system_with_its_diagonal_raised(system, damping)
     J, v = system.dense()
     N = J.T @ J
     expected = -np.linalg.solve(N + damping * np.diag(np.diag(N)), J.T @ v)
-    dx, dp, decrement = normal_equations.damped_step(
-        system.n, system.free_points, system.equations, damping
-    )
+    dx, dp, decrement = PlainNormals(
+        n_columns=system.n,
+        free_points=system.free_points,
+        equations=system.equations,
+        damping=damping,
+    ).step()
     found = np.concatenate([dx, dp[system.free_points].ravel()])
     assert_allclose(found, expected, atol=1e-11)  # well conditioned, of size one
     assert_allclose(dp[~system.free_points], 0.0, atol=0)
@@ -86,17 +88,3 @@ def test_a_step_solves_the_full_system_with_its_diagonal_raised(system, damping)
     assert decrement == pytest.approx(-(J.T @ v) @ expected, rel=1e-10)
     if damping == 0.0:
         assert decrement == pytest.approx(v @ v - np.sum((v + J @ expected) ** 2), rel=1e-10)
-
-
-def test_a_singular_system_is_solved_with_the_shortest_scaled_step():
-    """Two columns seen only in their sum share it in proportion to their scales."""
-    a = np.array([1.0, 4.0])
-    N = np.outer(a, a)
-    x = normal_equations.solve_scaled(N, N @ [1.0, 1.0], np.diag(N))
-    assert_allclose(a @ x, 5.0)
-    assert_allclose(x[0] * a[0], x[1] * a[1])
-
-
-def test_without_columns_there_is_nothing_to_solve():
-    none = np.zeros((0, 0))
-    assert normal_equations.solve_scaled(none, np.zeros(0), np.zeros(0)).shape == (0,)

@@ -174,7 +174,8 @@ def certain(fit, cov):
     """A bundle with a covariance of its columns, on control without error, unit weight one."""
     control = fit.network.control
     network = replace(fit.network, control=replace(control, sigma_m=np.zeros_like(control.sigma_m)))
-    solution = replace(fit.solution, cov=cov, cost=float(fit.solution.redundancy))
+    inverse = replace(fit.solution.inverse, dense=cov)
+    solution = replace(fit.solution, inverse=inverse, cost=float(fit.solution.redundancy))
     return replace(fit, network=network, solution=solution)
 
 

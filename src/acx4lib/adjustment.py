@@ -7,30 +7,39 @@ complement. A `Problem` says what its observations are at a state; everything el
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol, TypeVar
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
+from threadpoolctl import ThreadpoolController
 
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.errors import AdjustmentError
 from acx4lib.normal_equations import (
-    SINGULAR,
     Equations,
-    column_normals,
-    damped_step,
+    Group,
+    PlainNormals,
+    Quality,
     point_normals,
     strips,
-    units,
 )
+from acx4lib.reduced_system import Inverse
 
 S = TypeVar("S")
 
+FEW_COLUMNS = 2000
+"""Reduced unknowns below which the linear algebra is faster on one thread."""
+
 
 class Problem(Protocol[S]):
-    """What an adjustment has to know of its application."""
+    """What an adjustment has to know of its application.
+
+    A problem may also have a method ``normals(state, damping)`` that returns `Normals` of its
+    own; otherwise they are assembled from its equations.
+    """
 
     @property
     def n_columns(self) -> int:
@@ -48,11 +57,7 @@ class Problem(Protocol[S]):
         ...
 
     def equations(self, state: S) -> Sequence[Equations]:
-        """Linearise at a state."""
-        ...
-
-    def residuals(self, state: S) -> Sequence[tuple[Array, Array]]:
-        """Return v and sigma of the same groups without derivatives."""
+        """Linearise at a state; NaN in the residuals of a state that cannot be."""
         ...
 
     def moved(self, state: S, dx: Array, dp: Array) -> S:
@@ -64,28 +69,26 @@ class Problem(Protocol[S]):
         ...
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Group:
-    """Residuals of one group after the adjustment.
-
-    Attributes
-    ----------
-    kind : str
-    v, sigma, redundancy, w : ndarray, shape (m, d)
-        `redundancy` is the share of an error that shows in its own residual, `w` Baarda's
-        standardised residual with the a priori sigma; NaN where nothing controls it.
-    """
-
-    kind: str
-    v: Array
-    sigma: Array
-    redundancy: Array
-    w: Array
+class Normals(Protocol):
+    """Normal equations of a problem at one state."""
 
     @property
-    def used(self) -> Mask:
-        """Which components took part."""
-        return np.isfinite(self.sigma)
+    def cost(self) -> float:
+        """Weighted sum of squared residuals; infinite for a state that cannot be."""
+        ...
+
+    @property
+    def n_observations(self) -> int:
+        """Components that take part."""
+        ...
+
+    def step(self) -> tuple[Array, Array, float]:
+        """Return the step of columns and points and the decrease of cost that it predicts."""
+        ...
+
+    def quality(self) -> Quality:
+        """Return covariances, redundancy numbers and tests, undamped."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,18 +101,11 @@ class Solution:
         Weighted sum of squared residuals.
     iterations : int
     n_observations, n_unknowns : int
-    defect : int
-        Number of directions of the unknowns that the observations leave open.
-    cov : ndarray, shape (n_columns, n_columns)
-        Of the reduced unknowns, for unit weight one (a priori).
+    inverse : Inverse
+        Of the reduced normal matrix: the covariance of the reduced unknowns for unit weight one
+        (a priori), and what they leave open.
     cov_points : ndarray, shape (n_points, 3, 3)
         A priori; zero for points that are held.
-    undetermined : ndarray, shape (n_columns,)
-        Columns with a part in a direction that the observations leave open.
-    condition : float
-        Of the scaled reduced normal matrix.
-    weakest : ndarray, shape (n_columns,)
-        Its eigenvector with the smallest eigenvalue, in scaled unknowns.
     groups : tuple of Group
     """
 
@@ -117,13 +113,37 @@ class Solution:
     iterations: int
     n_observations: int
     n_unknowns: int
-    defect: int
-    cov: Array
+    inverse: Inverse
     cov_points: Array
-    undetermined: Mask
-    condition: float
-    weakest: Array
     groups: tuple[Group, ...]
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of the reduced unknowns, a priori, shape (n_columns, n_columns).
+
+        In blocks of a thousand images it is large; `inverse.at` then returns parts of it.
+        """
+        return self.inverse.dense
+
+    @property
+    def defect(self) -> int:
+        """Number of directions of the unknowns that the observations leave open."""
+        return self.inverse.defect
+
+    @property
+    def undetermined(self) -> Mask:
+        """Columns with a part in a direction that is left open, shape (n_columns,)."""
+        return self.inverse.undetermined
+
+    @property
+    def condition(self) -> float:
+        """Condition of the scaled reduced normal matrix."""
+        return self.inverse.condition
+
+    @property
+    def weakest(self) -> Array:
+        """Its eigenvector with the smallest eigenvalue, in scaled unknowns."""
+        return self.inverse.weakest
 
     @property
     def redundancy(self) -> int:
@@ -152,8 +172,21 @@ def two_sided_p(cost: float, redundancy: int) -> float:
     return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
 
 
+def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
+    """Return the normal equations of a problem at a state, its own where it has them."""
+    own: Callable[[S, float], Normals] | None = getattr(problem, "normals", None)
+    if own is not None:
+        return own(state, damping)
+    return PlainNormals(
+        n_columns=problem.n_columns,
+        free_points=problem.free_points,
+        equations=problem.equations(state),
+        damping=damping,
+    )
+
+
 def solve(
-    problem: Problem[S], state: S, *, max_iterations: int = 50, tolerance: float = 1e-6
+    problem: Problem[S], state: S, *, max_iterations: int = 50, tolerance: float = 1e-4
 ) -> tuple[S, Solution]:
     """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
 
@@ -163,7 +196,7 @@ def solve(
     state : start values
     max_iterations : int
     tolerance : float
-        In standard deviations of the unknowns.
+        In standard deviations of the unknowns: of the last step, whose error is far smaller.
 
     Returns
     -------
@@ -179,113 +212,93 @@ def solve(
     Converged when a full step moves the unknowns by less than `tolerance`, or when rounding lets
     no step reduce the cost any more.
     """
-    state, iterations = _iterate(problem, state, max_iterations, tolerance)
-    equations = problem.equations(state)
-    return state, _quality(problem, equations, iterations)
+    limit = 1 if problem.n_columns < FEW_COLUMNS else None
+    with _blas().limit(limits=limit, user_api="blas"):
+        state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
+        quality = at_state.quality()
+    return state, Solution(
+        cost=at_state.cost,
+        iterations=iterations,
+        n_observations=at_state.n_observations,
+        n_unknowns=_n_unknowns(problem),
+        inverse=quality.inverse,
+        cov_points=quality.cov_points,
+        groups=quality.groups,
+    )
 
 
-def _iterate(problem: Problem[S], state: S, max_iterations: int, tolerance: float) -> tuple[S, int]:
-    damping = 0.0
-    cost = _cost(problem.residuals(state))
-    if not np.isfinite(cost):
+@cache
+def _blas() -> ThreadpoolController:
+    """Return the libraries of linear algebra in this process; looking for them takes a while."""
+    return ThreadpoolController()
+
+
+def _iterate(
+    problem: Problem[S], state: S, max_iterations: int, tolerance: float
+) -> tuple[S, Normals, int]:
+    """Return the state of least cost, the normal equations there, and the number of steps."""
+    here, damping = normals(problem, state), 0.0
+    if not np.isfinite(here.cost):
         msg = "the start values leave points behind a camera or at infinity"
         raise AdjustmentError(msg)
+    degrees = _degrees_of_freedom(problem, here)
     for iteration in range(1, max_iterations + 1):
-        equations = problem.equations(state)
-        sigma0_sq = cost / max(_degrees_of_freedom(problem, equations), 1)
-        descent = _descend(problem, state, equations, cost=cost, damping=damping, unit=sigma0_sq)
+        unit = here.cost / max(degrees, 1)
+        descent = _descend(problem, state, here, damping=damping, unit=unit)
         if descent is None:
-            return state, iteration
-        state, cost, damping, decrement = descent
-        if damping == 0.0 and decrement <= tolerance**2 * sigma0_sq:
-            return state, iteration
-        damping = damping / 10 if damping > 1e-8 else 0.0
+            return state, normals(problem, state) if damping else here, iteration
+        state, here, used, decrement = descent
+        if used == 0.0 and decrement <= tolerance**2 * unit:
+            return state, here, iteration
+        damping = _less(used)
     msg = f"no convergence after {max_iterations} iterations"
     raise AdjustmentError(msg)
 
 
 def _descend(
-    problem: Problem[S],
-    state: S,
-    equations: Sequence[Equations],
-    *,
-    cost: float,
-    damping: float,
-    unit: float,
-) -> tuple[S, float, float, float] | None:
-    """Damp until a step reduces the cost; None where only rounding is left to reduce."""
-    n, free_points = problem.n_columns, problem.free_points
+    problem: Problem[S], state: S, here: Normals, *, damping: float, unit: float
+) -> tuple[S, Normals, float, float] | None:
+    """Damp until a step reduces the cost; None where only rounding is left to reduce.
+
+    Returns the new state with its normal equations, the damping that it took, and the decrease
+    that was predicted.
+    """
+    cost = here.cost
     while damping <= 1e12:
-        dx, dp, decrement = damped_step(n, free_points, equations, damping)
+        dx, dp, decrement = here.step()
         trial = problem.moved(state, dx, dp)
-        trial_cost = _cost(problem.residuals(trial))
-        if trial_cost <= cost:
-            return trial, trial_cost, damping, decrement
+        there = normals(problem, trial, _less(damping))
+        if there.cost <= cost:
+            return trial, there, damping, decrement
         # a damped step may also be small because the derivatives are wrong
-        if decrement <= max(1e-8 * unit, 1e-14) and (
-            damped_step(n, free_points, equations, 0.0)[2] <= max(1e-4 * unit, 1e-14)
-        ):
-            return None
+        little = max(1e-6 * unit, 1e-14)
+        if decrement <= little:
+            undamped = normals(problem, state).step()[2] if damping else decrement
+            if undamped <= max(1e-4 * unit, 1e-14):
+                # so near the minimum the step is better known than the cost
+                as_good = damping == 0.0 and there.cost <= cost + little
+                return (trial, there, 0.0, 0.0) if as_good else None
         damping = max(10 * damping, 1e-6)
+        here = normals(problem, state, damping)
     msg = "no step reduces the cost any more"
     raise AdjustmentError(msg)
 
 
-def _degrees_of_freedom(problem: Problem[S], equations: Sequence[Equations]) -> int:
-    n_observations = sum(int(np.isfinite(e.sigma).sum()) for e in equations)
-    n_unknowns = problem.n_columns + 3 * int(problem.free_points.sum())
+def _less(damping: float) -> float:
+    """Return the damping to go on with after a step that went well."""
+    return damping / 10 if damping > 1e-8 else 0.0
+
+
+def _n_unknowns(problem: Problem[S]) -> int:
+    return problem.n_columns + 3 * int(problem.free_points.sum())
+
+
+def _degrees_of_freedom(problem: Problem[S], at_state: Normals) -> int:
+    n_observations, n_unknowns = at_state.n_observations, _n_unknowns(problem)
     if n_observations < n_unknowns:
         msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
         raise AdjustmentError(msg)
     return n_observations - n_unknowns
-
-
-def _cost(groups: Sequence[tuple[Array, Array]]) -> float:
-    with np.errstate(over="ignore"):  # of a wild step
-        cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
-    return cost if np.isfinite(cost) else np.inf
-
-
-# --- quality ---------------------------------------------------------------------------------
-
-
-def _quality(problem: Problem[S], equations: Sequence[Equations], iterations: int) -> Solution:
-    """Return covariances, redundancy numbers and tests at the solution."""
-    N, _ = column_normals(problem.n_columns, equations)
-    diagonal = N.diagonal().copy()
-    V, _ = point_normals(problem.free_points, equations)
-    V_inv = np.linalg.inv(V)
-    for points, strip in strips(problem.n_columns, problem.free_points, equations):
-        Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
-        N -= Z.T @ Z
-    cov, undetermined, values, weakest = _inverse(N, diagonal)
-    explained = [np.zeros_like(e.v) for e in equations]
-    cov_points = V_inv
-    cov_points[~problem.free_points] = 0.0
-    for points, strip in strips(problem.n_columns, problem.free_points, equations):
-        gain = V_inv[points] @ strip  # -d(point)/d(columns)
-        cross = -gain @ cov
-        cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
-        for e, part in zip(equations, explained, strict=True):
-            _add_explained_by_points(part, e, points, cross, cov_points)
-    for e, part in zip(equations, explained, strict=True):
-        for rows, columns, held in units(e):
-            A = e.A[rows][:, :, ~held]
-            part[rows] += np.sum((A @ cov[np.ix_(columns, columns)]) * A, axis=2)
-    used = [np.isfinite(e.sigma) for e in equations]
-    return Solution(
-        cost=_cost([(e.v, e.sigma) for e in equations]),
-        iterations=iterations,
-        n_observations=sum(int(u.sum()) for u in used),
-        n_unknowns=problem.n_columns + 3 * int(problem.free_points.sum()),
-        defect=int(np.sum(values <= SINGULAR)),
-        cov=cov,
-        cov_points=cov_points,
-        undetermined=undetermined,
-        condition=float(values[-1] / max(values[0], 1e-300)) if len(values) else 1.0,
-        weakest=weakest,
-        groups=tuple(_tested(e, part) for e, part in zip(equations, explained, strict=True)),
-    )
 
 
 def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
@@ -310,41 +323,3 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
         gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
         out[here] = -gain @ solution.cov
     return out
-
-
-def _inverse(N: Array, diagonal: Array) -> tuple[Array, Mask, Array, Array]:
-    """Return the (pseudo-)inverse, what it leaves open, eigenvalues and the weakest vector."""
-    if len(N) == 0:
-        return N, np.zeros(0, dtype=bool), np.ones(0), np.zeros(0)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = linalg.eigh(N * scale[:, None] * scale)
-    keep = values > SINGULAR
-    part = vectors[:, keep] * scale[:, None]
-    open_part = np.linalg.norm(vectors[:, ~keep], axis=1)
-    return (part / values[keep]) @ part.T, open_part > 1e-4, values, vectors[:, 0]
-
-
-def _add_explained_by_points(
-    total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
-) -> None:
-    """Add to the variance of adjusted observations what depends on the chunk's points."""
-    if e.B is None or e.point is None:
-        return
-    rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))
-    B, point = e.B[rows], e.point[rows]
-    total[rows] += np.sum((B @ cov_points[point]) * B, axis=2)
-    if e.A.shape[2]:
-        padded = np.concatenate([cross, np.zeros((*cross.shape[:2], 1))], axis=2)
-        columns = e.columns[e.unit[rows]]
-        local = padded[(point - points.start)[:, None], :, columns]  # (rows, k, 3)
-        total[rows] += 2 * np.sum((e.A[rows] @ local) * B, axis=2)
-
-
-def _tested(e: Equations, explained: Array) -> Group:
-    """Return redundancy numbers and Baarda's w of one group."""
-    used = np.isfinite(e.sigma)
-    redundancy = np.where(used, 1 - explained / e.sigma**2, np.nan)
-    controlled = used & (redundancy > 1e-6)
-    w = np.full_like(e.v, np.nan)
-    w[controlled] = e.v[controlled] / (e.sigma[controlled] * np.sqrt(redundancy[controlled]))
-    return Group(kind=e.kind, v=e.v, sigma=e.sigma, redundancy=redundancy, w=w)

@@ -7,12 +7,14 @@ the two is free, held or observed is all that distinguishes the uses; `bundle` s
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.adjustment import Normals
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.camera import INTERIOR, Interior
+from acx4lib.camera import INTERIOR, Interior, xy_from_colrow
 from acx4lib.collinearity import (
     Measurement,
     as_seen,
@@ -20,31 +22,25 @@ from acx4lib.collinearity import (
     image_residuals,
     mounted_jacobian,
 )
-from acx4lib.frames import Pose, exp, log, log_jacobian, transform
-from acx4lib.normal_equations import Equations
+from acx4lib.frames import Pose, exp
+from acx4lib.normal_equations import Equations, PlainNormals
+from acx4lib.observations import (
+    PoseObservations,
+    attitude_equations,
+    control_equations,
+    position_equations,
+)
 from acx4lib.unknowns import MOUNT, POSE, Layout
 
+try:
+    from acx4lib.network_normals import NetworkNormals
+    from acx4lib.packing import Packed, pack
+    from acx4lib.rays import Scene
+    from acx4lib.reduction import Hanging
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PoseObservations:
-    """Positions and attitudes of poses, observed.
-
-    Attributes
-    ----------
-    T_m_b : Pose
-        n_poses observed poses.
-    R_g_m : ndarray, shape (n_poses, 3, 3)
-        Mapping axes to the axes along which position sigma is given.
-    sigma_position : ndarray, shape (n_poses, 3)
-        m; infinite where a position is no observation.
-    sigma_attitude : ndarray, shape (n_poses, 3)
-        About the pose's own axes, radians; infinite where an attitude is no observation.
-    """
-
-    T_m_b: Pose
-    R_g_m: Array
-    sigma_position: Array
-    sigma_attitude: Array
+    COMPILED = True
+except ImportError:  # numba is missing: slower, and the same
+    COMPILED = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,21 +158,37 @@ class Network:
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
         """Return v and sigma of image points, control points, positions and attitudes."""
-        return [
-            (image_residuals(*_seen(self, state)), _image_sigma(self)),
-            (_control_residuals(self, state), _control_sigma(self)),
-            (_position_residuals(self, state), self.observed.sigma_position),
-            (_attitude_residuals(self, state), self.observed.sigma_attitude),
-        ]
+        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
+        return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
         """Linearise image points, control points, positions and attitudes."""
-        return [
-            _image_equations(self, state),
-            _control_equations(self, state),
-            _position_equations(self, state),
-            _attitude_equations(self, state),
-        ]
+        return [_image_equations(self, state), *_other_equations(self, state)]
+
+    def normals(self, state: State, damping: float = 0.0) -> Normals:
+        """Return the normal equations at a state, compiled where that is possible."""
+        if not COMPILED:
+            return PlainNormals(
+                n_columns=self.n_columns,
+                free_points=self.free_points,
+                equations=self.equations(state),
+                damping=damping,
+            )
+        return _compiled_normals(self, state, damping)
+
+    @cached_property
+    def packed(self) -> Packed:
+        """The measurements in the order in which compiled code works on them."""
+        return _packed(self)
+
+
+def _other_equations(network: Network, state: State) -> list[Equations]:
+    observed, pose = network.observed, network.layout.pose
+    return [
+        control_equations(network.control[~network.held_control], state.x_m),
+        position_equations(observed, state.T_m_b, pose[:, :3]),
+        attitude_equations(observed, state.T_m_b, pose[:, 3:]),
+    ]
 
 
 def _moved_pose(T: Pose, step: Array) -> Pose:
@@ -243,60 +255,66 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
     return by_camera @ both[points.image_idx], columns
 
 
-def _control_sigma(network: Network) -> Array:
-    # a point with all sigma zero is held; a single component of zero is a micrometre
-    return np.maximum(network.control.sigma_m, 1e-6)[~network.held_control]
+# --- compiled --------------------------------------------------------------------------------
 
 
-def _control_residuals(network: Network, state: State) -> Array:
-    control = network.control
-    v = transform(control.R_g_m, state.x_m[control.point_idx] - control.x_m)
-    return v[~network.held_control]
-
-
-def _control_equations(network: Network, state: State) -> Equations:
-    control = network.control[~network.held_control]
-    n = len(control)
-    return Equations(
-        kind="control_point",
-        v=_control_residuals(network, state),
-        sigma=_control_sigma(network),
-        A=np.zeros((n, 3, 0)),
-        columns=np.zeros((1, 0), dtype=np.intp),
-        unit=np.zeros(n, dtype=np.intp),
-        B=control.R_g_m,
-        point=control.point_idx,
+def _packed(network: Network) -> Packed:
+    points, images = network.image_points, network.block.images
+    camera_idx = images.camera_idx[points.image_idx]
+    xy = np.empty_like(points.colrow)
+    for k, camera in enumerate(network.block.cameras):
+        own = camera_idx == k
+        xy[own] = xy_from_colrow(camera, points.colrow[own])
+    pixel_mm = np.array([camera.pixel_mm for camera in network.block.cameras])
+    return pack(
+        point=points.point_idx,
+        image=points.image_idx,
+        xy=xy,
+        sigma_px=points.sigma_px,
+        sigma_mm=points.sigma_px * pixel_mm[camera_idx],
+        free_points=network.free_points,
+        also=network.control.point_idx[~network.held_control],
+        pose_of_image=network.pose_idx,
+        n_poses=len(network.pose_names),
     )
 
 
-def _position_residuals(network: Network, state: State) -> Array:
-    observed = network.observed
-    return transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
-
-
-def _position_equations(network: Network, state: State) -> Equations:
-    n = len(network.pose_names)
-    return Equations(
-        kind="gnss",
-        v=_position_residuals(network, state),
-        sigma=network.observed.sigma_position,
-        A=network.observed.R_g_m,
-        columns=network.layout.pose[:, :3],
-        unit=np.arange(n),
-    )
-
-
-def _attitude_residuals(network: Network, state: State) -> Array:
-    return log(np.swapaxes(network.observed.T_m_b.R, -1, -2) @ state.T_m_b.R)
-
-
-def _attitude_equations(network: Network, state: State) -> Equations:
-    v = _attitude_residuals(network, state)
-    return Equations(
-        kind="attitude",
-        v=v,
-        sigma=network.observed.sigma_attitude,
-        A=log_jacobian(v),
-        columns=network.layout.pose[:, 3:],
-        unit=np.arange(len(v)),
+def _compiled_normals(network: Network, state: State, damping: float) -> NetworkNormals:
+    packed, layout = network.packed, network.layout
+    camera = network.block.images.camera_idx[packed.image]
+    pose = network.pose_idx[packed.image]
+    T_m_c = camera_poses(network, state)[packed.image]
+    by_pose, by_mount = mounted_jacobian(state.T_m_b[pose], state.T_b_c[camera])
+    R_c_m = np.swapaxes(T_m_c.R, -1, -2)
+    for J in (by_pose, by_mount):  # along the camera's axes
+        J[:, :3] = R_c_m @ J[:, :3]
+    place = np.empty(len(packed.pose), dtype=np.intp)
+    place[packed.pose] = np.arange(len(packed.pose))
+    others = _other_equations(network, state)
+    control, B = others[0], network.control[~network.held_control].R_g_m
+    weighted = B / control.sigma[:, :, None] ** 2
+    return NetworkNormals(
+        packed=packed,
+        scene=Scene(
+            R_m_c=np.ascontiguousarray(T_m_c.R),
+            r_m_c=np.ascontiguousarray(T_m_c.r),
+            camera=camera,
+            interior=np.array([interior.to_array() for interior in state.interiors]),
+            x_m=state.x_m,
+            V=np.swapaxes(B, 1, 2) @ weighted,
+            h=np.einsum("mdi,md->mi", weighted, control.v),
+            refraction=network.refraction == "standard",
+            damping=damping,
+        ),
+        hanging=Hanging(
+            by_pose=by_pose,
+            by_mount=by_mount,
+            pose=place[pose],
+            camera=camera,
+            n_poses=len(place),
+            n_cameras=len(network.block.cameras),
+        ),
+        border=np.hstack([layout.interior, layout.mount]),
+        pose_columns=layout.pose[packed.pose],
+        others=others,
     )

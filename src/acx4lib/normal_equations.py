@@ -1,20 +1,21 @@
-"""Normal equations, assembled unit by unit and point by point; no camera, no iteration."""
+"""Normal equations, assembled unit by unit and point by point; no camera, no iteration.
+
+This is the plain version, for any problem; `network_normals` is compiled for image points.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import linalg
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.reduced_system import Dense, Inverse
 
 CHUNK = 256
 """Points eliminated at a time; bounds the memory of the dense strips."""
-
-SINGULAR = 1e-11
-"""Eigenvalue of the scaled normal matrix below which a direction is not determined."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +47,73 @@ class Equations:
     unit: Index
     B: Array | None = None
     point: Index | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Residuals of one group after the adjustment.
+
+    Attributes
+    ----------
+    kind : str
+    v, sigma, redundancy, w : ndarray, shape (m, d)
+        `redundancy` is the share of an error that shows in its own residual, `w` Baarda's
+        standardised residual with the a priori sigma; NaN where nothing controls it.
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    redundancy: Array
+    w: Array
+
+    @property
+    def used(self) -> Mask:
+        """Which components took part."""
+        return np.isfinite(self.sigma)
+
+
+def tested(kind: str, v: Array, sigma: Array, explained: Array) -> Group:
+    """Return a group with its redundancy numbers and Baarda's w.
+
+    Parameters
+    ----------
+    kind : str
+    v, sigma : ndarray, shape (m, d)
+    explained : ndarray, shape (m, d)
+        Variance of the adjusted observations over that of the observed ones.
+    """
+    used = np.isfinite(sigma)
+    redundancy = np.where(used, 1 - explained, np.nan)
+    controlled = used & (redundancy > 1e-6)
+    w = np.full_like(v, np.nan)
+    w[controlled] = v[controlled] / (sigma[controlled] * np.sqrt(redundancy[controlled]))
+    return Group(kind=kind, v=v, sigma=sigma, redundancy=redundancy, w=w)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Quality:
+    """What the normal equations say of an adjustment.
+
+    Attributes
+    ----------
+    inverse : Inverse
+        Covariance of the reduced unknowns.
+    cov_points : ndarray, shape (n_points, 3, 3)
+        Zero for points that are held.
+    groups : tuple of Group
+    """
+
+    inverse: Inverse
+    cov_points: Array
+    groups: tuple[Group, ...]
+
+
+def cost_of(groups: Iterable[tuple[Array, Array]]) -> float:
+    """Return the weighted sum of squares of v with sigma; infinite where one is not finite."""
+    with np.errstate(over="ignore"):  # of a wild step
+        cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
+    return cost if np.isfinite(cost) else np.inf
 
 
 def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
@@ -128,47 +196,102 @@ def gather(dx: Array, columns: Index) -> Array:
     return np.append(dx, 0.0)[columns]
 
 
-def solve_scaled(N: Array, g: Array, diagonal: Array) -> Array:
-    """Solve N x = g scaled to a unit diagonal, of minimum norm where N is singular."""
-    if len(N) == 0:
-        return g
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = N * scale[:, None] * scale
-    try:
-        factor = linalg.cho_factor(scaled, lower=True)
-        if np.min(np.abs(np.diagonal(factor[0]))) ** 2 > SINGULAR:
-            return np.asarray(scale * linalg.cho_solve(factor, scale * g))
-    except linalg.LinAlgError:
-        pass
-    values, vectors = linalg.eigh(scaled)
-    keep = values > SINGULAR
-    part = vectors[:, keep]
-    return np.asarray(scale * (part @ ((part.T @ (scale * g)) / values[keep])))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlainNormals:
+    """The normal equations of a linearised problem.
+
+    Attributes
+    ----------
+    n_columns : int
+    free_points : ndarray, shape (n_points,)
+    equations : sequence of Equations
+    damping : float
+        Added to the diagonal, as a share of it.
+    """
+
+    n_columns: int
+    free_points: Mask
+    equations: Sequence[Equations]
+    damping: float = 0.0
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals."""
+        return cost_of((e.v, e.sigma) for e in self.equations)
+
+    @cached_property
+    def n_observations(self) -> int:
+        """Components that take part."""
+        return sum(int(np.isfinite(e.sigma).sum()) for e in self.equations)
+
+    def step(self) -> tuple[Array, Array, float]:
+        """Return the step of columns and points and the decrease of cost that it predicts."""
+        n, free_points = self.n_columns, self.free_points
+        N, g = column_normals(n, self.equations)
+        V, h = point_normals(free_points, self.equations)
+        diagonal = N.diagonal().copy()
+        N[np.diag_indices_from(N)] += self.damping * diagonal
+        V = V + self.damping * (V * np.eye(3))
+        V_inv = np.linalg.inv(V)
+        for points, strip in strips(n, free_points, self.equations):
+            L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
+            Z = (L_inv @ strip).reshape(3 * len(strip), -1)
+            N -= Z.T @ Z
+            g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+        dx = -Dense(N=N, diagonal=diagonal).solve(g)
+        cross = np.zeros_like(h)
+        for e in self.equations:
+            if e.B is not None and e.point is not None and e.A.shape[2]:
+                Adx = np.einsum("mdk,mk->md", e.A, gather(dx, e.columns)[e.unit])
+                np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
+        dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
+        dp[~free_points] = 0.0
+        # the gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
+        decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
+        return dx, dp, decrement
+
+    def quality(self) -> Quality:
+        """Return covariances, redundancy numbers and tests, undamped."""
+        n, free_points = self.n_columns, self.free_points
+        N, _ = column_normals(n, self.equations)
+        diagonal = N.diagonal().copy()
+        V, _ = point_normals(free_points, self.equations)
+        V_inv = np.linalg.inv(V)
+        for points, strip in strips(n, free_points, self.equations):
+            Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
+            N -= Z.T @ Z
+        inverse = Dense(N=N, diagonal=diagonal).inverse()
+        explained = [np.zeros_like(e.v) for e in self.equations]
+        cov_points = V_inv
+        cov_points[~free_points] = 0.0
+        for points, strip in strips(n, free_points, self.equations):
+            gain = V_inv[points] @ strip  # -d(point)/d(columns)
+            cross = -gain @ inverse.dense
+            cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
+            for e, part in zip(self.equations, explained, strict=True):
+                _add_explained_by_points(part, e, points, cross, cov_points)
+        for e, part in zip(self.equations, explained, strict=True):
+            for rows, columns, held in units(e):
+                A = e.A[rows][:, :, ~held]
+                part[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
+        groups = [
+            tested(e.kind, e.v, e.sigma, part / e.sigma**2)
+            for e, part in zip(self.equations, explained, strict=True)
+        ]
+        return Quality(inverse=inverse, cov_points=cov_points, groups=tuple(groups))
 
 
-def damped_step(
-    n: int, free_points: Mask, equations: Sequence[Equations], damping: float
-) -> tuple[Array, Array, float]:
-    """Return the damped Gauss-Newton step and the decrease of cost that it predicts."""
-    N, g = column_normals(n, equations)
-    V, h = point_normals(free_points, equations)
-    diagonal = N.diagonal().copy()
-    N[np.diag_indices_from(N)] += damping * diagonal
-    V = V + damping * (V * np.eye(3))
-    V_inv = np.linalg.inv(V)
-    for points, strip in strips(n, free_points, equations):
-        L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
-        Z = (L_inv @ strip).reshape(3 * len(strip), -1)
-        N -= Z.T @ Z
-        g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
-    dx = -solve_scaled(N, g, diagonal)
-    cross = np.zeros_like(h)
-    for e in equations:
-        if e.B is not None and e.point is not None and e.A.shape[2]:
-            Adx = np.einsum("mdk,mk->md", e.A, gather(dx, e.columns)[e.unit])
-            np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
-    dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
-    dp[~free_points] = 0.0
-    # the undamped gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
-    decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
-    return dx, dp, decrement
+def _add_explained_by_points(
+    total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
+) -> None:
+    """Add to the variance of adjusted observations what depends on the chunk's points."""
+    if e.B is None or e.point is None:
+        return
+    rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))
+    B, point = e.B[rows], e.point[rows]
+    total[rows] += np.sum((B @ cov_points[point]) * B, axis=2)
+    if e.A.shape[2]:
+        padded = np.concatenate([cross, np.zeros((*cross.shape[:2], 1))], axis=2)
+        columns = e.columns[e.unit[rows]]
+        local = padded[(point - points.start)[:, None], :, columns]  # (rows, k, 3)
+        total[rows] += 2 * np.sum((e.A[rows] @ local) * B, axis=2)

@@ -1,0 +1,130 @@
+"""Products of small matrices of fixed size, eight numbers at a time, for compiled code.
+
+A compiler does not find these by itself: it cannot know that the arrays do not overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+LANES = 8
+
+_DOUBLE, _INDEX, _LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_UNSET = ir.Constant(_VECTOR, ir.Undefined)
+_FIRST_LANE = ir.Constant(ir.VectorType(_LANE, LANES), [0] * LANES)
+_FAST = ("reassoc", "contract", "nsz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmallProduct:
+    """What product to compile: ``out = left @ right``.
+
+    Attributes
+    ----------
+    rows, inner, width : int
+        `left` is (rows, inner), `right` (inner, width), `out` (rows, width); `width` is a
+        multiple of eight.
+    left : tuple of int
+        How far apart the rows of `left` and the numbers in a row stand; ``(1, n)`` takes the
+        transpose of a matrix with rows of n.
+    right, out : int
+        How far apart their rows stand.
+    add : int
+        0 writes over `out`, 1 adds to it, -1 takes off it.
+    upper : bool
+        Leave out groups of eight that lie wholly below the diagonal.
+    """
+
+    rows: int
+    inner: int
+    width: int
+    left: tuple[int, int]
+    right: int
+    out: int
+    add: int = 0
+    upper: bool = False
+
+    def compiled(self) -> Callable[..., None]:
+        """Return ``product(out, out_at, left, left_at, right, right_at)``.
+
+        It is for compiled functions only. The arrays are contiguous, of doubles, of any shape;
+        the numbers after them tell where in them each matrix begins.
+        """
+        shape = self
+
+        @intrinsic
+        def product(
+            _typing: Any,
+            out: Any,
+            out_at: Any,  # noqa: ARG001
+            left: Any,
+            left_at: Any,  # noqa: ARG001
+            right: Any,
+            right_at: Any,  # noqa: ARG001
+        ) -> Any:
+            index = types.int64
+            signature = types.void(out, index, left, index, right, index)
+
+            def generate(context: Any, builder: ir.IRBuilder, typed: Any, values: Any) -> Any:
+                starts = []
+                for k in (0, 2, 4):
+                    array = context.make_array(typed.args[k])(context, builder, values[k])
+                    starts.append(builder.gep(array.data, [values[k + 1]]))
+                shape._write(builder, *starts)
+                return context.get_dummy_value()
+
+            return signature, generate
+
+        return product
+
+    def _write(self, builder: ir.IRBuilder, out: Any, left: Any, right: Any) -> None:
+        """Emit the product row after row; the right matrix stays in registers."""
+        groups = range(0, self.width, LANES)
+        rights = {
+            (k, c): _load(builder, _plus(builder, right, k * self.right + c))
+            for k in range(self.inner)
+            for c in groups
+        }
+        step, along = self.left
+        for r in range(self.rows):
+            factors = []
+            for k in range(self.inner):
+                factor = builder.load(_plus(builder, left, r * step + k * along))
+                factors.append(_splat(builder, builder.fneg(factor) if self.add < 0 else factor))
+            for c in groups:
+                if self.upper and c + LANES <= r:
+                    continue
+                place = _plus(builder, out, r * self.out + c)
+                total = _load(builder, place) if self.add else ir.Constant(_VECTOR, [0.0] * LANES)
+                for k in range(self.inner):
+                    part = builder.fmul(factors[k], rights[k, c], flags=_FAST)
+                    total = builder.fadd(total, part, flags=_FAST)
+                _store(builder, total, place)
+
+
+def _plus(builder: ir.IRBuilder, start: Any, offset: int) -> Any:
+    return builder.gep(start, [ir.Constant(_INDEX, offset)])
+
+
+def _load(builder: ir.IRBuilder, place: Any) -> Any:
+    vector = builder.load(builder.bitcast(place, _VECTOR.as_pointer()))
+    vector.align = 8  # of a double: arrays begin anywhere
+    return vector
+
+
+def _store(builder: ir.IRBuilder, vector: Any, place: Any) -> None:
+    stored = builder.store(vector, builder.bitcast(place, _VECTOR.as_pointer()))
+    stored.align = 8
+
+
+def _splat(builder: ir.IRBuilder, number: Any) -> Any:
+    """Repeat a number in all lanes."""
+    first = builder.insert_element(_UNSET, number, ir.Constant(_LANE, 0))
+    return builder.shuffle_vector(first, _UNSET, _FIRST_LANE)
