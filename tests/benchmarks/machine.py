@@ -1,0 +1,68 @@
+"""What the results of a benchmark hang on: processor, memory, compilers, versions, commit."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import ceres_solver
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("acx4lib", "numpy", "scipy", "numba")
+
+
+def described(ceres: Path | None) -> dict[str, Any]:
+    """Return the description.
+
+    Parameters
+    ----------
+    ceres : Path or None
+        The compiled comparator.
+    """
+    versions = {"python": platform.python_version(), **_packages()}
+    if ceres is not None:
+        versions |= ceres_solver.versions(ceres)
+    return {
+        "processor": _first("/proc/cpuinfo", "model name"),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gb": round(int(_first("/proc/meminfo", "MemTotal").split()[0]) / 2**20, 1),
+        "system": _first("/etc/os-release", "PRETTY_NAME", by="=").strip('"'),
+        "commit": _commit(),
+        "flags": " ".join(ceres_solver.FLAGS),
+        "ceres_tolerance": float(ceres_solver.TOLERANCE),
+        "ceres_exact_tolerance": float(ceres_solver.EXACT),
+        "versions": versions,
+    }
+
+
+def _first(path: str, key: str, by: str = ":") -> str:
+    """Return the value of the first line of a file that begins with a key."""
+    lines = Path(path).read_text("utf-8").splitlines()
+    found = (line.partition(by)[2].strip() for line in lines if line.startswith(key))
+    return next(found, "unknown")
+
+
+def _packages() -> dict[str, str]:
+    out = {}
+    for name in PACKAGES:
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "not installed"
+    return out
+
+
+def _commit() -> str:
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(ROOT), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        changed = len(git("status", "--porcelain").splitlines())
+        return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
