@@ -140,6 +140,33 @@ def standard(**options):
     return simulate(fly(), **options)
 
 
+def balanced(*, seed=7):
+    """Return a block with noise in which no group of observations outweighs the others."""
+    exact = simulate(
+        fly(per_strip=6, base_m=150.0), ties=terrain(100, half_m=450.0), control=crosses()
+    )
+    sigma_m = np.tile([0.10, 0.10, 0.15], (len(exact.trajectory), 1))
+    sigma_attitude = np.tile(np.radians([0.005, 0.005, 0.008]), (len(exact.trajectory), 1))
+    block = replace(
+        exact,
+        control=surveyed(crosses(), 0, sigma=(0.06, 0.06, 0.10)),
+        trajectory=replace(exact.trajectory, sigma_position=sigma_m, sigma_attitude=sigma_attitude),
+    )
+    return noisy(block, np.random.default_rng(seed))
+
+
+def in_strips(block, per_strip, *, timed=True):
+    """Return the block with its exposures in strips A, B, ... and, if timed, uneven times."""
+    n = len(block.trajectory)
+    names = np.array(["ABCDEFGH"[i // per_strip] for i in range(n)])
+    times = 1e5 + 4.0 * np.arange(n) + np.sin(np.arange(n)) if timed else np.full(n, np.nan)
+    return replace(
+        block,
+        images=replace(block.images, strips=tuple(names[block.images.exposure_idx])),
+        trajectory=replace(block.trajectory, time_s=times),
+    )
+
+
 def true_points(block, *, ties, control, check):
     """Return the coordinates of all points in the block's order."""
     return np.concatenate([control, check, ties])

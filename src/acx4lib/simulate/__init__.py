@@ -11,13 +11,15 @@ from types import MappingProxyType
 
 from acx4lib.simulate.designs import acx4_plan, single_head_plan
 from acx4lib.simulate.flights import SimulatedFlight, simulate_plan
-from acx4lib.simulate.plan import Options
+from acx4lib.simulate.plan import GrossErrors, Options, SlowErrors
 from acx4lib.simulate.writer import truth_path, write
 
 __all__ = [
     "DESIGNS",
+    "GrossErrors",
     "Options",
     "SimulatedFlight",
+    "SlowErrors",
     "acx4",
     "simulate_plan",
     "single_head",

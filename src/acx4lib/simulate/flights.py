@@ -10,6 +10,7 @@ import pandas as pd
 from acx4lib.simulate import tables
 from acx4lib.simulate.earth import Array
 from acx4lib.simulate.fly import Track, fly, record, stream
+from acx4lib.simulate.gross_errors import spoil
 from acx4lib.simulate.observe import Sight, ground_points, look, strew_tie_points
 from acx4lib.simulate.plan import BlockPlan, Options, Plan
 from acx4lib.simulate.texts import flight_toml, truth
@@ -48,9 +49,10 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
     if seed < 0:
         msg = f"seed must be zero or positive, got {seed}"
         raise ValueError(msg)
-    plan = _with_blocks(plan, options)
+    plan = _as_asked(plan, options)
     files: dict[str, pd.DataFrame] = {}
     tracks: dict[str, Track] = {}
+    recorded: dict[str, Track] = {}
     points: dict[str, Array] = {}
     for name, block in plan.blocks.items():
         tracks[name] = fly(plan, block, stream(seed, plan.name, name, "fly"))
@@ -59,17 +61,26 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         if path not in files:
             rng = stream(seed, plan.name, path)
             files[path] = tables.control_points(plan, names, x_g, options, rng)
+        recorded[name] = record(
+            tracks[name],
+            plan.noise,
+            options,
+            white=stream(seed, plan.name, name, "trajectory"),
+            slow=stream(seed, plan.name, name, "slow errors"),
+        )
         files.update(_block_tables(plan, name, tracks[name], seed, options))
+        files[f"{name}/trajectory.csv"] = tables.trajectory(plan, recorded[name])
+    told = truth(plan, seed, options, tracks, points)
+    if options.gross_errors is not None:
+        spoiled = spoil(plan, files, recorded, options.gross_errors, seed)
+        files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
     return SimulatedFlight(
-        name=plan.name,
-        toml=flight_toml(plan, options),
-        tables=files,
-        truth=truth(plan, seed, options, tracks, points),
+        name=plan.name, toml=flight_toml(plan, options), tables=files, truth=told
     )
 
 
-def _with_blocks(plan: Plan, options: Options) -> Plan:
-    """Keep the blocks asked for, with as many tie points as asked for."""
+def _as_asked(plan: Plan, options: Options) -> Plan:
+    """Keep the blocks asked for, with as many tie points, and with the air, as asked for."""
     wanted = tuple(plan.blocks) if options.blocks is None else options.blocks
     unknown = sorted({*wanted, *options.tie_points} - set(plan.blocks))
     if unknown or not wanted:
@@ -77,6 +88,7 @@ def _with_blocks(plan: Plan, options: Options) -> Plan:
         raise ValueError(msg)
     return replace(
         plan,
+        refraction=options.refraction,
         blocks={
             name: replace(block, tie_points=options.tie_points.get(name, block.tie_points))
             for name, block in plan.blocks.items()
@@ -98,7 +110,7 @@ def _surveyed(plan: Plan, name: str) -> tuple[str, list[str], Array]:
 def _block_tables(
     plan: Plan, name: str, track: Track, seed: int, options: Options
 ) -> dict[str, pd.DataFrame]:
-    """Tabulate images, measurements and trajectory of a block."""
+    """Tabulate images and measurements of a block."""
     block = plan.blocks[name]
     _, names, x_g = _surveyed(plan, name)
     surveyed = look(plan, block, track, x_g)
@@ -112,13 +124,7 @@ def _block_tables(
     points = _pointing(plan, block, names, len(ties), options, rng)
     images = tables.images(block, track)
     measured = tables.image_points(images["image"], points, sight, rng)
-    rng = stream(seed, plan.name, name, "trajectory")
-    recorded = record(track, plan.noise, options, rng)
-    return {
-        f"{name}/images.csv": images,
-        f"{name}/image_points.csv": measured,
-        f"{name}/trajectory.csv": tables.trajectory(plan, recorded),
-    }
+    return {f"{name}/images.csv": images, f"{name}/image_points.csv": measured}
 
 
 def _pointing(

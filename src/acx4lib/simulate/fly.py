@@ -1,6 +1,6 @@
 """Where the aircraft truly is at every exposure, and where its GNSS/INS says that it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -96,29 +96,72 @@ def _times(block: BlockPlan) -> Array:
     return np.asarray(block.start_s - _TURN_S + np.cumsum(steps))
 
 
-def record(track: Track, noise: Noise, options: Options, rng: np.random.Generator) -> Track:
+def record(
+    track: Track,
+    noise: Noise,
+    options: Options,
+    *,
+    white: np.random.Generator,
+    slow: np.random.Generator,
+) -> Track:
     """Add the errors of the GNSS/INS: position in the grid, attitude about the body's axes."""
-    n = len(track.time_s)
     sigma_m = options.gnss_noise * np.array(
         [noise.gnss_horizontal_m, noise.gnss_horizontal_m, noise.gnss_vertical_m]
     )
     sigma_deg = options.attitude_noise * np.array(
         [noise.roll_pitch_deg, noise.roll_pitch_deg, noise.heading_deg]
     )
-    minutes = (track.time_s - track.time_s[0])[:, None] / 60
-    error = (
-        sigma_m * rng.standard_normal((n, 3))
-        + options.gnss_shift_m
-        + minutes * options.gnss_drift_m_per_min
-    )
-    turn = Rotation.from_rotvec(sigma_deg * rng.standard_normal((n, 3)), degrees=True)
-    return Track(
-        exposure=track.exposure,
-        strip=track.strip,
-        time_s=track.time_s,
-        x_g=track.x_g + error,
-        R_enu_b=track.R_enu_b * turn,
-    )
+    n, time_s = len(track.time_s), track.time_s
+    random_m, random_deg = white.standard_normal((n, 3)), white.standard_normal((n, 3))
+    if options.slow_errors is not None:
+        of = options.slow_errors
+        walks = gauss_markov(time_s, of.time_constant_s, 6, slow)
+        random_m = of.gnss * walks[:, :3] + np.sqrt(1 - of.gnss**2) * random_m
+        random_deg = of.attitude * walks[:, 3:] + np.sqrt(1 - of.attitude**2) * random_deg
+    minutes = (time_s - time_s[0])[:, None] / 60
+    error = sigma_m * random_m + options.gnss_shift_m + minutes * options.gnss_drift_m_per_min
+    if any(options.gnss_strip_drift_m_per_min):
+        error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
+    turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
+    return replace(track, x_g=track.x_g + error, R_enu_b=track.R_enu_b * turn)
+
+
+def gauss_markov(
+    time_s: Array, time_constant_s: float, n_walks: int, rng: np.random.Generator
+) -> Array:
+    """Draw processes of unit variance whose correlation falls exponentially with time.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Ascending.
+    time_constant_s : float
+        After which the correlation is 1/e.
+    n_walks : int
+        How many, independent of each other.
+    rng : Generator
+        Random numbers.
+
+    Returns
+    -------
+    ndarray, shape (n, n_walks)
+    """
+    walks = rng.standard_normal((len(time_s), n_walks))
+    kept = np.exp(-np.diff(time_s) / time_constant_s)
+    for i, share in enumerate(kept, 1):
+        walks[i] = share * walks[i - 1] + np.sqrt(1 - share**2) * walks[i]
+    return walks
+
+
+def _strip_drift(track: Track, sigma_m_per_min: Array, rng: np.random.Generator) -> Array:
+    """Draw a rate for every strip and return the errors, m."""
+    error = np.zeros((len(track.strip), 3))
+    strips = np.array(track.strip)
+    for strip in dict.fromkeys(track.strip):
+        here = strips == strip
+        minutes = (track.time_s[here] - track.time_s[here].mean()) / 60
+        error[here] = minutes[:, None] * sigma_m_per_min * rng.standard_normal(3)
+    return error
 
 
 def poses_in_ecef(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib.simulate.air import bent
 from acx4lib.simulate.earth import Array, BoolArray, Grid, axes_of_enu_in_ecef, terrain_height
 from acx4lib.simulate.fly import Track, poses_in_ecef
 from acx4lib.simulate.lens import inside, project
@@ -51,7 +52,8 @@ def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
         camera = plan.cameras[name]
         r_e_c, R_e_c = poses_in_ecef(grid, track, camera.boresight_deg, np.array(camera.lever_m))
         ray = x_e - r_e_c[:, None]
-        colrow[i] = project(camera, ray @ R_e_c)
+        seen_along = bent(ray, up, x_g[:, 2]) if plan.refraction == "standard" else ray
+        colrow[i] = project(camera, seen_along @ R_e_c)
         above = np.einsum("tpk,pk->tp", ray, up) < 0
         seen[i] = inside(camera, colrow[i], _MARGIN_PX) & above
     return Sight(colrow=colrow, seen=seen)

@@ -12,6 +12,72 @@ BLOCKS = ("heads", "calibration", "validation")
 
 
 @dataclass(frozen=True, kw_only=True)
+class GrossErrors:
+    """Mistakes among the observations of one block.
+
+    Attributes
+    ----------
+    block : str
+        The block whose observations are spoiled.
+    image_points : float
+        Share of the measured image points, 0 to 1.
+    image_px : tuple of float
+        Least and greatest error of an image point; small ones are as frequent as large ones on
+        a logarithmic scale, and the direction is any.
+    control_m : float
+        Error of one coordinate of one control point that four images or more show.
+    gnss_m : float
+        Length of the error of one exposure's position.
+    heading_deg : float
+        Error of another exposure's heading.
+    """
+
+    block: str = "calibration"
+    image_points: float = 0.02
+    image_px: tuple[float, float] = (5.0, 200.0)
+    control_m: float = 1.0
+    gnss_m: float = 3.0
+    heading_deg: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.image_points <= 1:
+            msg = f"image_points must be a share from 0 to 1, got {self.image_points}"
+            raise ValueError(msg)
+        if not 0 < self.image_px[0] <= self.image_px[1] < np.inf:
+            msg = f"image_px must be two positive bounds, the lower first, got {self.image_px}"
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowErrors:
+    """How much of the trajectory's errors changes slowly; the rest is white noise.
+
+    An error at a single exposure is as large as without. The slow part is a first-order
+    Gauss-Markov process through every block.
+
+    Attributes
+    ----------
+    gnss, attitude : float
+        Share of the standard deviation, 0 to 1: with 0.8, the white noise has 0.6 of it.
+    time_constant_s : float
+        After which the correlation has fallen to 1/e.
+    """
+
+    gnss: float = 0.95
+    attitude: float = 0.95
+    time_constant_s: float = 600.0
+
+    def __post_init__(self) -> None:
+        for name in ("gnss", "attitude"):
+            if not 0 <= getattr(self, name) <= 1:
+                msg = f"{name} must be a share from 0 to 1, got {getattr(self, name)}"
+                raise ValueError(msg)
+        if not self.time_constant_s > 0:
+            msg = f"time_constant_s must be positive, got {self.time_constant_s}"
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Options:
     """What may be changed in a simulated flight.
 
@@ -27,6 +93,15 @@ class Options:
         Constant error of the trajectory, east, north, height.
     gnss_drift_m_per_min : tuple of float
         Error that grows from zero at the first exposure of every block.
+    gnss_strip_drift_m_per_min : tuple of float
+        Standard deviations of an error that grows along every strip, at a rate of its own and
+        through zero at the strip's middle.
+    slow_errors : SlowErrors, optional
+        Correlation of the trajectory's errors in time; none by default.
+    refraction : str
+        ``none``, or ``standard`` for rays bent by the standard atmosphere.
+    gross_errors : GrossErrors, optional
+        Mistakes among the observations; none by default.
     blocks : tuple of str, optional
         Blocks to simulate; all of the design by default.
     """
@@ -38,6 +113,10 @@ class Options:
     tie_points: Mapping[str, int] = field(default_factory=dict)
     gnss_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gnss_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gnss_strip_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    slow_errors: SlowErrors | None = None
+    refraction: str = "none"
+    gross_errors: GrossErrors | None = None
     blocks: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -46,6 +125,9 @@ class Options:
             if not 0 <= factor < np.inf:
                 msg = f"{name} must be zero or positive, got {factor}"
                 raise ValueError(msg)
+        if self.refraction not in ("none", "standard"):
+            msg = f"refraction is 'none' or 'standard', got {self.refraction!r}"
+            raise ValueError(msg)
         for block, n_points in self.tie_points.items():
             if block not in BLOCKS or n_points < 0:
                 msg = f"tie_points: block {block!r} with {n_points} points; known are {BLOCKS}"
@@ -149,6 +231,8 @@ class Plan:
         The synthetic camera and its heads, empty for an ordinary camera.
     head_angles_deg : dict of str to tuple
         Omega, phi, kappa of the heads in the synthetic frame.
+    refraction : str
+        As in `Options`.
     noise : Noise
         Standard deviations.
     angles : str
@@ -172,6 +256,7 @@ class Plan:
     synthetic: str = ""
     heads: tuple[str, ...] = ()
     head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    refraction: str = "none"
 
 
 def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: float) -> Array:

@@ -1,6 +1,7 @@
 """flight.toml and the truth of a simulated flight."""
 
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 from acx4lib.simulate.earth import Array
@@ -26,6 +27,8 @@ _HEADS_NOTE = (
 def flight_toml(plan: Plan, options: Options) -> str:
     """Write flight.toml: the sensors, approximations, and true standard deviations."""
     lines = [f'name = "{plan.title}"', f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
+    if plan.refraction != "none":
+        lines.append(f'refraction = "{plan.refraction}"')
     for name, camera in plan.cameras.items():
         lines += ["", f"[cameras.{name}]"]
         sensor = {k: getattr(camera, k) for k in ("width_px", "height_px", "pixel_um")}
@@ -77,7 +80,7 @@ def truth(
     result: dict[str, Any] = {
         "name": plan.name,
         "seed": seed,
-        "options": {**vars(options), "tie_points": dict(options.tie_points)},
+        "options": asdict(replace(options, tie_points=dict(options.tie_points))),
         "note": f"{NOTE} {_HEADS_NOTE}" if plan.heads else NOTE,
         "cameras": {name: _camera_truth(plan, name) for name in plan.cameras},
     }
