@@ -12,6 +12,9 @@ from acx4lib.block import Block
 CRITICAL = 3.9
 """Critical value of a w-test: alpha = 0.01 % per component."""
 
+KINDS = ("image_point", "control_point", "gnss", "attitude")
+"""What may be rejected, in the order of a network's observations."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Rejection:
@@ -20,19 +23,22 @@ class Rejection:
     Attributes
     ----------
     kind : str
-        ``image_point``, ``control_point``, ``gnss`` or ``attitude``.
+        One of `KINDS`.
     row : int
         Into the block's image points, control points or exposures.
     component : int
         Of a control point; -1 where the whole observation went.
     statistic : float
         Its w.
+    limit : float
+        What its w exceeds.
     """
 
     kind: str
     row: int
     component: int
     statistic: float
+    limit: float = CRITICAL
 
 
 def without(block: Block, rejected: Sequence[Rejection]) -> Block:
@@ -50,8 +56,7 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
         Image points are dropped; control components and trajectory rows get an infinite sigma.
     """
     rows = {
-        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp)
-        for kind in ("image_point", "control_point", "gnss", "attitude")
+        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
     }
     components = [r.component for r in rejected if r.kind == "control_point"]
     points, control, trajectory = block.image_points, block.control, block.trajectory
