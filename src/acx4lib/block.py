@@ -7,7 +7,7 @@ arrays that point into the names by index.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -120,6 +120,8 @@ class Trajectory:
         East, north, height, m.
     sigma_attitude : ndarray, shape (n_exposures, 3)
         About the body's x, y, z axes, radians.
+    time_s : ndarray, shape (n_exposures,), or (1,) where no time is known
+        From any origin, s; NaN where it is not known.
     """
 
     exposures: tuple[str, ...]
@@ -127,6 +129,7 @@ class Trajectory:
     R_g_m: Array
     sigma_position: Array
     sigma_attitude: Array
+    time_s: Array = field(default_factory=lambda: np.full(1, np.nan))
 
     def __len__(self) -> int:
         """Count the exposures."""
@@ -196,27 +199,34 @@ def mountings(cameras: Sequence[Camera]) -> Pose:
 
 
 def select_camera(block: Block, name: str) -> Block:
-    """Return the part of a block that one camera took; exposures and points stay as they are.
+    """Return the part of a block that one camera took, as `select_cameras` does."""
+    return select_cameras(block, [name])
+
+
+def select_cameras(block: Block, names: Sequence[str]) -> Block:
+    """Return the part of a block that some cameras took; exposures and points stay as they are.
 
     Parameters
     ----------
     block : Block
-    name : str
-        Of the camera.
+    names : sequence of str
+        Of the cameras, in the order that they are to have.
 
     Raises
     ------
     ValueError
         Where the block has no such camera.
     """
-    names = [camera.name for camera in block.cameras]
-    if name not in names:
-        msg = f"block {block.name!r} has no camera {name!r}, only {', '.join(names)}"
+    known = [camera.name for camera in block.cameras]
+    if unknown := [name for name in names if name not in known]:
+        msg = f"block {block.name!r} has no camera {unknown[0]!r}, only {', '.join(known)}"
         raise ValueError(msg)
-    k = names.index(name)
-    own = select_images(block, block.images.camera_idx == k)
-    images = replace(own.images, camera_idx=np.zeros(len(own.images), dtype=np.intp))
-    return replace(own, cameras=(block.cameras[k],), images=images)
+    taken = [known.index(name) for name in names]
+    renumbered = np.full(len(known), -1)
+    renumbered[taken] = np.arange(len(taken))
+    own = select_images(block, renumbered[block.images.camera_idx] >= 0)
+    images = replace(own.images, camera_idx=renumbered[own.images.camera_idx])
+    return replace(own, cameras=tuple(block.cameras[k] for k in taken), images=images)
 
 
 def select_images(block: Block, keep: Mask) -> Block:

@@ -135,7 +135,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
     T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]
     R_b_s = synthetic.T_b_c.R
-    scale, height = _scale(fits[0], images[0])
+    scale, height = ground_scale(fits[0], images[0])
     R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
     xyz, opk = np.zeros((len(fits), 3)), np.zeros((len(fits), 3))
     for k, T in enumerate(T_m_h):
@@ -184,8 +184,20 @@ def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
     return images, exposures
 
 
-def _scale(first: Bundle, images: Index) -> tuple[Array, Array]:
-    """Return mm in the first head per m on the ground, and its height over it in m."""
+def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:
+    """Return mm in a bundle's first camera per m on the ground, and its height over it in m.
+
+    Parameters
+    ----------
+    first : Bundle
+    images : ndarray, shape (n,)
+        Of its first camera.
+
+    Returns
+    -------
+    scale, height : ndarray, shape (n,)
+        The ground is the mean height of the points in an image.
+    """
     points = first.network.image_points
     z = first.state.x_m[points.point_idx, 2]
     n_images = len(first.network.block.images)

@@ -148,8 +148,8 @@ def refine_by_mean_differences(
     sigma = sigmas(orientation.cov_joint)
     J = np.eye(len(sigma))
     for i in map(int, np.flatnonzero(sigma)):
-        ahead, _, _ = _shifts(_varied(orientation, i, sigma[i]), ties)
-        behind, _, _ = _shifts(_varied(orientation, i, -sigma[i]), ties)
+        ahead, _, _ = _shifts(varied(orientation, i, sigma[i]), ties)
+        behind, _, _ = _shifts(varied(orientation, i, -sigma[i]), ties)
         change = (ahead - behind) / (2 * sigma[i])
         J[0:n:6, i] += change[:, 0]
         J[1:n:6, i] += change[:, 1]
@@ -162,7 +162,7 @@ def refine_by_mean_differences(
     return replace(orientation, xyz_mm=xyz, cov_joint=cov)
 
 
-def _varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
+def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
     """Return the orientation with one parameter changed, counted as in `cov_joint`."""
     n = 6 * len(orientation.heads)
     if i >= n:
