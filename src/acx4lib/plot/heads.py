@@ -15,9 +15,9 @@ from acx4lib._typing import Array
 from acx4lib.bundle import Bundle
 from acx4lib.correlations import EXTERIOR, interior_exterior
 from acx4lib.lens import radial_profile
+from acx4lib.plot._field import Residuals, field_figure
 from acx4lib.plot._style import (
     INK,
-    ORANGE,
     PRINTED,
     SEQUENCE,
     SOFT,
@@ -27,7 +27,6 @@ from acx4lib.plot._style import (
     heading,
     legend_below,
     nothing,
-    round_length,
     style,
 )
 
@@ -46,12 +45,6 @@ SYMBOLS = {
 """The paper's symbols of parameters by their names in results."""
 
 NO_HEADS = "No head could be adjusted."
-CELLS = 12
-"""Cells along the longer side of an image in `mean_residuals`."""
-
-FAR = 3.44
-"""Noise alone makes a plane vector longer than this many sigma as rarely as a number exceeds 3."""
-
 
 # --- residuals -------------------------------------------------------------------------------
 
@@ -71,66 +64,17 @@ def mean_residuals(fits: Mapping[str, Bundle]) -> Figure:
     """
     if not fits:
         return nothing(NO_HEADS)
-    fields = {name: _cell_means(fit) for name, fit in fits.items()}
-    longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in fields.values())
-    key = round_length(max(longest, 1e-6))
-    with style():
-        n_rows = -(-len(fields) // 2)
-        size = (WIDTH, 2.75 * n_rows + 0.5)
-        fig, grid = plt.subplots(n_rows, 2, figsize=size, squeeze=False)
-        for ax in grid.flat[len(fields) :]:
-            ax.remove()
-        for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):
-            _draw_field(ax, fits[name], field, key=key)
-            rms = np.sqrt(np.mean(fits[name].solution.group("image_point").v ** 2))
-            heading(ax, name, f"{len(fits[name].network.image_points)} points, rms {rms:.2f} px")
-        handles = [
-            Line2D([], [], color=INK, label=r"mean of a cell, within 3$\sigma$"),
-            Line2D([], [], color=ORANGE, lw=2, label=r"beyond 3$\sigma$"),
-        ]
-        legend_below(fig, handles)
-    return fig
-
-
-def _cell_means(fit: Bundle) -> tuple[Array, Array, Array]:
-    """Return middles of cells (px), mean residuals (px), and their lengths in sigma."""
-    points, camera = fit.network.image_points, fit.network.block.cameras[0]
-    v, sigma = fit.solution.group("image_point").v, points.sigma_px
-    size = max(camera.width_px, camera.height_px) / CELLS
-    n_cols, n_rows = int(np.ceil(camera.width_px / size)), int(np.ceil(camera.height_px / size))
-    upper = np.array([n_cols, n_rows]) - 1
-    cell = np.clip((points.colrow // size).astype(int), 0, upper)
-    idx = cell[:, 1] * n_cols + cell[:, 0]
-    n = n_cols * n_rows
-    count = np.bincount(idx, minlength=n)
-    enough = count >= 3
-    sums = np.stack([np.bincount(idx, v[:, j], minlength=n) for j in range(2)], axis=1)
-    mean = sums[enough] / count[enough, None]
-    sigma_mean = np.sqrt(np.bincount(idx, sigma**2, minlength=n)[enough]) / count[enough]
-    row, col = np.divmod(np.flatnonzero(enough), n_cols)
-    middle = (np.column_stack([col, row]) + 0.5) * size
-    return middle, mean, np.hypot(*mean.T) / sigma_mean
-
-
-def _draw_field(ax: Axes, fit: Bundle, field: tuple[Array, Array, Array], *, key: float) -> None:
-    camera = fit.network.block.cameras[0]
-    middle, d, in_sigma = field
-    scale = max(camera.width_px, camera.height_px) / CELLS / key  # the key is as long as a cell
-    arrows = ax.quiver(
-        *middle.T,
-        *(scale * d.T),
-        color=list(np.where(in_sigma > FAR, ORANGE, INK)),
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        width=0.004,
-        zorder=3,
+    return field_figure(
+        {
+            name: Residuals(
+                camera=fit.network.block.cameras[0],
+                colrow=fit.network.image_points.colrow,
+                v=fit.solution.group("image_point").v,
+                sigma_px=fit.network.image_points.sigma_px,
+            )
+            for name, fit in fits.items()
+        }
     )
-    label = f"{key:g} px"
-    ax.quiverkey(arrows, 0.87, 1.06, scale * key, label, labelpos="W", fontproperties={"size": 7.5})
-    ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
-    ax.set(xlabel="column (px)", ylabel="row (px)")
-    ax.locator_params(nbins=5)
 
 
 # --- distortion ------------------------------------------------------------------------------

@@ -1,0 +1,120 @@
+"""What a results folder says of its making."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from acx4lib import flight, provenance, simulate
+from acx4lib.errors import FlightError
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A flight with a geoid-free layout, kept in a results folder by one stage."""
+    at, folder = tmp_path / "flight", tmp_path / "results"
+    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    folder.mkdir()
+    provenance.keep(folder, at, flight.table_files(flight.read(at)))
+    provenance.stamp(folder, "mounting")
+    return at, folder
+
+
+def test_the_tables_are_kept_byte_for_byte_with_their_checksums(kept):
+    at, folder = kept
+    said = provenance.read(folder)
+    assert set(said.files) == {
+        "flight.toml",
+        "control_points.csv",
+        *(f"calibration/{name}.csv" for name in ("images", "image_points", "trajectory")),
+        *(
+            f"validation/{name}.csv"
+            for name in ("images", "image_points", "trajectory", "control_points")
+        ),
+    }
+    for name, sha256 in said.files.items():
+        content = (at / name).read_bytes()
+        assert (folder / "flight" / name).read_bytes() == content
+        assert sha256 == hashlib.sha256(content).hexdigest()
+
+
+def test_a_stage_has_the_digest_of_what_it_saw_and_its_versions(kept):
+    said = provenance.read(kept[1])
+    lines = "".join(f"{said.files[name]}  {name}\n" for name in sorted(said.files))
+    assert said.stages["mounting"]["flight"] == hashlib.sha256(lines.encode()).hexdigest()
+    assert set(said.stages["mounting"]["versions"]) == {"python", *provenance.PACKAGES}
+
+
+def test_a_changed_flight_changes_the_digest_but_not_that_of_older_stages(kept):
+    at, folder = kept
+    before = provenance.read(folder).digest
+    with (at / "flight.toml").open("a") as file:
+        file.write("\n# one more line\n")
+    provenance.keep(folder, at, flight.table_files(flight.read(at)))
+    provenance.stamp(folder, "validation")
+    said = provenance.read(folder)
+    assert said.digest != before
+    assert said.stages["mounting"]["flight"] == before
+    assert said.stages["validation"]["flight"] == said.digest
+    provenance.forget(folder, ["mounting"])
+    assert set(provenance.read(folder).stages) == {"validation"}
+
+
+def test_tables_of_a_block_that_is_gone_are_not_kept(kept):
+    at, folder = kept
+    provenance.keep(folder, at, [Path("flight.toml")])
+    assert [p.name for p in (folder / "flight").rglob("*")] == ["flight.toml"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (
+            lambda f: (f / "flight/flight.toml").write_text("name = 'x'"),
+            "flight.toml changed since",
+        ),
+        (lambda f: (f / "flight/control_points.csv").unlink(), "control_points.csv changed since"),
+        (
+            lambda f: (f / "provenance.json").write_text("{"),
+            "provenance.json: not what a run wrote",
+        ),
+        (
+            lambda f: (f / "provenance.json").write_text("{}"),
+            "provenance.json: not what a run wrote",
+        ),
+        (lambda f: (f / "provenance.json").unlink(), "says nothing of the flight"),
+    ],
+)
+def test_what_was_changed_afterwards_is_one_line(kept, spoil, says):
+    spoil(kept[1])
+    with pytest.raises(FlightError, match=says) as caught:
+        provenance.read(kept[1])
+    assert len(caught.value.problems) == 1
+
+
+def test_a_kept_flight_is_the_flight_without_its_pixels(tmp_path):
+    at, folder = tmp_path / "flight", tmp_path / "results"
+    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    images = (at / "calibration/images.csv").read_text().splitlines()
+    (at / "calibration/one.tif").write_bytes(b"pixels")
+    rows = [f"{images[0]},file", f"{images[1]},one.tif", *(f"{line}," for line in images[2:])]
+    (at / "calibration/images.csv").write_text("\n".join(rows) + "\n")
+    folder.mkdir()
+    read = flight.read(at)
+    provenance.keep(folder, at, flight.table_files(read))
+    again = flight.read_kept(folder / "flight")
+    assert again.name == read.name
+    assert again.notes == read.notes
+    assert list(again.blocks) == list(read.blocks)
+    points = [one.calibration.image_points.colrow for one in (again, read)]
+    assert (points[0] == points[1]).all()
+    assert read.image_files["calibration"][0] is not None
+    assert again.image_files["calibration"][0] is None
+    assert not list((folder / "flight").rglob("*.tif"))
+
+
+def test_nothing_in_it_says_when_or_where(kept):
+    text = (kept[1] / "provenance.json").read_text()
+    assert str(kept[0].parent) not in text
+    assert set(json.loads(text)) == {"files", "stages"}
