@@ -61,8 +61,8 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
 test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2
 
-bench: .venv/.stamp-test ## time what the project promises to do quickly
-	@for script in $(wildcard tests/benchmarks/*.py); do $(BIN)/python $$script || exit 1; done
+bench: .venv/.stamp-test ## time the adjustment beside other solvers, for data/benchmarks
+	@$(BIN)/python tests/benchmarks/adjustment.py
 
 # --- the notebooks on one flight -----------------------------------------------------------
 
@@ -91,6 +91,7 @@ book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(BIN)/python book/_scripts/provenance.py $(FLIGHT) $(RESULTS) book/_generated/provenance.md
 	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
 	@$(BIN)/python book/_figures/frames.py book/_generated
+	@$(BIN)/python book/_scripts/speed.py data/benchmarks book/_generated
 	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 

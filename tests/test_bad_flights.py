@@ -296,6 +296,25 @@ REPLACED = [
     (
         TOML,
         "lever_z_m = 0.2",
+        '[stages.mounting]\nweights = "estimate"',
+        ":15: stages.mounting.weights: 'estimate' (did you mean 'estimated'?); must be 'given' or "
+        "'estimated'",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        '[stages.mounting]\ngnss = ["drifts"]',
+        ":15: stages.mounting.gnss: 'drifts' (did you mean 'drift'?); must be of shift, drift",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        '[stages.heads]\nweights = "given"',
+        ":15: stages.heads.weights: unknown key; must be one of estimate",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
         '[synthetic]\ncamera = "SYN"\nheads = ["CAM"]',
         ":15: synthetic.camera: 'SYN'; must be one of [cameras.…]",
     ),

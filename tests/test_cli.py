@@ -10,11 +10,12 @@ import time
 
 import pytest
 
-from acx4lib import results, runner
+from acx4lib import provenance, results, runner
 from acx4lib.cli import main
 from small_notebooks import write
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
+LEFT = {*results.FILES, provenance.FILE, provenance.KEPT}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
 
@@ -142,7 +143,7 @@ def test_a_run_says_one_line_per_stage(acx4, flight, tmp_path, notebooks):
         "synthetic: skipped, the flight has no block heads",
         f"results in {folder}",
     ]
-    assert {path.name for path in folder.iterdir()} == {*results.FILES, "notebooks"}
+    assert {path.name for path in folder.iterdir()} == {*LEFT, "notebooks"}
 
 
 @pytest.mark.slow
@@ -204,6 +205,6 @@ def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
         run.send_signal(sent)
         out, err = run.communicate(timeout=60)
     assert (run.returncode, out, err) == (status, "", said)
-    assert {path.name for path in (tmp_path / "r").iterdir()} == set(results.FILES)
+    assert {path.name for path in (tmp_path / "r").iterdir()} == LEFT
     with pytest.raises(ProcessLookupError):
         os.kill(int(marker.read_text()), 0)

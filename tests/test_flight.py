@@ -69,6 +69,8 @@ def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
     assert read.estimate_heads == ("xp", "yp", "k1", "p1", "p2")
     assert read.estimate_mounting == ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
     assert read.fix == ()
+    assert read.weights == "given"
+    assert read.gnss == ()
     assert read.refraction == "none"
     assert read.apriori == flight.Apriori()
 

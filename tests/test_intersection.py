@@ -45,6 +45,17 @@ def test_a_third_ray_counts_as_much_as_each_of_the_others():
     assert_allclose(found, [[0.0, 1.0, 2.0]], atol=1e-12)  # y: the mean of 0, 0 and 3
 
 
+def test_a_weight_of_two_is_a_ray_twice_and_of_zero_is_none():
+    origins = np.array([[0.0, 0.0, 9.0], [5.0, 0.0, 9.0], [5.0, 3.0, 2.0]])
+    directions = rays_to(np.array([1.0, 2.0, 0.0]), np.add(origins, [[0.3], [0.0], [-0.2]]))
+    first = np.zeros(4, dtype=int)
+    twice = intersect(origins[[0, 1, 1, 2]], directions[[0, 1, 1, 2]], first, 1)
+    found = intersect(origins, directions, first[:3], 1, weights=np.array([1.0, 2.0, 1.0]))
+    assert_allclose(found, twice, atol=1e-12)
+    found = intersect(origins, directions, first[:3], 1, weights=np.array([1.0, 0.0, 1.0]))
+    assert_allclose(found, intersect(origins[::2], directions[::2], first[:2], 1), atol=1e-12)
+
+
 def test_one_ray_parallel_rays_and_no_rays_meet_nowhere():
     origins = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
     directions = np.array([[0.0, 0.0, -1.0]] * 3)
@@ -59,6 +70,17 @@ def test_the_largest_angle_is_that_of_the_outermost_rays():
     found = largest_angles(directions, np.array([2, 2, 2, 0, 0]), 4)
     # the arc cosine would give 1e-4 degrees to two digits only
     assert_allclose(np.degrees(found), [1e-4, 0.0, 45.0, 0.0], rtol=1e-9)
+
+
+def test_the_largest_angle_is_found_among_all_pairs(rng):
+    n_rays = np.array([2, 3, 5, 8, 8, 13])
+    point_idx = rng.permutation(np.repeat(np.arange(len(n_rays)), n_rays))
+    directions = rng.normal(size=(len(point_idx), 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = largest_angles(directions, point_idx, len(n_rays))
+    for point, angle in enumerate(found):
+        d = directions[point_idx == point]
+        assert np.cos(angle) == pytest.approx((d @ d.T).min(), abs=1e-12)
 
 
 def test_opposite_rays_make_a_straight_angle():

@@ -10,7 +10,7 @@ import blocks
 from acx4lib import bundle
 from acx4lib.camera import INTERIOR
 from acx4lib.frames import Pose, exp, log, rotation_from_opk, transform
-from acx4lib.unknowns import MOUNT, POSE, layout
+from acx4lib.unknowns import AXES, GNSS, MOUNT, POSE, free_shift, layout
 from helpers import dense_jacobian, numeric_dense_jacobian
 
 SECOND = replace(
@@ -23,6 +23,7 @@ STEPS = (
     dict(zip(INTERIOR, (1e-2, 1e-2, 1e-2, 1e-8, 1e-11, 1e-14, 1e-6, 1e-6, 1e-5), strict=True))
     | dict.fromkeys((*MOUNT[:3], *POSE[:3]), 1e-2)
     | dict.fromkeys((*MOUNT[3:], *POSE[3:]), 1e-5)
+    | dict.fromkeys((f"{kind}_{axis}" for kind in GNSS for axis in AXES), 1e-2)
 )
 """Steps of 1e-3 px and more in the image, where rounding is 1e-9 px, and far below curvature."""
 
@@ -66,6 +67,10 @@ def networks():
         "boresight held": bundle.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
         "mounting held": bundle.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
         "rig": bundle.mounted_orientation(rig, free=INTERIOR),
+        "shift": bundle.mounted_orientation(rig, free=("f",), gnss=("shift",)),
+        "drift": bundle.mounted_orientation(
+            blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS
+        ),
     }
 
 
@@ -90,6 +95,10 @@ def described(net, state):
         turned = log(start.T_m_b.R[i].T @ state.T_m_b.R[i])
         for name, value in zip(POSE, [*state.T_m_b.r[i], *turned], strict=True):
             out[f"{pose}/{name}"] = value
+    for k, axis in enumerate(AXES):
+        out[f"GNSS/shift_{axis}"] = state.shift[k]
+        for strip, drift in zip(net.observed.strips.names, state.drift, strict=True):
+            out[f"strip {strip}/drift_{axis}"] = drift[k]
     return out
 
 
@@ -120,9 +129,25 @@ def test_what_is_held_has_no_column():
     assert columns.pose.ravel().tolist() == list(range(6, 24))
 
 
+def test_shift_and_drifts_stand_between_cameras_and_poses():
+    columns = layout(1, 2, free=("f",), free_shift=("east", "height"), n_drifts=2)
+    assert columns.shift.tolist() == [1, -1, 2]
+    assert columns.drift.tolist() == [[3, 4, 5], [6, 7, 8]]
+    assert columns.pose.ravel().tolist() == list(range(9, 21))
+    assert columns.n_columns == 21
+
+
+def test_the_height_of_the_shift_is_held_where_the_lever_arms_is_free():
+    assert free_shift(("shift", "drift"), MOUNT) == ("east", "north")
+    assert free_shift(("shift",), MOUNT[3:]) == ("east", "north", "height")
+    assert free_shift(("drift",), MOUNT[3:]) == ()
+    with pytest.raises(ValueError, match="gnss is of shift, drift, got offset"):
+        free_shift(("offset",), MOUNT)
+
+
 def test_an_unknown_parameter_is_named():
-    with pytest.raises(ValueError, match="no such parameter: k4, lever"):
-        layout(1, 1, free=("f", "k4"), free_mount=("lever",))
+    with pytest.raises(ValueError, match="no such parameter: k4, lever, up"):
+        layout(1, 1, free=("f", "k4"), free_mount=("lever",), free_shift=("up",))
 
 
 def test_a_wild_step_leaves_the_focal_length_positive(net):

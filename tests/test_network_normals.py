@@ -10,6 +10,7 @@ from acx4lib import adjustment, bundle, network_normals, packing, simulate
 from acx4lib.banded_system import BandedInverse
 from acx4lib.normal_equations import PlainNormals
 from acx4lib.observations import PoseObservations
+from acx4lib.unknowns import MOUNT
 from flights_simulated import read_back
 
 ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
@@ -58,6 +59,12 @@ NETWORKS = {
     "free exteriors": lambda f: bundle.free_orientation(f.calibration, free=ALL[:3]),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),
+    "a shift and drifts of GNSS positions": lambda f: bundle.mounted_orientation(
+        f.calibration, free=ALL[:3], gnss=("shift", "drift")
+    ),
+    "a shift in height of a rig": lambda f: bundle.mounted_orientation(
+        f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
+    ),
 }
 
 
@@ -164,7 +171,7 @@ def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
 def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
     net = NETWORKS["single step"](flight)
     first = net.normals(net.start).step()
-    monkeypatch.setattr(network_normals, "get_num_threads", lambda: 1)
+    monkeypatch.setattr(network_normals, "_cores", lambda: 1)
     second = net.normals(net.start).step()
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b)
@@ -189,3 +196,16 @@ def test_poses_along_a_strip_make_a_narrow_band(rng):
     order = packing.ordered(point, pose, 20)
     place = np.argsort(order)
     assert np.abs(np.diff(place[along])).max() == 1
+
+
+def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
+    net = NETWORKS["a rig of four heads"](flight)
+    order = rng.permutation(len(net.image_points))
+    mixed = replace(net, image_points=net.image_points[order])
+    (dx, dp, _), (dx_0, dp_0, _) = mixed.normals(net.start).step(), net.normals(net.start).step()
+    assert_allclose(dx, dx_0, rtol=1e-6, atol=1e-9 * np.abs(dx_0).max())
+    assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
+    found, expected = mixed.normals(net.start).quality(), net.normals(net.start).quality()
+    for name in ("v", "redundancy"):  # in the order in which they were given
+        there = getattr(found.groups[0], name)
+        assert_allclose(there, getattr(expected.groups[0], name)[order], atol=1e-9)

@@ -1,5 +1,7 @@
 """What stands in a results folder is what was computed, and can be read back."""
 
+import json
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -14,6 +16,7 @@ from acx4lib import (
     results,
     validation,
     validation_records,
+    weights,
 )
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
@@ -170,6 +173,28 @@ def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
     assert left_out["n_observations"] is None
     for entry in results.read(folder).summary.values():
         assert records.NO_ADJUSTMENT.keys() < entry.keys()
+
+
+def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
+    block = weights.scaled(flown.calibration, {"heading": 0.25})
+    record = records.of_mounting(mounting.single_step(block, **SETTINGS))
+    entry = json.loads(json.dumps(record.summary["mounting/single_step"]))
+    heading = entry["sigma_factors"]["heading"]
+    assert heading["factor"] == pytest.approx(4, abs=3.3 * 4 * heading["sigma"])
+    assert heading["applied"] == 1
+    assert entry["sigma_factors"]["control height"]["factor"] is None
+    said = f"the sigma of heading are {heading['factor']:.1f} times too optimistic"
+    assert entry["notes"] == [f"mounting/single_step: {said}"]
+
+
+def test_the_summary_says_by_what_sigma_were_multiplied(flown):
+    applied = {"GNSS": 1.5}
+    block = weights.scaled(flown.calibration, applied)
+    record = records.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
+    entry = record.summary["mounting/single_step"]
+    assert entry["sigma_factors"]["GNSS"]["applied"] == 1.5
+    assert "the sigma were multiplied by 1.50 ± " in entry["notes"][0]
+    assert entry["notes"][0].endswith("(GNSS)")
 
 
 def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):

@@ -5,7 +5,8 @@ import shutil
 import pandas as pd
 import pytest
 
-from acx4lib import results, runner, simulate
+import flights
+from acx4lib import provenance, results, runner, simulate
 from acx4lib.errors import FlightError
 from acx4lib.notebooks import NotebookError
 from small_notebooks import write
@@ -63,7 +64,8 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
-        [f"results/{name}" for name in results.FILES]
+        [f"results/{name}" for name in (*results.FILES, provenance.FILE)]
+        + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
         + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
     )
     # The folder's own name stands in the cell of the parameters.
@@ -169,18 +171,55 @@ def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     write(folder / "00-flight.ipynb", PARAMETERS, "seed")
     for stage in results.STAGES:
         write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
+    of_rig = keep("mounting", "rig").replace('["mounting"]', '["mounting/rig"]')
+    write(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
     write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
     report = runner.run(flight, tmp_path / "results", notebooks_path=folder)
     assert report.not_determined == ("no heads",)
-    stages = results.read(tmp_path / "results").parameters["stage"]
-    assert list(stages) == ["heads", "mounting", "validation"]
+    found = results.read(tmp_path / "results").parameters
+    assert list(found["stage"]) == ["heads", "mounting", "mounting", "validation"]
+    assert list(found["method"]) == ["method", "method", "rig", "method"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("heads", [1, 2])
+def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path, heads):
+    path = flights.write_flight(tmp_path / "flight", blocks=("heads",))
+    if heads == 1:
+        toml = (
+            (path / "flight.toml")
+            .read_text()
+            .replace('heads = ["LEFT", "RIGHT"]', 'heads = ["LEFT"]')
+        )
+        (path / "flight.toml").write_text(toml)
+        for name in ("images.csv", "image_points.csv"):
+            table = pd.read_csv(path / "heads" / name, dtype=str)
+            table[table["image"].str.endswith("LEFT")].to_csv(path / "heads" / name, index=False)
+    left_out = keep("mounting", "rig", {"left_out": ["mounting/rig: no"], "notes": ["hm"]})
+    of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
+    write(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    report = runner.run(
+        path, tmp_path / "results", stages=["mounting"], notebooks_path=notebooks_path
+    )
+    no_block = "mounting: skipped, the flight has no block calibration"
+    if heads == 1:
+        assert report.ran == ()
+        assert report.skipped == (no_block, "rig: skipped, block heads has one camera only")
+    else:
+        assert report.ran == ("rig",)
+        assert report.skipped == (no_block,)
+        assert report.left_out == ("mounting/rig: no",)
+        assert report.notes == ("hm",)
+        assert report.not_determined == ()
 
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
     (tmp_path / "results" / ".running-x" / "notebooks").mkdir(parents=True)
     runner.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
-    assert {path.name for path in (tmp_path / "results").iterdir()} == {*results.FILES, "notebooks"}
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {
+        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks")
+    }
 
 
 def test_a_validation_without_a_point_in_two_images_is_skipped(

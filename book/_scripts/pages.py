@@ -23,7 +23,7 @@ from acx4lib import (
     simulation_page,
 )
 
-ALWAYS = ("05-reference-data", "06-errata")
+ALWAYS = ("05-reference-data", "06-errata", "07-report", "09-weights")
 
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from acx4lib.provenance import KEPT
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -44,7 +46,9 @@ def packages() -> list[tuple[str, str]]:
 
 def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
     """List the data files under a folder with size and SHA-256."""
-    paths = sorted(p for p in folder.rglob("*") if p.suffix in {".csv", ".toml", ".json"})
+    names = (path.relative_to(folder) for path in folder.rglob("*"))
+    kept = (name for name in names if name.parts[0] != KEPT)  # results keep the flight's tables
+    paths = [folder / name for name in sorted(kept) if name.suffix in {".csv", ".toml", ".json"}]
     return [
         (
             f"`{name}/{path.relative_to(folder).as_posix()}`",

@@ -30,9 +30,6 @@ from acx4lib.reduced_system import Inverse
 
 S = TypeVar("S")
 
-FEW_COLUMNS = 2000
-"""Reduced unknowns below which the linear algebra is faster on one thread."""
-
 
 class Problem(Protocol[S]):
     """What an adjustment has to know of its application.
@@ -212,8 +209,8 @@ def solve(
     Converged when a full step moves the unknowns by less than `tolerance`, or when rounding lets
     no step reduce the cost any more.
     """
-    limit = 1 if problem.n_columns < FEW_COLUMNS else None
-    with _blas().limit(limits=limit, user_api="blas"):
+    # its matrices are small, or banded: more threads cost more than they bring
+    with _blas().limit(limits=1, user_api="blas"):
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         quality = at_state.quality()
     return state, Solution(

@@ -48,11 +48,12 @@ class Bordered:
         N = np.zeros((m + n, m + n))
         N[:m, :m], N[m:, :m] = self.D, self.C.T
         N[:m, m:] = self.C
-        blocks = N[m:, m:].reshape(len(self.P), 6, len(self.P), 6)
-        for d in range(self.P.shape[1]):
-            i = np.arange(len(self.P) - d)
-            blocks[i + d, :, i, :] = np.swapaxes(self.P[i, d], 1, 2)
-            blocks[i, :, i + d, :] = self.P[i, d]
+        for i, blocks in enumerate(self.P):
+            a = m + 6 * i
+            row = np.swapaxes(blocks[: len(self.P) - i], 0, 1).reshape(6, -1)
+            b = a + row.shape[1]
+            N[a : a + 6, a:b] = row
+            N[a:b, a : a + 6] = row.T
         return N
 
 
@@ -161,15 +162,15 @@ class Banded:
 def _lower_band(P: Array, scale: Array) -> Array:
     """Return the scaled band as LAPACK stores it: row k holds the k-th diagonal below."""
     n_poses, band = P.shape[:2]
-    out = np.zeros((6 * band, 6 * n_poses), order="F")
-    each = np.arange(n_poses)
+    by_column = np.zeros((n_poses, 6, 6 * band + 6))
+    scale = scale.reshape(n_poses, 6)
     for d in range(band):
-        i = each[: n_poses - d]
-        for a in range(6):  # column of the band, row of P
-            for b in range(0 if d else a, 6):
-                k = 6 * d + b - a
-                out[k, 6 * i + a] = P[i, d, a, b] * scale[6 * i + a] * scale[6 * (i + d) + b]
-    return out
+        i = slice(0, n_poses - d)
+        block = P[i, d] * scale[i, :, None] * scale[d:, None, :]
+        for a in range(6):  # the column starts at its diagonal
+            by_column[i, a, 6 * d + 6 - a : 6 * d + 12 - a] = block[:, a]
+    # left of it stands what belongs to the upper triangle
+    return by_column[:, :, 6 : 6 * band + 6].reshape(6 * n_poses, 6 * band).T
 
 
 def _selected_inverse(factor: Array, n_poses: int, band: int) -> Array:

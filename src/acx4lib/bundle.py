@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,17 +19,30 @@ from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
 from acx4lib.block import Block, SurveyedPoints, mountings
 from acx4lib.camera import Camera
-from acx4lib.collinearity import Measurement, directions, mounted_jacobian
+from acx4lib.collinearity import mounted_jacobian
 from acx4lib.covariance import propagate
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
 from acx4lib.gross_errors import Rejection
-from acx4lib.intersection import intersect, largest_angles
-from acx4lib.network import Network, PoseObservations, State, camera_poses
-from acx4lib.unknowns import MOUNT, Layout, layout
+from acx4lib.network import Network, State, camera_poses
+from acx4lib.observations import PoseObservations, Strips, strips_of
+from acx4lib.robust import robust_phase
+from acx4lib.start_values import (
+    ASTRAY,
+    far_off,
+    in_front,
+    recovered,
+    start_points,
+    suspects,
+    with_estimates,
+)
+from acx4lib.unknowns import MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
+
+HIGH = 100.0
+"""Variance factor from which one looks whether the minimum found is the right one."""
 
 
 # --- setting up ------------------------------------------------------------------------------
@@ -104,6 +118,7 @@ def mounted_orientation(
     free: Sequence[str],
     free_mount: Sequence[str] = MOUNT,
     refraction: str = "none",
+    gnss: Sequence[str] = (),
 ) -> Network:
     """Set up the single step, eq. (14): body poses observed by GNSS and INS, mountings free.
 
@@ -117,23 +132,44 @@ def mounted_orientation(
         cameras' values.
     refraction : str
         ``"none"`` or ``"standard"``.
+    gnss : sequence of str
+        What GNSS positions are off in common, names of `unknowns.GNSS`: a ``"shift"`` of the
+        whole block, a ``"drift"`` along every strip. The shift's height is held where the lever
+        arm's z is estimated.
 
     Returns
     -------
     Network
+
+    Raises
+    ------
+    AdjustmentError
+        For drifts of a block without strips.
     """
     trajectory = block.trajectory
+    strips = strips_of(block) if "drift" in gnss else Strips()
+    if "drift" in gnss and not strips.names:
+        msg = "no strip has two exposures to drift between: images.csv needs its column strip"
+        raise AdjustmentError(msg)
     return _network(
         block,
         poses=_Poses(
             names=trajectory.exposures, idx=block.images.exposure_idx, T_m_b=trajectory.T_m_b
         ),
-        columns=layout(len(block.cameras), len(trajectory), free=free, free_mount=free_mount),
+        columns=layout(
+            len(block.cameras),
+            len(trajectory),
+            free=free,
+            free_mount=free_mount,
+            free_shift=free_shift(gnss, free_mount),
+            n_drifts=len(strips.names),
+        ),
         observed=PoseObservations(
             T_m_b=trajectory.T_m_b,
             R_g_m=trajectory.R_g_m,
             sigma_position=trajectory.sigma_position,
             sigma_attitude=trajectory.sigma_attitude,
+            strips=strips,
         ),
         T_b_c=mountings(block.cameras),
         refraction=refraction,
@@ -168,79 +204,65 @@ def _network(
     T_b_c: Pose,
     refraction: str,
 ) -> Network:
-    """Choose the measurements that take part and give every point a start value."""
-    T_m_c = poses.T_m_b[poses.idx] @ T_b_c[block.images.camera_idx]
-    point_idx = block.image_points.point_idx
+    """Put a block and its unknowns together; recover start values that are far off."""
+    given = Network(
+        block=block,
+        pose_names=poses.names,
+        pose_idx=poses.idx,
+        layout=columns,
+        image_points=block.image_points,
+        rows=np.arange(len(block.image_points)),
+        control=block.control,
+        observed=observed,
+        start=State(
+            interiors=tuple(camera.interior for camera in block.cameras),
+            T_b_c=T_b_c,
+            T_m_b=poses.T_m_b,
+            x_m=np.full((len(block.points), 3), np.nan),
+            drift=np.zeros(columns.drift.shape),
+        ),
+        refraction=refraction,
+    )
+    network = _chosen(given, given.start)
+    if not far_off(network, network.start).any():
+        return network
+    network = _chosen(given, recovered(network))
+    return _chosen(given, _robust(network, network.start))
+
+
+def _robust(network: Network, state: State) -> State:
+    """Return what most observations agree on, or the state itself where it allows no step."""
+    return robust_phase(network, state) if in_front(network, state) else state
+
+
+def _chosen(network: Network, state: State) -> Network:
+    """Choose the measurements that take part, and where points start, by intersections."""
+    block, point_idx = network.block, network.block.image_points.point_idx
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     rays_left = np.bincount(point_idx[used], minlength=len(block.points))
     is_control = np.zeros(len(block.points), dtype=bool)
-    is_control[block.control.point_idx] = np.isfinite(block.control.sigma_m).all(axis=1)
-    x_m, angle = start_points(block, T_m_c, used)
+    is_control[block.control.point_idx] = np.isfinite(block.control.sigma_m).any(axis=1)
+    cameras = with_estimates(block.cameras, state)
+    x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
     too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
     once = (rays_left == 1) & ~is_control
     rows = used[~(too_flat | once)[point_idx[used]]]
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[block.control.point_idx] = block.control.x_m
     reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
-    left_out = {why: int(which.sum()) for why, which in reasons if which.any()}
-    return Network(
-        block=block,
-        pose_names=poses.names,
-        pose_idx=poses.idx,
-        layout=columns,
+    return replace(
+        network,
         image_points=block.image_points[rows],
         rows=rows,
         control=block.control[_measured(block, rows, block.control)],
-        observed=observed,
-        start=State(
-            interiors=tuple(camera.interior for camera in block.cameras),
-            T_b_c=T_b_c,
-            T_m_b=poses.T_m_b,
-            x_m=x_m,
-        ),
-        refraction=refraction,
-        left_out=left_out,
+        start=replace(state, x_m=x_m),
+        left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )
 
 
 def _measured(block: Block, rows: Index, surveyed: SurveyedPoints) -> Mask:
     """Tell which surveyed points are measured in any of the rows."""
     return np.isin(surveyed.point_idx, block.image_points.point_idx[rows])
-
-
-def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
-    """Return points by intersection of their rays and the largest angle between these.
-
-    Parameters
-    ----------
-    block : Block
-    T_m_c : Pose
-        One per image.
-    rows : ndarray
-        The image points to use.
-
-    Returns
-    -------
-    x_m : ndarray, shape (n_points, 3)
-        m; where rays do not meet in front of the cameras, on a ray at the others' median height.
-    angle : ndarray, shape (n_points,)
-        Radians.
-    """
-    points = block.image_points[rows]
-    seen = Measurement(
-        cameras=block.cameras,
-        camera_idx=block.images.camera_idx[points.image_idx],
-        T_m_c=T_m_c[points.image_idx],
-        colrow=points.colrow,
-    )
-    origins, rays, n_points = seen.T_m_c.r, directions(seen), len(block.points)
-    x_m = intersect(origins, rays, points.point_idx, n_points)
-    along = np.sum((x_m[points.point_idx] - origins) * rays, axis=1)
-    range_m = np.nanmedian(np.where(along > 0, along, np.nan)) if np.any(along > 0) else 1000.0
-    wild = ~((along > 0.2 * range_m) & (along < 5 * range_m))
-    for row in np.flatnonzero(wild):
-        x_m[points.point_idx[row]] = origins[row] + range_m * rays[row]
-    return x_m, largest_angles(rays, points.point_idx, n_points)
 
 
 # --- adjusting -------------------------------------------------------------------------------
@@ -268,12 +290,7 @@ class Bundle:
     @property
     def cameras(self) -> tuple[Camera, ...]:
         """The block's cameras with estimated interior orientation; mounting where mounted."""
-        return tuple(
-            replace(camera, interior=interior, T_b_c=self.state.T_b_c[k])
-            for k, (camera, interior) in enumerate(
-                zip(self.network.block.cameras, self.state.interiors, strict=True)
-            )
-        )
+        return with_estimates(self.network.block.cameras, self.state)
 
     @property
     def T_m_c(self) -> Pose:
@@ -303,10 +320,27 @@ class Bundle:
 def adjust(network: Network) -> Bundle:
     """Adjust a network as it stands.
 
+    Start values that are far off, or that lead nowhere, are recovered first.
+
     Raises
     ------
     AdjustmentError
-        Where it does not converge.
+        Where it does not converge, or not to where the measurements are.
     """
-    state, solution = adjustment.solve(network, network.start)
+    if not far_off(network, network.start).any():
+        with suppress(AdjustmentError):
+            return _adjusted(network, network.start)
+    return _adjusted(network, _robust(network, recovered(network)))
+
+
+def _adjusted(network: Network, start: State) -> Bundle:
+    try:
+        state, solution = adjustment.solve(network, start)
+    except AdjustmentError as error:
+        msg = f"{error}{suspects(network, start)}"
+        raise AdjustmentError(msg) from error
+    if solution.sigma0_sq > HIGH and far_off(network, state, limit=ASTRAY).any():
+        where = suspects(network, start) or suspects(network, state)
+        msg = f"the adjustment went astray{where}"
+        raise AdjustmentError(msg)
     return Bundle(network=network, state=state, solution=solution)

@@ -186,8 +186,9 @@ NAME is one of
   single-head  one ordinary camera, turned on its mount
 
 \b
-Example:
+Examples:
   acx4 simulate single-head --out my_flight --seed 3
+  acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
 """
 )
 def simulate(
@@ -199,6 +200,15 @@ def simulate(
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="The same seed gives the same flight.")
     ] = 1,
+    slow_errors: Annotated[
+        bool, typer.Option("--slow-errors", help="Trajectory errors that change slowly.")
+    ] = False,
+    gross_errors: Annotated[
+        bool, typer.Option("--gross-errors", help="Mistakes in the calibration block.")
+    ] = False,
+    refraction: Annotated[
+        bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
+    ] = False,
 ) -> None:
     """Write a simulated flight."""
     from acx4lib import simulate as simulator  # noqa: PLC0415 quick help
@@ -207,8 +217,43 @@ def simulate(
         _refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
     if out.exists():
         _refuse(f"{out}: exists already; choose another name")
-    simulator.write(simulator.DESIGNS[name](seed=seed), out)
+    options = simulator.Options(
+        slow_errors=simulator.SlowErrors() if slow_errors else None,
+        gross_errors=simulator.GrossErrors() if gross_errors else None,
+        refraction="standard" if refraction else "none",
+    )
+    simulator.write(simulator.DESIGNS[name](seed=seed, options=options), out)
     typer.echo(f"{out}; its truth in {simulator.truth_path(out)}")
+
+
+@app.command(
+    help="""Write the calibration report of a run: one HTML file that can be printed.
+
+It is made from the results folder alone.
+
+\b
+Example:
+  acx4 report my_results --out my_report.html
+"""
+)
+def report(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", show_default=False, help="Folder of a run.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
+        ),
+    ] = None,
+) -> None:
+    """Write the calibration report of a run."""
+    from acx4lib import calibration_report  # noqa: PLC0415 quick help
+
+    path = out or results / "report.html"
+    with _progress() as tell:
+        calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
+    typer.echo(path)
 
 
 @contextlib.contextmanager

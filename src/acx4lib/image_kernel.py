@@ -361,15 +361,13 @@ class Tests(NamedTuple):
     ----------
     cov_points : ndarray, shape (n, 3, 3)
         Like `Scene.x_m`; infinite for points that are open, as it was for those that are held.
-    v : ndarray, shape (n_rays, 2)
-        Residuals over their standard deviations.
-    explained : ndarray, shape (n_rays, 2)
-        Variance of the adjusted rays over that of the measured ones: one less the redundancy.
+    v, redundancy : ndarray, shape (n_rays, 2)
+        In the block's order; the residuals are along x and y, over their standard deviations.
     """
 
     cov_points: Array
     v: Array
-    explained: Array
+    redundancy: Array
 
 
 @compiled
@@ -406,10 +404,10 @@ def quality(
                 C[:] = np.inf
             out.cov_points[at] = C
         for k in range(n):
-            i = rays.image[start + k]
+            i, at = rays.image[start + k], rays.row[start + k]
             _add_rows(room.X, k * 48, identity, 0, room.X_sums, scene.camera[i] * 48)
             for row in range(2):
-                out.v[start + k, row] = J[k, row, 15]
+                out.v[at, row] = J[k, row, 15]
                 J[k, row, 15] = 0.0
                 _row_times_square(z, 0, J, k * 32 + row * 16, cov.K, i * 256)
                 total = 0.0
@@ -420,4 +418,4 @@ def quality(
                 _add_point_times_rays(z, 0, twice, 0, room.X, k * 48)
                 for c in range(16):
                     total += z[c] * J[k, row, c]
-                out.explained[start + k, row] = total
+                out.redundancy[at, row] = 1 - total

@@ -13,7 +13,14 @@ R_C_CV = np.diag([1.0, -1.0, -1.0])
 """OpenCV's camera looks along +z with y down."""
 
 
-def intersect(origins: Array, directions: Array, point_idx: Index, n_points: int) -> Array:
+def intersect(
+    origins: Array,
+    directions: Array,
+    point_idx: Index,
+    n_points: int,
+    *,
+    weights: Array | float = 1.0,
+) -> Array:
     """Return the points nearest to bundles of rays, in the sense of least squared distances.
 
     Parameters
@@ -23,20 +30,28 @@ def intersect(origins: Array, directions: Array, point_idx: Index, n_points: int
     point_idx : ndarray, shape (n,)
         Which point a ray belongs to.
     n_points : int
+    weights : ndarray, shape (n,), optional
+        Of the rays, at most about one.
 
     Returns
     -------
     ndarray, shape (n_points, 3)
         NaN where fewer than two rays meet or all are parallel.
     """
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    normal = np.zeros((n_points, 3, 3))
-    right = np.zeros((n_points, 3))
-    np.add.at(normal, point_idx, across)
-    np.add.at(right, point_idx, np.einsum("nij,nj->ni", across, origins))
+    middle = origins.mean(axis=0) if len(origins) else np.zeros(3)  # large numbers cost digits
+    from_middle = origins - middle
+    along = np.sum(from_middle * directions, axis=1)
+    normal, right = np.empty((n_points, 3, 3)), np.empty((n_points, 3))
+    for i in range(3):
+        foot = weights * (from_middle[:, i] - along * directions[:, i])
+        right[:, i] = np.bincount(point_idx, foot, minlength=n_points)
+        for j in range(i, 3):
+            across = weights * ((i == j) - directions[:, i] * directions[:, j])
+            normal[:, i, j] = np.bincount(point_idx, across, minlength=n_points)
+            normal[:, j, i] = normal[:, i, j]
     meets = np.linalg.det(normal) > 1e-9  # about 0.003 degrees between two rays
     out = np.full((n_points, 3), np.nan)
-    out[meets] = np.linalg.solve(normal[meets], right[meets][..., None])[..., 0]
+    out[meets] = np.linalg.solve(normal[meets], right[meets][..., None])[..., 0] + middle
     return out
 
 
@@ -58,14 +73,14 @@ def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
     order = np.argsort(point_idx, kind="stable")
     counts = np.bincount(point_idx, minlength=n_points)
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    out = np.zeros(n_points)
+    longest = np.zeros(n_points)  # chords stay exact where arc cosines of small angles do not
     for count in np.unique(counts[counts > 1]):
         points = np.flatnonzero(counts == count)
         d = directions[order[starts[points][:, None] + np.arange(count)]]
-        # chords stay exact where the arc cosine of nearly parallel rays does not
-        chord = np.linalg.norm(d[:, :, None] - d[:, None, :], axis=-1).max(axis=(1, 2))
-        out[points] = 2 * np.arcsin(np.minimum(chord / 2, 1.0))
-    return out
+        for apart in range(1, count):
+            chord = np.linalg.norm(d[:, apart:] - d[:, :-apart], axis=-1)
+            longest[points] = np.maximum(longest[points], chord.max(axis=1))
+    return 2 * np.arcsin(np.minimum(longest / 2, 1.0))
 
 
 def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:

@@ -23,7 +23,7 @@ from acx4lib.data_snooping import adjust_rejecting
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, mean_rotation, skew, transform
 from acx4lib.gross_errors import Rejection, without
-from acx4lib.network import PoseObservations
+from acx4lib.observations import PoseObservations
 from acx4lib.unknowns import MOUNT, Layout, layout
 
 LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
@@ -76,14 +76,19 @@ class Mountings:
 
 
 def calibrate(
-    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
 ) -> Mountings:
     """Calibrate by all methods; the two-step ones take over what single step rejected.
 
     Parameters
     ----------
-    block, free, fix, refraction
-        As in `single_step`.
+    block, free, fix, refraction, gnss
+        As in `single_step`; `gnss` is for it alone.
 
     Raises
     ------
@@ -94,7 +99,9 @@ def calibrate(
     failures: dict[str, str] = {}
     rejected: tuple[Rejection, ...] = ()
     try:
-        methods["single_step"] = single_step(block, free=free, fix=fix, refraction=refraction)
+        methods["single_step"] = single_step(
+            block, free=free, fix=fix, refraction=refraction, gnss=gnss
+        )
         rejected = methods["single_step"].bundle.rejected
     except AdjustmentError as error:
         failures["single_step"] = str(error)
@@ -122,7 +129,12 @@ def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
 
 
 def single_step(
-    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
 ) -> Mounting:
     """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
 
@@ -135,6 +147,9 @@ def single_step(
         ``"lever_arm"`` and ``"boresight"`` stay at the cameras' values where named.
     refraction : str
         ``"none"`` or ``"standard"``.
+    gnss : sequence of str
+        ``"shift"`` and ``"drift"`` of GNSS positions are unknowns where named, as in
+        `bundle.mounted_orientation`.
 
     Raises
     ------
@@ -144,7 +159,7 @@ def single_step(
     bundle = adjust_rejecting(
         block,
         lambda b: mounted_orientation(
-            b, free=free, free_mount=free_mount(fix), refraction=refraction
+            b, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
         ),
     )
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)

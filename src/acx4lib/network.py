@@ -29,12 +29,13 @@ from acx4lib.observations import (
     attitude_equations,
     control_equations,
     position_equations,
+    position_errors,
 )
-from acx4lib.unknowns import MOUNT, POSE, Layout
+from acx4lib.unknowns import AXES, MOUNT, POSE, Layout
 
 try:
     from acx4lib.network_normals import NetworkNormals
-    from acx4lib.packing import Packed, pack
+    from acx4lib.packing import Measured, Packed, pack
     from acx4lib.rays import Scene
     from acx4lib.reduction import Hanging
 
@@ -57,12 +58,18 @@ class State:
         One per pose.
     x_m : ndarray, shape (n_points, 3)
         m.
+    shift : ndarray, shape (3,)
+        By which all observed positions are off along the grid's axes, m.
+    drift : ndarray, shape (n_drifts, 3)
+        By which they drift along the strips, m per unit of `Strips`' time.
     """
 
     interiors: tuple[Interior, ...]
     T_b_c: Pose
     T_m_b: Pose
     x_m: Array
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,12 +134,15 @@ class Network:
         return np.all(self.control.sigma_m == 0, axis=1)
 
     def column_names(self) -> list[str]:
-        """Return ``camera/parameter`` and ``pose/parameter`` for every column."""
+        """Return ``camera/parameter``, ``pose/parameter`` and the like for every column."""
         names = [""] * self.n_columns
         owners = [camera.name for camera in self.block.cameras]
+        strips = [f"strip {name}" for name in self.observed.strips.names]
         for part, rows, labels in (
             (self.layout.interior, owners, INTERIOR),
             (self.layout.mount, owners, MOUNT),
+            (self.layout.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
+            (self.layout.drift, strips, [f"drift_{axis}" for axis in AXES]),
             (self.layout.pose, self.pose_names, POSE),
         ):
             for columns, owner in zip(part, rows, strict=True):
@@ -154,6 +164,8 @@ class Network:
             T_b_c=_moved_pose(state.T_b_c, mount),
             T_m_b=_moved_pose(state.T_m_b, pose),
             x_m=state.x_m + dp,
+            shift=state.shift + padded[self.layout.shift],
+            drift=state.drift + padded[self.layout.drift],
         )
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
@@ -183,11 +195,12 @@ class Network:
 
 
 def _other_equations(network: Network, state: State) -> list[Equations]:
-    observed, pose = network.observed, network.layout.pose
+    observed, columns = network.observed, network.layout
+    errors = position_errors(observed, state.shift, state.drift)
     return [
         control_equations(network.control[~network.held_control], state.x_m),
-        position_equations(observed, state.T_m_b, pose[:, :3]),
-        attitude_equations(observed, state.T_m_b, pose[:, 3:]),
+        position_equations(observed, state.T_m_b, errors, columns),
+        attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
     ]
 
 
@@ -259,19 +272,20 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
 
 
 def _packed(network: Network) -> Packed:
-    points, images = network.image_points, network.block.images
-    camera_idx = images.camera_idx[points.image_idx]
-    xy = np.empty_like(points.colrow)
-    for k, camera in enumerate(network.block.cameras):
-        own = camera_idx == k
+    points, cameras = network.image_points, network.block.cameras
+    camera_idx = network.block.images.camera_idx[points.image_idx]
+    xy, pixel_mm = np.empty_like(points.colrow), np.empty(len(points))
+    for k, camera in enumerate(cameras):
+        own: Mask | slice = camera_idx == k if len(cameras) > 1 else slice(None)
         xy[own] = xy_from_colrow(camera, points.colrow[own])
-    pixel_mm = np.array([camera.pixel_mm for camera in network.block.cameras])
+        pixel_mm[own] = camera.pixel_mm
     return pack(
-        point=points.point_idx,
-        image=points.image_idx,
-        xy=xy,
-        sigma_px=points.sigma_px,
-        sigma_mm=points.sigma_px * pixel_mm[camera_idx],
+        Measured(
+            point=points.point_idx,
+            image=points.image_idx,
+            xy=xy,
+            weight=1 / (points.sigma_px * pixel_mm),
+        ),
         free_points=network.free_points,
         also=network.control.point_idx[~network.held_control],
         pose_of_image=network.pose_idx,
@@ -316,5 +330,6 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
         ),
         border=np.hstack([layout.interior, layout.mount]),
         pose_columns=layout.pose[packed.pose],
+        sigma_px=network.image_points.sigma_px,
         others=others,
     )

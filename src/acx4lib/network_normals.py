@@ -5,6 +5,8 @@ The plain version that it must equal is `normal_equations.PlainNormals`.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,7 +14,6 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numba import get_num_threads
 from scipy import linalg
 
 from acx4lib import image_kernel
@@ -26,7 +27,7 @@ from acx4lib.banded_system import (
     too_large,
 )
 from acx4lib.image_kernel import CameraNormals, Tests, camera_normals
-from acx4lib.normal_equations import Equations, Group, Quality, cost_of, gather, tested
+from acx4lib.normal_equations import Equations, Group, Quality, cost_of, gather
 from acx4lib.packing import Packed
 from acx4lib.rays import Scene
 from acx4lib.reduced_system import Dense, Inverse
@@ -45,8 +46,13 @@ def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -
     first, last = zip(*packed.parts, strict=True)
     if len(packed.parts) == 1:
         return list(map(work, first, last, *each))
-    with ThreadPoolExecutor(min(get_num_threads(), len(packed.parts))) as pool:
+    with ThreadPoolExecutor(min(_cores(), len(packed.parts))) as pool:
         return list(pool.map(work, first, last, *each))
+
+
+def _cores() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +70,8 @@ class NetworkNormals:
         Columns of interior orientation and mounting, -1 where held.
     pose_columns : ndarray, shape (n_poses, 6)
         Columns of the poses in the order of `Packed.pose`.
+    sigma_px : ndarray, shape (n,)
+        Of the image points, in the block's order.
     others : sequence of Equations
         Of everything that is no image point; a unit touches one pose at most.
     """
@@ -73,40 +81,41 @@ class NetworkNormals:
     hanging: Hanging
     border: Index
     pose_columns: Index
+    sigma_px: Array
     others: Sequence[Equations]
 
     # --- assembled ---------------------------------------------------------------------------
 
     @cached_property
-    def _images(self) -> tuple[CameraNormals, bool, float]:
-        """Return the image points' normal equations, whether all look ahead, the decrement."""
-        packed, scene = self.packed, self.scene
+    def _images(self) -> tuple[Bordered, float, float]:
+        """Return the image points' reduced normal equations, their cost, and their decrement."""
+        packed = self.packed
         totals = [
             camera_normals(len(packed.image), self.hanging.n_cameras, packed.band)
             for _ in packed.parts
         ]
 
         def work(first: int, last: int, total: CameraNormals) -> tuple[bool, float]:
-            return image_kernel.accumulate(packed.rays, scene, first, last, total)
+            return image_kernel.accumulate(packed.rays, self.scene, first, last, total)
 
         done = _in_parts(packed, work, totals)
-        for part in totals[1:]:
-            for total, more in zip(totals[0], part, strict=True):
+        while len(totals) > 1:
+            for total, more in zip(totals[0], totals.pop(1), strict=True):
                 np.add(total, more, out=total)
-        return totals[0], all(ahead for ahead, _ in done), sum(less for _, less in done)
+        ahead = all(ahead for ahead, _ in done)
+        cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
+        return reduced_normals(totals[0], self.hanging), cost, sum(less for _, less in done)
 
     @cached_property
     def cost(self) -> float:
         """Weighted sum of squared residuals; infinite with a point behind a camera."""
-        normals, ahead, _ = self._images
-        of_images = float(normals.M[:, 15, 15].sum()) if ahead else np.inf
-        return of_images + cost_of((e.v, e.sigma) for e in self.others)
+        return self._images[1] + cost_of((e.v, e.sigma) for e in self.others)
 
     @cached_property
     def n_observations(self) -> int:
         """Components that take part."""
         others = sum(int(np.isfinite(e.sigma).sum()) for e in self.others)
-        return 2 * len(self.packed.row) + others
+        return 2 * len(self.sigma_px) + others
 
     @property
     def _n_border(self) -> int:
@@ -121,7 +130,7 @@ class NetworkNormals:
     def _system(self) -> Bordered:
         """The damped reduced normal equations."""
         m, order, damping = self._n_border, self._order, self.scene.damping
-        full = reduced_normals(self._images[0], self.hanging)
+        full = self._images[0]
         columns = self.border.ravel()
         free = columns >= 0
         C, D = np.zeros((m, full.C.shape[1])), np.zeros((m, m))
@@ -186,8 +195,8 @@ class NetworkNormals:
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
         tests = Tests(
             cov_points=np.zeros((len(self.scene.x_m), 3, 3)),
-            v=np.empty((len(packed.row), 2)),
-            explained=np.empty((len(packed.row), 2)),
+            v=np.empty((len(self.sigma_px), 2)),
+            redundancy=np.empty((len(self.sigma_px), 2)),
         )
 
         def work(first: int, last: int) -> None:
@@ -202,13 +211,11 @@ class NetworkNormals:
         )
 
     def _image_points(self, tests: Tests) -> Group:
-        """Return the tests of the image points in the block's order."""
-        packed = self.packed
-        back = np.empty(len(packed.row), dtype=np.intp)
-        back[packed.row] = np.arange(len(packed.row))
-        sigma = np.repeat(packed.sigma_px[back, None], 2, axis=1)
-        v = tests.v[back] * sigma * np.array([1.0, -1.0])  # rows count downwards
-        return tested("image_point", v, sigma, tests.explained[back])
+        """Return the tests of the image points, residuals in pixels; rows count downwards."""
+        sigma = np.broadcast_to(self.sigma_px[:, None], tests.v.shape)
+        np.multiply(tests.v, sigma, out=tests.v)
+        np.negative(tests.v[:, 1], out=tests.v[:, 1])
+        return Group(kind="image_point", v=tests.v, sigma=sigma, redundancy=tests.redundancy)
 
 
 def _add(system: Bordered, e: Equations, place: Index) -> None:
@@ -251,4 +258,4 @@ def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
         held = e.columns < 0
         cov[held[:, :, None] | held[:, None, :]] = 0.0
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
-    return tested(e.kind, e.v, e.sigma, explained / e.sigma**2)
+    return Group.of(e, explained)

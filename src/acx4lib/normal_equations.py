@@ -56,39 +56,42 @@ class Group:
     Attributes
     ----------
     kind : str
-    v, sigma, redundancy, w : ndarray, shape (m, d)
-        `redundancy` is the share of an error that shows in its own residual, `w` Baarda's
-        standardised residual with the a priori sigma; NaN where nothing controls it.
+    v, sigma, redundancy : ndarray, shape (m, d)
+        `redundancy` is the share of an error that shows in its own residual; NaN where the
+        component takes no part.
     """
 
     kind: str
     v: Array
     sigma: Array
     redundancy: Array
-    w: Array
 
     @property
     def used(self) -> Mask:
         """Which components took part."""
         return np.isfinite(self.sigma)
 
+    @cached_property
+    def w(self) -> Array:
+        """Baarda's standardised residuals with the a priori sigma; NaN where nothing controls."""
+        w = np.full_like(self.v, np.nan)
+        controlled = self.used & (self.redundancy > 1e-6)
+        sigma, redundancy = self.sigma[controlled], self.redundancy[controlled]
+        w[controlled] = self.v[controlled] / (sigma * np.sqrt(redundancy))
+        return w
 
-def tested(kind: str, v: Array, sigma: Array, explained: Array) -> Group:
-    """Return a group with its redundancy numbers and Baarda's w.
+    @classmethod
+    def of(cls, e: Equations, explained: Array) -> Group:
+        """Return the group of some equations.
 
-    Parameters
-    ----------
-    kind : str
-    v, sigma : ndarray, shape (m, d)
-    explained : ndarray, shape (m, d)
-        Variance of the adjusted observations over that of the observed ones.
-    """
-    used = np.isfinite(sigma)
-    redundancy = np.where(used, 1 - explained, np.nan)
-    controlled = used & (redundancy > 1e-6)
-    w = np.full_like(v, np.nan)
-    w[controlled] = v[controlled] / (sigma[controlled] * np.sqrt(redundancy[controlled]))
-    return Group(kind=kind, v=v, sigma=sigma, redundancy=redundancy, w=w)
+        Parameters
+        ----------
+        e : Equations
+        explained : ndarray, shape (m, d)
+            Variance of the adjusted observations.
+        """
+        redundancy = np.where(np.isfinite(e.sigma), 1 - explained / e.sigma**2, np.nan)
+        return cls(kind=e.kind, v=e.v, sigma=e.sigma, redundancy=redundancy)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -274,11 +277,8 @@ class PlainNormals:
             for rows, columns, held in units(e):
                 A = e.A[rows][:, :, ~held]
                 part[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
-        groups = [
-            tested(e.kind, e.v, e.sigma, part / e.sigma**2)
-            for e, part in zip(self.equations, explained, strict=True)
-        ]
-        return Quality(inverse=inverse, cov_points=cov_points, groups=tuple(groups))
+        groups = tuple(map(Group.of, self.equations, explained))
+        return Quality(inverse=inverse, cov_points=cov_points, groups=groups)
 
 
 def _add_explained_by_points(

@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from acx4lib._typing import Array, Index
-from acx4lib.block import SurveyedPoints
+from acx4lib.block import Block, SurveyedPoints
 from acx4lib.frames import Pose, log, log_jacobian, transform
 from acx4lib.normal_equations import Equations
+from acx4lib.unknowns import Layout
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strips:
+    """The strips along which observed positions may drift.
+
+    Attributes
+    ----------
+    names : tuple of str
+        n_strips names.
+    idx : ndarray, shape (n_poses,), or (1,) where there are no strips
+        A pose's strip, -1 for none.
+    elapsed : ndarray, shape as `idx`
+        Time since the mean time of the strip's exposures.
+    unit : str
+        Of the time: ``"s"``, or ``"exposure"`` where only their order is known.
+    """
+
+    names: tuple[str, ...] = ()
+    idx: Index = field(default_factory=lambda: np.full(1, -1))
+    elapsed: Array = field(default_factory=lambda: np.zeros(1))
+    unit: str = "s"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,12 +49,59 @@ class PoseObservations:
         m; infinite where a position is no observation.
     sigma_attitude : ndarray, shape (n_poses, 3)
         About the pose's own axes, radians; infinite where an attitude is no observation.
+    strips : Strips
+        Along which positions drift; none by default.
     """
 
     T_m_b: Pose
     R_g_m: Array
     sigma_position: Array
     sigma_attitude: Array
+    strips: Strips = field(default_factory=Strips)
+
+
+def strips_of(block: Block) -> Strips:
+    """Return the strips of a block that have exposures at two times or more.
+
+    Time is the trajectory's; where it has none, the order of its exposures.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    trajectory = block.trajectory
+    strip = np.full(len(trajectory), "", dtype=object)
+    strip[block.images.exposure_idx] = block.images.strips
+    timed = bool(np.isfinite(trajectory.time_s).all())
+    names: list[str] = []
+    idx, elapsed = np.full(len(trajectory), -1), np.zeros(len(trajectory))
+    for name in filter(None, dict.fromkeys(strip)):
+        here = np.flatnonzero(strip == name)
+        time = trajectory.time_s[here] if timed else np.arange(len(here), dtype=float)
+        if np.ptp(time) > 0:
+            idx[here], elapsed[here] = len(names), time - time.mean()
+            names.append(name)
+    return Strips(names=tuple(names), idx=idx, elapsed=elapsed, unit="s" if timed else "exposure")
+
+
+def position_errors(observed: PoseObservations, shift: Array, drift: Array) -> Array:
+    """Return what observed positions are off in common, along the grid's axes.
+
+    Parameters
+    ----------
+    observed : PoseObservations
+    shift : ndarray, shape (3,)
+        m.
+    drift : ndarray, shape (n_strips, 3)
+        m per unit of time.
+
+    Returns
+    -------
+    ndarray, shape (n_poses, 3), or (1, 3) where there are no strips
+    """
+    strips = observed.strips
+    of_strip: Array = np.vstack([drift, np.zeros(3)])[strips.idx]
+    return shift + strips.elapsed[:, None] * of_strip
 
 
 def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
@@ -57,7 +127,9 @@ def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
     )
 
 
-def position_equations(observed: PoseObservations, T_m_b: Pose, columns: Index) -> Equations:
+def position_equations(
+    observed: PoseObservations, T_m_b: Pose, errors: Array, columns: Layout
+) -> Equations:
     """Linearise observed positions, along the grid's axes.
 
     Parameters
@@ -65,16 +137,25 @@ def position_equations(observed: PoseObservations, T_m_b: Pose, columns: Index) 
     observed : PoseObservations
     T_m_b : Pose
         Estimates.
-    columns : ndarray, shape (n_poses, 3)
-        Of the positions.
+    errors : ndarray, shape (n_poses, 3) or (1, 3)
+        As `position_errors` returns them.
+    columns : Layout
     """
+    n, strips = len(T_m_b), observed.strips
+    A, where = [observed.R_g_m], [columns.pose[:, :3]]
+    if np.any(columns.shift >= 0):
+        A.append(np.tile(np.eye(3), (n, 1, 1)))
+        where.append(np.tile(columns.shift, (n, 1)))
+    if len(columns.drift):
+        A.append(strips.elapsed[:, None, None] * np.eye(3))
+        where.append(np.vstack([columns.drift, np.full(3, -1)])[strips.idx])
     return Equations(
         kind="gnss",
-        v=transform(observed.R_g_m, T_m_b.r - observed.T_m_b.r),
+        v=transform(observed.R_g_m, T_m_b.r - observed.T_m_b.r) + errors,
         sigma=observed.sigma_position,
-        A=observed.R_g_m,
-        columns=columns,
-        unit=np.arange(len(T_m_b)),
+        A=np.concatenate(A, axis=2),
+        columns=np.concatenate(where, axis=1),
+        unit=np.arange(n),
     )
 
 

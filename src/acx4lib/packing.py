@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -16,6 +17,9 @@ RAYS_PER_PART = 40_000
 MOST_PARTS = 4
 """Rays are worked on in parts, which threads share; the result does not depend on the threads."""
 
+WIDE = 40_000
+"""Pairs of images in the band beyond which two parts are enough: each has its own sums."""
+
 DENSE_COLUMNS, DENSE_SHARE = 1500, 0.3
 """A system is dense that has fewer unknowns, or whose band is a larger share of them."""
 
@@ -27,9 +31,6 @@ class Packed:
     Attributes
     ----------
     rays : Rays
-    row : ndarray, shape (n,)
-        Which measurement of the block each ray is.
-    sigma_px : ndarray, shape (n,)
     image : ndarray, shape (n_images,)
         The block's images in the order of the rays' numbers.
     pose : ndarray, shape (n_poses,)
@@ -43,8 +44,6 @@ class Packed:
     """
 
     rays: Rays
-    row: Index
-    sigma_px: Array
     image: Index
     pose: Index
     band: int
@@ -52,27 +51,35 @@ class Packed:
     parts: tuple[tuple[int, int], ...]
 
 
-def pack(  # noqa: PLR0913
-    *,
-    point: Index,
-    image: Index,
-    xy: Array,
-    sigma_px: Array,
-    sigma_mm: Array,
-    free_points: Mask,
-    also: Index,
-    pose_of_image: Index,
-    n_poses: int,
+class Measured(NamedTuple):
+    """Measurements of a block, in its order.
+
+    Attributes
+    ----------
+    point, image : ndarray, shape (n,)
+    xy : ndarray, shape (n, 2)
+        mm.
+    weight : ndarray, shape (n,)
+        Reciprocal standard deviation, 1/mm.
+    """
+
+    point: Index
+    image: Index
+    xy: Array
+    weight: Array
+
+
+def pack(
+    rows: Measured, *, free_points: Mask, also: Index, pose_of_image: Index, n_poses: int
 ) -> Packed:
     """Return measurements in the order in which they are worked on.
 
+    Points whose first images are neighbours come after each other, so that what they touch
+    stays at hand.
+
     Parameters
     ----------
-    point, image : ndarray, shape (n,)
-        Of every measurement.
-    xy : ndarray, shape (n, 2)
-        mm.
-    sigma_px, sigma_mm : ndarray, shape (n,)
+    rows : Measured
     free_points : ndarray, shape (n_points,)
     also : ndarray, shape (k,)
         Points of which there are other observations.
@@ -82,43 +89,77 @@ def pack(  # noqa: PLR0913
     pose: Index = np.arange(n_poses)
     dense = 6 * n_poses <= DENSE_COLUMNS
     if not dense:
-        pose = ordered(point, pose_of_image[image], n_poses)
+        pose = ordered(rows.point, pose_of_image[rows.image], n_poses)
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
     number = np.empty(len(images), dtype=np.int64)
     number[images] = np.arange(len(images))
 
-    first = np.full(len(free_points), len(images))
-    np.minimum.at(first, point, number[image])
-    row = np.lexsort((number[image], point, first[point]))
-    start = np.flatnonzero(np.diff(point[row], prepend=-1))
-    points = point[row][start]
-    starts = np.append(start, len(row))
+    starts, points, row = _sorted(rows.point, number[rows.image], len(free_points), len(images))
     known = np.full(len(free_points), -1)
     known[also] = np.arange(len(also))
     rays = Rays(
         start=starts,
         point=points,
-        free=np.ascontiguousarray(free_points[points]),
+        free=free_points[points],
         also=known[points],
-        image=number[image][row].astype(np.int32),
-        xy=np.ascontiguousarray(xy[row]),
-        weight=1 / sigma_mm[row],
+        row=row,
+        image=number[rows.image[row]].astype(np.int32),
+        xy=rows.xy[row],
+        weight=rows.weight[row],
     )
     band = _image_band(rays.start, rays.image)
     of_pose = place[pose_of_image[images]]
-    dense = dense or 6 * pose_band(of_pose, band) > DENSE_SHARE * 6 * n_poses
+    dense = dense or pose_band(of_pose, band) > DENSE_SHARE * n_poses
+    most = 2 if len(images) * band > WIDE else MOST_PARTS
     return Packed(
-        rays=rays,
-        row=row,
-        sigma_px=sigma_px[row],
-        image=images,
-        pose=pose,
-        band=band,
-        dense=dense,
-        parts=_parts(starts),
+        rays=rays, image=images, pose=pose, band=band, dense=dense, parts=_parts(starts, most)
     )
+
+
+@compiled
+def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[Index, Index, Index]:
+    """Sort by a point's first image, point, and image.
+
+    Returns
+    -------
+    starts : ndarray, shape (n_measured + 1,)
+        Where each measured point's rows begin.
+    points : ndarray, shape (n_measured,)
+    row : ndarray, shape (n,)
+    """
+    first, count = np.full(n_points, n_images), np.zeros(n_points, dtype=np.int64)
+    for q in range(len(point)):
+        first[point[q]] = min(first[point[q]], image[q])
+        count[point[q]] += 1
+    bins = np.zeros(n_images + 2, dtype=np.int64)
+    for p in range(n_points):
+        bins[first[p] + 1] += 1
+    for i in range(n_images + 1):
+        bins[i + 1] += bins[i]
+    n_measured = bins[n_images]  # those without a row come last
+    points = np.empty(n_points, dtype=np.int64)
+    for p in range(n_points):
+        points[bins[first[p]]] = p
+        bins[first[p]] += 1
+    starts = np.zeros(n_measured + 1, dtype=np.int64)
+    end = np.zeros(n_points, dtype=np.int64)
+    for k in range(n_measured):
+        end[points[k]] = starts[k]
+        starts[k + 1] = starts[k] + count[points[k]]
+    row = np.empty(len(point), dtype=np.int64)
+    for q in range(len(point)):
+        row[end[point[q]]] = q
+        end[point[q]] += 1
+    for k in range(n_measured):  # few rows each: by insertion
+        for a in range(starts[k] + 1, starts[k + 1]):
+            q, b = row[a], a
+            while b > starts[k] and image[row[b - 1]] > image[q]:
+                row[b] = row[b - 1]
+                b -= 1
+            row[b] = q
+    return starts, points[:n_measured].copy(), row
 
 
 def ordered(point: Index, pose: Index, n_poses: int) -> Index:
@@ -145,8 +186,8 @@ def _image_band(start: Index, image: Index) -> int:
     return int(np.max(image[start[1:] - 1] - image[start[:-1]])) + 1
 
 
-def _parts(starts: Index) -> tuple[tuple[int, int], ...]:
-    n = int(np.clip(starts[-1] // RAYS_PER_PART, 1, MOST_PARTS))
+def _parts(starts: Index, most: int) -> tuple[tuple[int, int], ...]:
+    n = int(np.clip(starts[-1] // RAYS_PER_PART, 1, most))
     edges = np.searchsorted(starts, np.linspace(0, starts[-1], n + 1))
     edges[0], edges[-1] = 0, len(starts) - 1
     return tuple((int(a), int(b)) for a, b in pairwise(edges))

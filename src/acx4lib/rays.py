@@ -9,7 +9,7 @@ two rows of sixteen numbers, along x and y: six of the pose, nine of the interio
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from numba import njit
 
@@ -19,7 +19,7 @@ from acx4lib.collinearity import DENSITY, LAPSE, REFRACTIVITY
 INTERIOR, RESIDUAL = 6, 15
 """Where among a ray's numbers the interior orientation begins and the residual stands."""
 
-_HOW = {
+_HOW: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
@@ -44,6 +44,8 @@ class Rays(NamedTuple):
         Which points are unknowns.
     also : ndarray, shape (n_points,)
         Where the points stand in `Scene.V` and `Scene.h`; -1 for nothing there.
+    row : ndarray, shape (n,)
+        Which measurement of the block each ray is.
     image : ndarray, shape (n,)
     xy : ndarray, shape (n, 2)
         Measured, mm.
@@ -55,6 +57,7 @@ class Rays(NamedTuple):
     point: Index
     free: Mask
     also: Index
+    row: Index
     image: Index
     xy: Array
     weight: Array

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from acx4lib import results
+from acx4lib import gnss_shift, results
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block
 from acx4lib.bundle import Bundle
@@ -22,7 +22,7 @@ from acx4lib.calibration import (
 from acx4lib.camera import INTERIOR
 from acx4lib.covariance import propagate, sigmas
 from acx4lib.frames import Pose, opk_jacobian
-from acx4lib.gross_errors import CRITICAL, Rejection
+from acx4lib.gross_errors import Rejection
 from acx4lib.network import Network
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.validation import compare
@@ -55,8 +55,11 @@ def bundle_tables(
         What the method says of the cameras.
     """
     block = bundle.network.block
+    parameter_tables = calibration_tables(stage, method, calibration)
+    if gnss_shift.parameters(bundle):
+        parameter_tables = _with_gnss(stage, method, bundle, calibration)
     return {
-        **calibration_tables(stage, method, calibration),
+        **parameter_tables,
         "exterior_orientation": _exterior_table(stage, method, bundle),
         "residuals": _residual_table(stage, method, bundle),
         "rejected": rejected_table(
@@ -73,8 +76,25 @@ def calibration_tables(
     keep = np.flatnonzero(is_determined(calibration))
     listed = [parameters(calibration)[i] for i in keep]
     cov = reported_covariance(calibration)[np.ix_(keep, keep)]
+    return _parameter_tables(stage, method, listed, cov)
+
+
+def _with_gnss(
+    stage: str, method: str, bundle: Bundle, calibration: Calibration
+) -> dict[str, pd.DataFrame]:
+    """Return the same with the shift and the drifts of GNSS positions."""
+    told = np.concatenate([is_determined(calibration), gnss_shift.is_determined(bundle)])
+    everything = [*parameters(calibration), *gnss_shift.parameters(bundle)]
+    keep = np.flatnonzero(told)
+    cov = gnss_shift.reported_covariance(bundle)[np.ix_(keep, keep)]
+    return _parameter_tables(stage, method, [everything[i] for i in keep], cov)
+
+
+def _parameter_tables(
+    stage: str, method: str, listed: Sequence[Parameter], cov: Array
+) -> dict[str, pd.DataFrame]:
     rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
-    names = [f"{p.camera}/{p.name}" for p in listed]
+    names = [f"{p.camera}/{p.name}" if p.camera else p.name for p in listed]
     return {
         "parameters": _frame("parameters", rows),
         "covariance": _covariance_table(stage, method, names, cov),
@@ -199,7 +219,7 @@ def rejected_table(
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"
-        reason = f"{what}: w = {r.statistic:.1f} exceeds {CRITICAL:g}"
+        reason = f"{what}: w = {r.statistic:.1f} exceeds {r.limit:.3g}"
         rows.append((stage, method, r.kind, where, point, r.statistic, reason))
     return _frame("rejected", rows)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4lib import results
+from acx4lib import gnss_shift, results
 from acx4lib.bundle import Bundle
 from acx4lib.calibration import (
     Calibration,
@@ -19,9 +19,13 @@ from acx4lib.calibration import (
 from acx4lib.mounting import Mounting, Mountings
 from acx4lib.record_tables import bundle_tables, orientation_tables
 from acx4lib.relative_orientation import RelativeOrientation
+from acx4lib.variance_components import as_json, components, sentences
 
 SCALE_LIMIT = 0.01
 """Scale of control against trajectory beyond which something is wrong, not imprecise."""
+
+MANY_REJECTED = 0.005
+"""Share of image points rejected that a user is told of; chance rejects a twentieth of it."""
 
 NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
     (
@@ -30,6 +34,9 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
     )
 )
 """What summary.json says of every adjustment, where there was none."""
+
+OPTIONAL = ("two_step", "two_step_gnss", "rig")
+"""Methods that need more than a flight must give: their gaps end no run."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,6 +88,7 @@ def of_bundle(
     *,
     calibration: Calibration | None = None,
     summary_key: str | None = None,
+    applied: Mapping[str, float] | None = None,
 ) -> Record:
     """Return all rows of an adjusted bundle.
 
@@ -92,11 +100,17 @@ def of_bundle(
         What the method says of its cameras; by default what the bundle does.
     summary_key : str, optional
         By default ``stage/method``.
+    applied : mapping of str to float, optional
+        By what the sigma of every group were multiplied.
     """
     said = calibration or from_bundle(bundle)
     solution = bundle.solution
     key = summary_key or f"{stage}/{method}"
-    unknown = [f"{key}: {line}" for line in not_determined(said)]
+    open_lines = [*not_determined(said), *gnss_shift.not_determined(bundle)]
+    unknown = [f"{key}: {line}" for line in open_lines]
+    found = components(bundle, applied=applied)
+    # a lever arm that is held makes sigma look wrong that are not
+    judged = () if method.startswith("two_step") else found
     entry: dict[str, object] = {
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
@@ -109,9 +123,9 @@ def of_bundle(
         "n_left_out": sum(bundle.network.left_out.values()),
         "condition": solution.condition,
         "not_determined": unknown,
-        # the two-step methods need more than a flight must give: their gaps end no run
-        "left_out": unknown if method.startswith("two_step") else [],
-        "notes": _notes(key, bundle),
+        "left_out": unknown if method in OPTIONAL else [],
+        "sigma_factors": as_json(found),
+        "notes": [*_notes(key, bundle), *(f"{key}: {line}" for line in sentences(judged))],
     }
     return Record(
         stage=stage,
@@ -124,13 +138,18 @@ def of_bundle(
 def _notes(key: str, bundle: Bundle) -> list[str]:
     """Return what a user should know of an adjustment, in sentences."""
     notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
+    n_measured = len(bundle.network.block.image_points)
+    n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
+    # the two-step methods take over what the single step rejected, and this was said of it
+    if n_rejected > MANY_REJECTED * n_measured and "two_step" not in key:
+        notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = height_scale(bundle)
     if abs(scale - 1) > SCALE_LIMIT:
         notes.append(
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    return [f"{key}: {note}" for note in notes]
+    return [f"{key}: {note}" for note in (*notes, *gnss_shift.notes(bundle))]
 
 
 def height_scale(bundle: Bundle) -> float:
@@ -153,14 +172,22 @@ def height_scale(bundle: Bundle) -> float:
     return scale if abs(scale - 1) > abs(by_focal_length - 1) else by_focal_length
 
 
-def of_mounting(mounting: Mounting) -> Record:
-    """Return all rows of one method of the mounting stage."""
-    return of_bundle("mounting", mounting.method, mounting.bundle, calibration=mounting.calibration)
+def of_mounting(mounting: Mounting, *, applied: Mapping[str, float] | None = None) -> Record:
+    """Return all rows of one method of the mounting stage; `applied` as in `of_bundle`."""
+    return of_bundle(
+        "mounting",
+        mounting.method,
+        mounting.bundle,
+        calibration=mounting.calibration,
+        applied=applied,
+    )
 
 
-def of_mountings(mountings: Mountings) -> list[Record]:
+def of_mountings(
+    mountings: Mountings, *, applied: Mapping[str, float] | None = None
+) -> list[Record]:
     """Return the records of all methods of the mounting stage, failures included."""
-    records = [of_mounting(mounting) for mounting in mountings.methods.values()]
+    records = [of_mounting(m, applied=applied) for m in mountings.methods.values()]
     for method, reason in mountings.failures.items():
         if method == "single_step":
             key = f"mounting/{method}"

@@ -174,7 +174,8 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
 
 def cameras(results: Results, stage_method: str) -> tuple[str, ...]:
     """Return the names of the cameras that have parameters of a method, in their order."""
-    return tuple(rows(results, "parameters", stage_method)["camera"].unique())
+    named = rows(results, "parameters", stage_method)["camera"].unique()
+    return tuple(name for name in named if name)
 
 
 def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame:
@@ -201,6 +202,8 @@ def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame
 
 def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     """Return the covariance of a method's parameters, named ``camera/parameter``.
+
+    A parameter of no camera, as a shift of GNSS positions, has its name alone.
 
     A pair without a row, as of two heads adjusted each by itself, has zero.
 

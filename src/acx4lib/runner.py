@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from acx4lib import flight as flights
-from acx4lib import notebooks, results
+from acx4lib import notebooks, provenance, results
 from acx4lib.errors import Acx4Error, AdjustmentError
 
 NOTEBOOKS_PATH = Path(__file__).parents[2] / "notebooks"
@@ -26,15 +26,23 @@ NOTEBOOKS: Mapping[str, str] = {
     "heads": "01-head-calibration",
     "synthetic": "02-synthetic-image",
     "mounting": "03-mounting-calibration",
+    "rig": "08-rig",
     "validation": "04-validation",
 }
-"""The notebook of every stage; ``flight`` only shows the data, and always runs first."""
+"""The notebook of every stage; ``flight`` only shows the data, and always runs first. ``rig`` is
+the part of stage mounting that works on the block heads."""
+
+STAGE_OF: Mapping[str, str] = {"rig": "mounting"}
+"""The stage that a notebook belongs to, where it is not called by it."""
 
 ENDS = ("synthetic",)
 """Stages whose results no later one needs: where one is not determined, the run goes on."""
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
+
+NO_RIG = "there are no heads"
+"""Why a flight has no rig that nobody expects: the stage heads says so already."""
 
 Tell = Callable[[str, int, int], None]
 """Called with the stage, the cells that are done, and the number of cells."""
@@ -122,7 +130,10 @@ def run(
     _check_known(parameters or {}, jobs)
     folder = Path(results_path)
     _tidy(folder)
-    results.replace(folder, list(skipped), tables={}, summary={})
+    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
+    results.replace(folder, removed, tables={}, summary={})
+    provenance.keep(folder, flight.path, flights.table_files(flight))
+    provenance.forget(folder, list(skipped))
     for stage in skipped:
         (folder / "notebooks" / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
     done: list[str] = []
@@ -131,7 +142,10 @@ def run(
         for job in jobs:
             try:
                 _run_job(job, folder, tell or (lambda *_: None))
-                done.append(job.stage)
+                stage = STAGE_OF.get(job.stage, job.stage)
+                if stage in results.STAGES:
+                    provenance.stamp(folder, stage)
+                done.append(stage)
             except AdjustmentError as error:
                 if job.stage not in ENDS:
                     raise
@@ -142,7 +156,7 @@ def run(
         raise
     return RunReport(
         ran=tuple(ran[1:]),
-        skipped=tuple(f"{stage}: skipped, {reason}" for stage, reason in skipped.items()),
+        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
         not_determined=(*_messages(folder, done, "not_determined", DECISIVE), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
@@ -156,14 +170,16 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
         known = ", ".join(results.STAGES)
         msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
         raise ValueError(msg)
-    return tuple(stage for stage in results.STAGES if stage in stages)
+    return tuple(name for name in NOTEBOOKS if STAGE_OF.get(name, name) in stages)
 
 
 def _missing(flight: flights.Flight, stage: str) -> str:
     """Return why a stage cannot run; empty where it can."""
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
     if block not in flight.blocks:
-        return f"the flight has no block {block}"
+        return NO_RIG if stage == "rig" else f"the flight has no block {block}"
+    if stage == "rig" and len(flight.blocks[block].cameras) < 2:
+        return f"block {block} has one camera only"
     if stage == "synthetic" and flight.synthetic is None:
         return "flight.toml has no table [synthetic]"
     checked = flight.blocks[block].check.point_idx

@@ -19,6 +19,7 @@ TITLES = {
     "two_step": "Two-step",
     "two_step_gnss": "Two-step, GNSS positions",
     "single_step": "Single-step",
+    "rig": "Rig",
     "given": "As given",
 }
 """Names of the methods in headings."""
@@ -46,6 +47,7 @@ LABELS = {
     "boresight_omega_deg": "boresight $\\omega$",
     "boresight_phi_deg": "boresight $\\varphi$",
     "boresight_kappa_deg": "boresight $\\kappa$",
+    **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in ("east", "north", "height")},
     "Xc_mm": "$X_c$",
     "Yc_mm": "$Y_c$",
     "Zc_mm": "$Z_c$",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,6 +14,12 @@ MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresig
 """The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
 
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
+
+GNSS = ("shift", "drift")
+"""What the errors of GNSS positions may have in common: over a block, and along a strip."""
+
+AXES = ("east", "north", "height")
+"""Axes of the grid, along which GNSS positions are off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,22 +34,35 @@ class Layout:
         Columns of the mountings in the order of `MOUNT`, -1 where held.
     pose : ndarray, shape (n_poses, 6)
         Columns of the poses.
+    shift : ndarray, shape (3,)
+        Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
+    drift : ndarray, shape (n_drifts, 3)
+        Columns of the drifts of GNSS positions.
     """
 
     interior: Index
     mount: Index
     pose: Index
+    shift: Index = field(default_factory=lambda: np.full(3, -1))
+    drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
 
     @property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
-        return int(sum(np.sum(part >= 0) for part in (self.interior, self.mount, self.pose)))
+        parts = (self.interior, self.mount, self.shift, self.drift, self.pose)
+        return int(sum(np.sum(part >= 0) for part in parts))
 
 
 def layout(
-    n_cameras: int, n_poses: int, *, free: Sequence[str], free_mount: Sequence[str] = ()
+    n_cameras: int,
+    n_poses: int,
+    *,
+    free: Sequence[str],
+    free_mount: Sequence[str] = (),
+    free_shift: Sequence[str] = (),
+    n_drifts: int = 0,
 ) -> Layout:
-    """Return which unknown has which column: per camera interior and mounting, then poses.
+    """Return which unknown has which column: per camera interior and mounting, GNSS, then poses.
 
     Parameters
     ----------
@@ -52,22 +71,57 @@ def layout(
         Interior parameters to estimate, names of `camera.INTERIOR`.
     free_mount : sequence of str
         Names of `MOUNT`.
+    free_shift : sequence of str
+        Names of `AXES`.
+    n_drifts : int
 
     Raises
     ------
     ValueError
         For an unknown name.
     """
-    unknown = sorted((set(free) - set(INTERIOR)) | (set(free_mount) - set(MOUNT)))
+    known = ((free, INTERIOR), (free_mount, MOUNT), (free_shift, AXES))
+    unknown = sorted({name for names, all_names in known for name in {*names} - {*all_names}})
     if unknown:
         msg = f"no such parameter: {', '.join(unknown)}"
         raise ValueError(msg)
     is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
     per_camera = np.tile(is_free, (n_cameras, 1))
     columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
-    first = int(per_camera.sum())
+    shifted = np.array([name in free_shift for name in AXES])
+    first_shift = int(per_camera.sum())
+    first_drift = first_shift + int(shifted.sum())
+    first_pose = first_drift + 3 * n_drifts
     return Layout(
         interior=columns[:, : len(INTERIOR)],
         mount=columns[:, len(INTERIOR) :],
-        pose=first + np.arange(6 * n_poses).reshape(n_poses, 6),
+        shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
+        drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
+        pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
     )
+
+
+def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...]:
+    """Return along which axes a GNSS shift is an unknown.
+
+    A shift in height and the lever arm's z are one unknown, in all cameras together: where the
+    lever arm is estimated, the height of the shift is held.
+
+    Parameters
+    ----------
+    gnss : sequence of str
+        Names of `GNSS`.
+    free_mount : sequence of str
+        Names of `MOUNT`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    if unknown := sorted(set(gnss) - set(GNSS)):
+        msg = f"gnss is of {', '.join(GNSS)}, got {', '.join(unknown)}"
+        raise ValueError(msg)
+    if "shift" not in gnss:
+        return ()
+    return AXES[:2] if "lever_z" in free_mount else AXES

@@ -33,14 +33,19 @@ def one_direction(block: Block) -> Mask:
 
 
 def calibrations(
-    block: Block, *, free: Sequence[str], fix: Sequence[str] = (), refraction: str = "none"
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Repeat the single step with parts of the design left out, or with a wrong assumption.
 
     Parameters
     ----------
     block : Block
-    free, fix, refraction
+    free, fix, refraction, gnss
         As in `mounting.single_step`.
 
     Returns
@@ -51,7 +56,7 @@ def calibrations(
     """
 
     def run(part: Block, held: Sequence[str] = fix) -> Mounting:
-        return single_step(part, free=free, fix=held, refraction=refraction)
+        return single_step(part, free=free, fix=held, refraction=refraction, gnss=gnss)
 
     lever_free = "lever_arm" not in fix
     variants: dict[str, Callable[[], Mounting]] = {"as flown": lambda: run(block)}

@@ -163,6 +163,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
         R_g_m=frame.grid_axes(T_m_b.r),
         sigma_position=_sigma(table, SIGMA_POSITION, gnss)[used],
         sigma_attitude=np.radians(_sigma(table, SIGMA_ATTITUDE, ins)[used]),
+        time_s=table.numbers.get("time_s", np.full(len(table), np.nan))[used],
     )
 
 

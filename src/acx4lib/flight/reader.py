@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -100,6 +100,46 @@ def read(path: str | Path) -> Flight:
         raise FlightError(lines_of(problems))
     notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
     notes += [note for tables in blocks for note in _notes(tables)]
+    return _flight(folder, setup, blocks, notes)
+
+
+def read_kept(path: str | Path) -> Flight:
+    """Return a flight whose tables a run has kept, checked when they were read first.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a flight.toml; the pixels need not be there.
+
+    Raises
+    ------
+    FlightError
+        Where a table cannot be read.
+    """
+    folder = Path(path)
+    toml = read_toml(folder)
+    blocks = [read_block(folder, name) for name in BLOCKS if (folder / name).is_dir()]
+    problems = [*toml_problems(toml), *(p for b in blocks for t in b.tables for p in t.problems)]
+    if problems:
+        raise FlightError(lines_of(problems))
+    return _flight(folder, setup_of(toml), blocks, [n for tables in blocks for n in _notes(tables)])
+
+
+def table_files(flight: Flight) -> list[Path]:
+    """Return the files that a flight was read from, but no pixels, below its folder."""
+    tables = ("images.csv", "image_points.csv", "trajectory.csv", "control_points.csv")
+    names = [Path("flight.toml"), Path("control_points.csv")]
+    names += [Path(block) / name for block in flight.blocks for name in tables]
+    geoid, inside = Path(flight.grid.heights), flight.path.resolve()
+    if geoid.is_relative_to(inside):
+        names.append(geoid.relative_to(inside))
+    return [name for name in names if (flight.path / name).is_file()]
+
+
+def _flight(
+    folder: Path, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
+) -> Flight:
+    """Put together what was found good."""
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
         path=folder,

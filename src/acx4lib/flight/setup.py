@@ -57,6 +57,10 @@ class Setup:
         Interior parameters that the stages estimate, the library's names.
     fix : tuple of str
         What the mounting stage holds fixed: ``lever_arm``, ``boresight``.
+    gnss : tuple of str
+        What the mounting stage estimates of GNSS positions: their ``shift``, and a ``drift``.
+    weights : str
+        Whose sigma the mounting stage uses: ``given``, or ``estimated`` from the residuals.
     """
 
     name: str
@@ -68,6 +72,8 @@ class Setup:
     estimate_heads: tuple[str, ...]
     estimate_mounting: tuple[str, ...]
     fix: tuple[str, ...]
+    gnss: tuple[str, ...]
+    weights: str
 
 
 def setup_of(toml: Toml) -> Setup:
@@ -88,6 +94,8 @@ def setup_of(toml: Toml) -> Setup:
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
         fix=tuple(mounting.get("fix", ())),
+        gnss=tuple(mounting.get("gnss", ())),
+        weights=mounting.get("weights", "given"),
     )
 
 

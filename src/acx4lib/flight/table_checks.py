@@ -30,9 +30,18 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
             expected = f"must have a row in {other.file}"
             yield from _unknown(table, column, other.text[column], expected)
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
+    yield from _strip_problems(tables, toml)
     yield from _file_problems(tables.images, toml.folder, toml.folder / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
+
+
+def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
+    """Yield where drifts along strips are asked for and there are no strips."""
+    keys = ("stages", "mounting", "gnss")
+    asked = tables.name == "calibration" and "drift" in (toml.get(*keys) or ())
+    if asked and not any(tables.images.text.get("strip", ())):
+        yield toml.problem(keys, "'drift'", f"needs strips in {tables.images.file}, column strip")
 
 
 def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:

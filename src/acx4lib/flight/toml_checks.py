@@ -22,10 +22,12 @@ from acx4lib.flight.setup import (
     named_file,
 )
 from acx4lib.geodesy import GridSystem
+from acx4lib.unknowns import GNSS
 
 TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori", "stages")
-STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix")}
+STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 FIXABLE = ("lever_arm", "boresight")
+WEIGHTS = ("given", "estimated")
 GRID_SUFFIXES = (".gtx", ".tif", ".tiff", ".gsb", ".byn", ".asc", ".gri", ".bin")
 
 
@@ -184,9 +186,13 @@ def _stage_problems(toml: Toml) -> Iterator[Problem]:
     yield from _keys(toml, ("stages",), STAGES)
     for stage, known in STAGES.items():
         yield from _keys(toml, ("stages", stage), known)
-        allowed: dict[str, Iterable[str]] = {"estimate": ESTIMABLE, "fix": FIXABLE}
-        for key in known:
-            yield from _choices(toml, ("stages", stage, key), tuple(allowed[key]))
+        for key, allowed in (("estimate", tuple(ESTIMABLE)), ("fix", FIXABLE), ("gnss", GNSS)):
+            yield from _choices(toml, ("stages", stage, key), allowed)
+    keys = ("stages", "mounting", "weights")
+    weights = toml.get(*keys)
+    if weights is not None and weights not in WEIGHTS:
+        hint = did_you_mean(str(weights), WEIGHTS)
+        yield toml.problem(keys, f"{weights!r}{hint}", "must be 'given' or 'estimated'")
 
 
 def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Iterator[Problem]:

@@ -1,0 +1,25 @@
+"""Write errors of simulated flights for their page: ``python coverage.py BENCHMARKS FOLDER``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+
+from acx4lib import coverage_page, plot
+
+
+def main(benchmarks: Path, folder: Path) -> None:
+    """Write coverage.md, coverage-shares.md and coverage.svg."""
+    errors = coverage_page.read(benchmarks)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "coverage.md").write_text(coverage_page.page(errors), encoding="utf-8")
+    (folder / "coverage-shares.md").write_text(coverage_page.shares(errors), encoding="utf-8")
+    own = [t[t["method"] == coverage_page.MAIN] for t in (errors.parameters, errors.points)]
+    with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
+        plot.normalised_errors(*own).savefig(folder / "coverage.svg", metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:3]))
