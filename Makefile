@@ -21,7 +21,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test notebooks book serve bench reference-data reference-results clean
+.PHONY: help .venv lock check test notebooks book serve bench coverage reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -64,6 +64,9 @@ test: .venv/.stamp-test ## all tests, slow ones included
 bench: .venv/.stamp-test ## time the adjustment beside other solvers, for data/benchmarks
 	@$(BIN)/python tests/benchmarks/adjustment.py
 
+coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma, for data/benchmarks
+	@PYTHONPATH=tests nice $(BIN)/python tests/benchmarks/coverage_flights.py
+
 # --- the notebooks on one flight -----------------------------------------------------------
 
 # The flight that ships is simulated: the same seed, the same bytes.
@@ -92,6 +95,7 @@ book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
 	@$(BIN)/python book/_figures/frames.py book/_generated
 	@$(BIN)/python book/_scripts/speed.py data/benchmarks book/_generated
+	@$(BIN)/python book/_scripts/coverage.py data/benchmarks book/_generated
 	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 

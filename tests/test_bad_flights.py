@@ -352,6 +352,16 @@ def test_an_optional_column_must_be_right_too(tmp_path, file, column, values, li
     assert problems(tmp_path)[0].startswith(file + line)
 
 
+def test_drifts_along_strips_need_strips(tmp_path):
+    write_flight(tmp_path)
+    replace(tmp_path, TOML, "lever_z_m = 0.2", '[stages.mounting]\ngnss = ["drift"]')
+    assert flight.read(tmp_path).gnss == ("drift",)
+    change(tmp_path, IMAGES, lambda t: t.drop(columns="strip"))
+    assert problems(tmp_path) == [
+        f"{TOML}:15: stages.mounting.gnss: 'drift'; needs strips in {IMAGES}, column strip"
+    ]
+
+
 def test_a_link_does_not_leave_the_flight(tmp_path):
     write_flight(tmp_path / "flight")
     (tmp_path / "outside.tif").write_bytes(b"")

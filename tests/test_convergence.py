@@ -18,6 +18,8 @@ from acx4lib.block import select_camera
 from acx4lib.camera import colrow_from_xy, xy_from_colrow
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.frames import Pose, exp, log, turn
+from acx4lib.start_values import recovered
+from helpers import rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
 SHAPES = ("52 images", "268 images", "one head", "single camera")
@@ -176,17 +178,40 @@ def test_a_mounting_declared_a_quarter_or_half_turn_wrong_is_found_by_control(sh
     assert_same_minimum(bundle.adjust(set_up(shape, wrong)), shape, 0)
 
 
+def test_most_images_need_no_control_to_be_turned():
+    """Twelve control points in 268 images, all of which look the other way."""
+    block = block_of("268 images")
+    (camera,) = block.cameras
+    T_b_c = Pose(R=camera.T_b_c.R @ turn(2, np.pi), r=camera.T_b_c.r)
+    wrong = replace(block, control=block.control[::3], cameras=(replace(camera, T_b_c=T_b_c),))
+    state = recovered(bundle.free_orientation(wrong, free=FREE))
+    expected = block.T_m_b_images.R @ best("268 images").state.T_b_c.R[0]
+    assert rotation_angle(state.T_m_b.R, expected).max() < np.radians(8.0)
+
+
+def test_the_robust_phase_ends_where_the_adjustment_does():
+    """Within a sigma of f, from 3 % off; nothing is left for gross errors to lead astray."""
+    network, quarters = bad_network("single camera", seed=1)
+    fit = best("single camera", quarters)
+    sigma = np.sqrt(fit.solution.cov[0, 0])
+    assert abs(network.start.interiors[0].f - fit.state.interiors[0].f) < sigma
+
+
+def spoilt(block, rng, *, share, size_px):
+    """Return a block with some image points off, and their rows."""
+    points = block.image_points
+    rows = rng.choice(len(points), int(share * len(points)), replace=False)
+    colrow = points.colrow.copy()
+    colrow[rows] += rng.uniform(*size_px, (len(rows), 1)) * rng.choice([-0.7, 0.7], (len(rows), 2))
+    return replace(block, image_points=replace(points, colrow=colrow)), rows
+
+
 def test_gross_errors_do_not_lead_a_bad_start_elsewhere():
     """2 % of the image points are 5 to 200 px off."""
     rng = np.random.default_rng(3)
-    block = block_of("single camera")
-    points = block.image_points
-    rows = rng.choice(len(points), len(points) // 50, replace=False)
-    colrow = points.colrow.copy()
-    colrow[rows] += rng.uniform(5, 200, (len(rows), 1)) * rng.choice([-0.7, 0.7], (len(rows), 2))
-    spoilt = replace(block, image_points=replace(points, colrow=colrow))
-    good = bundle.adjust(set_up("single camera", spoilt))
-    bad = bundle.adjust(set_up("single camera", badly_declared(spoilt, rng, trajectory=False)))
+    wrong, _ = spoilt(block_of("single camera"), rng, share=0.02, size_px=(5, 200))
+    good = bundle.adjust(set_up("single camera", wrong))
+    bad = bundle.adjust(set_up("single camera", badly_declared(wrong, rng, trajectory=False)))
     assert good.solution.sigma0_sq > 20  # they do pull
     assert bad.solution.cost == pytest.approx(good.solution.cost, rel=1e-8)
 
@@ -225,6 +250,19 @@ def test_swapped_control_points_are_named():
     with pytest.raises(AdjustmentError, match=r"rays miss their points in 2 of \d+ points") as e:
         bundle.adjust(set_up("52 images", wrong))
     assert set(re.findall(r"P\d\d(?= by)", str(e.value))) == names
+
+
+def test_measurements_that_let_nothing_converge_are_named():
+    block, rows = spoilt(
+        block_of("one head"), np.random.default_rng(2), share=0.02, size_px=(300, 1000)
+    )
+    with pytest.raises(AdjustmentError, match=f"no convergence .*; {len(rows)} meas") as e:
+        bundle.adjust(set_up("one head", block))
+    points, images = block.image_points, block.images.names
+    wrong = {(block.points[points.point_idx[i]], images[points.image_idx[i]]) for i in rows}
+    named = set(re.findall(r"([PT]\d+) in (H\S+_CAM1)", str(e.value)))
+    assert len(named) == 3
+    assert named <= wrong
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
     append(
         write_flight(tmp_path) / "flight.toml",
         '[stages.heads]\nestimate = []\n[stages.mounting]\nestimate = ["f_mm", "b1"]\n'
-        'fix = ["lever_arm"]\n',
+        'fix = ["lever_arm"]\ngnss = ["shift", "drift"]\n',
     )
     text = (tmp_path / "flight.toml").read_text()
     (tmp_path / "flight.toml").write_text('refraction = "standard"\n' + text)
@@ -87,6 +87,7 @@ def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
     assert read.estimate_heads == ()
     assert read.estimate_mounting == ("f", "b1")
     assert read.fix == ("lever_arm",)
+    assert read.gnss == ("shift", "drift")
     assert read.refraction == "standard"
 
 
@@ -97,6 +98,16 @@ def test_a_camera_has_the_units_of_the_library(tmp_path):
     assert_allclose(camera.T_b_c.r, [0.0, 0.0, 0.2])
     # kappa = 90 degrees: image x points along body y, left
     assert_allclose(camera.T_b_c.R @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_times_are_read_where_a_trajectory_has_them(tmp_path):
+    path = write_flight(tmp_path) / "calibration/trajectory.csv"
+    assert np.all(np.isnan(flight.read(tmp_path).calibration.trajectory.time_s))
+    rows = pd.read_csv(path, dtype=str).assign(time_s=1000.5 + 4 * np.arange(6))
+    unused = rows.iloc[[0]].assign(exposure="unused", time_s=0.0)
+    pd.concat([unused, rows]).to_csv(path, index=False)
+    times = flight.read(tmp_path).calibration.trajectory.time_s
+    assert_allclose(times, 1000.5 + 4 * np.arange(6), atol=0)
 
 
 def test_sigma_columns_go_before_the_defaults(tmp_path):

@@ -75,3 +75,22 @@ def test_the_second_height_is_worth_a_factor_of_ten():
     )
     for key in ("f", "lever_x", "lever_y", "lever_z"):
         assert one[key] > 10 * two[key]
+
+
+def on_control_alone(*, relief_m, hills):
+    """A two-step bundle from two heights, over flat or over hilly ground."""
+    x_m = blocks.crosses()
+    x_m[:, 2] = blocks.GROUND_M + hills * (x_m[:, 2] - blocks.GROUND_M)
+    block = blocks.simulate(
+        blocks.fly(TWO_HEIGHTS, per_strip=4),
+        ties=blocks.terrain(80, relief_m=relief_m),
+        control=x_m,
+    )
+    block = blocks.noisy(block, np.random.default_rng(1))
+    return not_determined(mounting.two_step(block, free=("f", "xp", "yp")).calibration)
+
+
+def test_in_a_bundle_on_control_points_alone_a_second_height_is_not_enough_but_hills_are():
+    flat = [line for line in on_control_alone(relief_m=5.0, hills=0) if " f_mm " in line]
+    assert "hills or tilted images in a bundle on control points alone" in flat[0]
+    assert on_control_alone(relief_m=300.0, hills=8) == []

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import blocks
 from acx4lib import bundle
 from acx4lib.frames import Pose, turn
-from acx4lib.start_values import far_off, in_front, recovered, start_points, suspects
+from acx4lib.start_values import recovered, start_points
 from helpers import rotation_angle
 
 FREE = ("f", "xp", "yp", "k1")
@@ -56,6 +56,20 @@ def test_any_attitudes_are_recovered_where_none_is_observed(exact_block, seed):
     assert rotation_angle(recovered(network).T_m_b.R, true_poses(exact_block).R).max() < 1e-3
 
 
+def test_only_attitudes_that_are_not_observed_are_turned(exact_block):
+    trajectory = exact_block.trajectory
+    R, sigma = trajectory.T_m_b.R.copy(), trajectory.sigma_attitude.copy()
+    R[[2, 5]] = R[[2, 5]] @ turn(1, np.radians(1.0))
+    sigma[5] = np.inf
+    block = replace(
+        exact_block,
+        trajectory=replace(trajectory, T_m_b=Pose(R=R, r=trajectory.T_m_b.r), sigma_attitude=sigma),
+    )
+    found = recovered(bundle.mounted_orientation(block, free=FREE)).T_m_b.R
+    assert_allclose(np.delete(found, 5, axis=0), np.delete(R, 5, axis=0), atol=0)
+    assert rotation_angle(found[5], trajectory.T_m_b.R[5]) < np.radians(0.1)
+
+
 def test_an_image_without_control_is_turned_like_the_others_and_onto_its_tie_points(exact_block):
     is_control = exact_block.image_points.point_idx < 9
     keep = ~(is_control & (exact_block.image_points.image_idx == 4))
@@ -88,47 +102,6 @@ def test_one_ray_leaves_the_turn_about_itself_as_it_was(exact_block):
     found = recovered(replace(network, observed=observed)).T_m_b.R[4]
     turned = rotation_angle(found, true_poses(exact_block).R[4])
     assert np.radians(0.5) < turned < np.radians(1.01)
-
-
-# --- bad or not --------------------------------------------------------------------------------
-
-
-def test_ordinary_start_values_are_taken_as_they_are(exact_block):
-    """Half a degree and 0.3 mm: no phase comes before the adjustment."""
-    rough = blocks.approximate(exact_block)
-    network = bundle.mounted_orientation(rough, free=FREE)
-    assert not far_off(network, network.start).any()
-    assert_allclose(network.start.T_b_c.R[0], rough.cameras[0].T_b_c.R, atol=0)
-
-
-def test_a_single_image_that_looks_elsewhere_is_far_off(exact_block):
-    network = bundle.free_orientation(exact_block, free=FREE)
-    R = network.start.T_m_b.R.copy()
-    R[3] = R[3] @ turn(0, np.radians(6.0))
-    state = replace(network.start, T_m_b=Pose(R=R, r=network.start.T_m_b.r))
-    assert np.flatnonzero(far_off(network, state)).tolist() == [3]
-    assert np.flatnonzero(far_off(network, state, limit=np.radians(6.5))).tolist() == []
-    assert "in 1 of 12 images (3_CAM by 6 degrees)" in suspects(network, state)
-
-
-def test_good_start_values_raise_no_suspicion(exact_block):
-    network = bundle.mounted_orientation(exact_block, free=FREE)
-    assert suspects(network, network.start) == ""
-
-
-def test_a_point_behind_a_camera_is_not_in_front(exact_block):
-    network = bundle.mounted_orientation(exact_block, free=FREE)
-    assert in_front(network, network.start)
-    x_m = network.start.x_m.copy()
-    x_m[network.image_points.point_idx[0], 2] = 5000.0  # m, above all flying heights
-    assert not in_front(network, replace(network.start, x_m=x_m))
-
-
-def test_without_measurements_nothing_is_far_off(exact_block):
-    empty = replace(exact_block, image_points=exact_block.image_points[np.zeros(0, dtype=int)])
-    network = bundle.free_orientation(empty, free=FREE)
-    assert not far_off(network, network.start).any()
-    assert suspects(network, network.start) == ""
 
 
 # --- points ------------------------------------------------------------------------------------

@@ -22,12 +22,13 @@ from acx4lib import (
     simulate,
     simulation_page,
 )
+from acx4lib.stages import determination_tables
 
 ALWAYS = ("05-reference-data", "06-errata", "07-report", "09-weights")
 
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:
-    """Fill ``_executed``; write scorecard.md and simulation.md into ``_generated``."""
+    """Fill ``_executed``; write scorecard.md, simulation.md, geometry.md into ``_generated``."""
     executed, generated = book / "_executed", book / "_generated"
     for name in runner.NOTEBOOKS.values():
         done, source = (
@@ -51,6 +52,7 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
     for name, text in (
         ("scorecard", scorecard_page.page(found, flown, simulated=truth is not None)),
         ("simulation", simulation_page.page(flown, truth)),
+        ("geometry", determination_tables.geometry_page()),
     ):
         (generated / f"{name}.md").write_text(text, encoding="utf-8")
 

@@ -8,6 +8,7 @@ complement. A `Problem` says what its observations are at a state; everything el
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, TypeVar
@@ -183,7 +184,7 @@ def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
 
 
 def solve(
-    problem: Problem[S], state: S, *, max_iterations: int = 50, tolerance: float = 1e-4
+    problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-4
 ) -> tuple[S, Solution]:
     """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
 
@@ -209,8 +210,7 @@ def solve(
     Converged when a full step moves the unknowns by less than `tolerance`, or when rounding lets
     no step reduce the cost any more.
     """
-    # its matrices are small, or banded: more threads cost more than they bring
-    with _blas().limit(limits=1, user_api="blas"):
+    with on_one_thread():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         quality = at_state.quality()
     return state, Solution(
@@ -222,6 +222,15 @@ def solve(
         cov_points=quality.cov_points,
         groups=quality.groups,
     )
+
+
+def on_one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra takes one thread.
+
+    The matrices of an adjustment are small, or banded: more threads cost more than they bring.
+    """
+    limit: AbstractContextManager[object] = _blas().limit(limits=1, user_api="blas")
+    return limit
 
 
 @cache

@@ -26,16 +26,9 @@ from acx4lib.frames import Pose
 from acx4lib.gross_errors import Rejection
 from acx4lib.network import Network, State, camera_poses
 from acx4lib.observations import PoseObservations, Strips, strips_of
+from acx4lib.ray_misfits import ASTRAY, far_off, in_front, suspects, with_estimates
 from acx4lib.robust import robust_phase
-from acx4lib.start_values import (
-    ASTRAY,
-    far_off,
-    in_front,
-    recovered,
-    start_points,
-    suspects,
-    with_estimates,
-)
+from acx4lib.start_values import recovered, start_points
 from acx4lib.unknowns import MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
@@ -133,9 +126,8 @@ def mounted_orientation(
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        What GNSS positions are off in common, names of `unknowns.GNSS`: a ``"shift"`` of the
-        whole block, a ``"drift"`` along every strip. The shift's height is held where the lever
-        arm's z is estimated.
+        What GNSS positions are off by, names of `unknowns.GNSS`: a ``"shift"`` of the block, its
+        height held where the lever arm's z is estimated; a ``"drift"`` along every strip.
 
     Returns
     -------
@@ -230,9 +222,17 @@ def _network(
     return _chosen(given, _robust(network, network.start))
 
 
+def robust_start(network: Network) -> State:
+    """Return what most observations agree on, found without trust in the start values."""
+    return _robust(network, recovered(network))
+
+
 def _robust(network: Network, state: State) -> State:
     """Return what most observations agree on, or the state itself where it allows no step."""
-    return robust_phase(network, state) if in_front(network, state) else state
+    if not in_front(network, state):
+        return state
+    with adjustment.on_one_thread():
+        return robust_phase(network, state)
 
 
 def _chosen(network: Network, state: State) -> Network:
@@ -307,8 +307,11 @@ class Bundle:
         columns = np.concatenate(
             [network.layout.mount[images.camera_idx], network.layout.pose[network.pose_idx]], axis=1
         )
-        padded = np.pad(self.solution.cov, (0, 1))  # column -1, one that is held, has no variance
-        return propagate(J, padded[columns[:, :, None], columns[:, None, :]])
+        known = np.maximum(columns, 0)
+        cov = self.solution.inverse.at(known[:, :, None], known[:, None, :])
+        held = columns < 0
+        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        return propagate(J, cov)
 
     @property
     def oriented(self) -> Mask:
@@ -330,7 +333,7 @@ def adjust(network: Network) -> Bundle:
     if not far_off(network, network.start).any():
         with suppress(AdjustmentError):
             return _adjusted(network, network.start)
-    return _adjusted(network, _robust(network, recovered(network)))
+    return _adjusted(network, robust_start(network))
 
 
 def _adjusted(network: Network, start: State) -> Bundle:

@@ -40,9 +40,16 @@ REPORTED = {
 """The library's name of every parameter, and its name and unit in results."""
 
 HELP = {
-    "f": "two flying heights with control points or accurate GNSS heights",
+    "f": "two flying heights with control points or accurate GNSS heights (hills or tilted images "
+    "in a bundle on control points alone)",
     "xp": "two flying heights, or the lever arm held",
     "yp": "two flying heights, or the lever arm held",
+    "k1": "measurements from the middle to the corners of the images",
+    "k2": "measurements in the corners of the images, or k3 held",
+    "k3": "measurements in the corners of the images, or k3 held",
+    "p1": "measurements on all sides of the images, in strips flown in opposite directions",
+    "p2": "measurements on all sides of the images, in strips flown in opposite directions",
+    "b1": "measurements on all sides of the images, in strips flown crosswise",
     "lever_x": "two flying heights, and control points or strips flown in opposite directions",
     "lever_y": "two flying heights, and control points or strips flown in opposite directions",
     "lever_z": "control points, and two flying heights or f held",
@@ -50,7 +57,7 @@ HELP = {
     "boresight_y": "strips flown in opposite directions, and control points",
     "boresight_z": "tie points over overlapping strips, or control points",
 }
-DISTORTION_HELP = "more measurements, spread to the corners of the images"
+"""Which geometry determines a parameter, by the library's name of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -231,9 +238,8 @@ def not_determined(calibration: Calibration) -> list[str]:
             (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
         )[:2]
         with_others = ", ".join(f"{related[i, j]:+.2f} with {listed[j].name}" for j in strongest)
-        helps = HELP.get(p.key, DISTORTION_HELP)
         out.append(
             f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
-            f"it would need: {helps}"
+            f"it would need: {HELP[p.key]}"
         )
     return out

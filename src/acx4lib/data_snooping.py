@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block
-from acx4lib.bundle import Bundle, adjust
+from acx4lib.bundle import Bundle, adjust, robust_start
+from acx4lib.errors import AdjustmentError
 from acx4lib.gross_errors import CRITICAL, KINDS, Rejection, without
 from acx4lib.network import Network, State
 from acx4lib.normal_equations import Group
@@ -83,22 +84,51 @@ def adjust_rejecting(
     network = set_up(block)
     observed = _observations(network)
     judge = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
-    bundle, search = adjust(network), _nothing_out(len(observed.kind))
+    search = _nothing_out(len(observed.kind))
+    bundle, search = _first(network, search, judge)
     verdict = judge(bundle, search.out)
-    if np.mean(verdict.failed) > HEAVY:
-        shown = [group.redundancy for group in bundle.solution.groups]
-        state = robust_phase(network, bundle.state, shown)
-        search = replace(search, out=_suspects(network, state))
-        bundle = _adjust_without(network, search.out, state)
-        verdict = judge(bundle, search.out)
     for _ in range(MOST_ROUNDS):
-        following = _next(search, observed, verdict)
+        fits = ~_suspects(network, bundle.state)
+        following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
-        search = following
-        bundle = _adjust_without(network, search.out, bundle.state)
+        bundle, search = _following(network, bundle.state, search, following)
         verdict = judge(bundle, search.out)
     return _removed(block, set_up, bundle, _rejections(search, observed, verdict))
+
+
+def _first(
+    network: Network, search: _Search, judge: Callable[[Bundle, Mask], _Verdict]
+) -> tuple[Bundle, _Search]:
+    """Adjust with everything, or without what does not fit a robust state where much fails."""
+    try:
+        bundle = adjust(network)
+    except AdjustmentError:
+        state = robust_start(network)
+    else:
+        if np.mean(judge(bundle, search.out).failed) <= HEAVY:
+            return bundle, search
+        state = robust_phase(
+            network, bundle.state, [group.redundancy for group in bundle.solution.groups]
+        )
+    search = replace(search, out=_suspects(network, state))
+    return _adjust_without(network, search.out, state), search
+
+
+def _following(
+    network: Network, state: State, search: _Search, following: _Search
+) -> tuple[Bundle, _Search]:
+    """Adjust for the next round; what came back goes again where with it no minimum is found."""
+    try:
+        return _adjust_without(network, following.out, state), following
+    except AdjustmentError:
+        again = search.out & ~following.out
+        following = replace(
+            following,
+            out=following.out | again,
+            w=np.where(again, _misfits(network, state), following.w),
+        )
+        return _adjust_without(network, following.out, state), following
 
 
 def _removed(
@@ -184,8 +214,13 @@ def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
 
 def _suspects(network: Network, state: State) -> Mask:
     """Return what does not fit a robust state."""
+    return _misfits(network, state) > SUSPECT
+
+
+def _misfits(network: Network, state: State) -> Array:
+    """Return the residuals in sigmas and in spreads of their kind."""
     groups = network.residuals(state)
-    return _flat([np.nan_to_num(sizes(*group)) > SUSPECT * spread(*group) for group in groups])
+    return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 
 # --- tests -----------------------------------------------------------------------------------
@@ -256,12 +291,15 @@ def _nothing_out(n: int) -> _Search:
     return _Search(out=none, w=np.zeros(n), returned=none)
 
 
-def _next(search: _Search, observed: _Observations, verdict: _Verdict) -> _Search:
-    """Take out what fails its test and put back what passes it, at every point one or the other."""
+def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
+    """Take out what fails its test and put back what passes it, at every point one or the other.
+
+    What nothing else controls, and was only suspected, comes back where it fits.
+    """
     taken = _to_take(observed, np.where(verdict.failed & ~search.out, verdict.w, 0.0))
     busy = np.isin(observed.point, observed.point[taken & (observed.point >= 0)])
     passed = search.out & ~verdict.failed & ~search.returned
-    back = passed & ~busy & (verdict.controlled | (search.w == 0))
+    back = passed & ~busy & (verdict.controlled | (fits & (search.w == 0)))
     return _Search(
         out=(search.out | taken) & ~back,
         w=np.where(taken, verdict.w, search.w),

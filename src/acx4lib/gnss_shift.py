@@ -127,6 +127,9 @@ def notes(bundle: Bundle) -> list[str]:
         if p.name == f"gnss_shift_{axis}_m"
     ]
     out = [f"GNSS positions are off by {', '.join(found)}"] if found else []
+    if drifts := [p for p in listed if p.key == "drift"]:
+        top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
+        out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
     if np.any(layout.shift >= 0):
         held, free = "the lever arm's z", "the height of the GNSS shift"
         if layout.shift[2] < 0:

@@ -13,32 +13,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from acx4lib._typing import Array
-from acx4lib.rays import Rays, Scene, compiled, inlined, linearise
+from acx4lib.compiling import compiled, inlined
+from acx4lib.rays import Scene, SortedRays, linearise
 from acx4lib.small_products import SmallProduct
 
 
-def _small(*shape: int, **strides: Any) -> Callable[..., None]:
+def small(*shape: int, **strides: Any) -> Callable[..., None]:
+    """Return a compiled product of matrices of rows, inner, width: see `SmallProduct`.
+
+    It is told at which number of an array a matrix begins: J[k], shape (2, 16), at 32 k; B[k],
+    (2, 3), at 6 k; T, Y, (3, 16), at 48 k; M, I, (16, 16), at 256 k; E, (6, 16), at 96 k; S,
+    (6, 8), at 48 k.
+    """
     rows, inner, width = shape
     return SmallProduct(rows=rows, inner=inner, width=width, **strides).compiled()
 
 
 # rows of 16 numbers, a transpose on the left
-_add_squares = _small(16, 2, 16, left=(1, 16), right=16, out=16, add=1, upper=True)
-_point_by_ray = _small(3, 2, 16, left=(1, 3), right=16, out=16)
-_add_point_by_ray = _small(3, 2, 16, left=(1, 3), right=16, out=16, add=1)
-_whitened = _small(3, 3, 16, left=(1, 3), right=16, out=16)
-_take_off_pair = _small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
-_take_off_border = _small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
-_take_off_corner = _small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
-# V^-1 times a point's derivatives, and covariances by it
-_gain = _small(3, 3, 16, left=(3, 1), right=16, out=16)
-_take_off_by_pose = _small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
-_take_off_by_interior = _small(3, 9, 8, left=(16, 1), right=8, out=16, add=-1)
-_take_off_interior_by_pose = _small(3, 6, 16, left=(16, 1), right=16, out=16, add=-1)
-_take_off_interior = _small(3, 9, 16, left=(16, 1), right=16, out=16, add=-1)
-_add_rows = _small(3, 3, 16, left=(3, 1), right=16, out=16, add=1)
-_row_times_square = _small(1, 16, 16, left=(16, 1), right=16, out=16)
-_add_point_times_rays = _small(1, 3, 16, left=(3, 1), right=16, out=16, add=1)
+_add_squares = small(16, 2, 16, left=(1, 16), right=16, out=16, add=1, upper=True)
+point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16)
+add_point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16, add=1)
+_whitened = small(3, 3, 16, left=(1, 3), right=16, out=16)
+_take_off_pair = small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
+_take_off_border = small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+_take_off_corner = small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
 
 
 class CameraNormals(NamedTuple):
@@ -70,30 +68,6 @@ def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
         E=np.zeros((n_images, n_cameras, 6, 16)),
         I=np.zeros((n_cameras, n_cameras, 16, 16)),
     )
-
-
-class CameraCovariances(NamedTuple):
-    """Covariances of camera poses and interior orientations.
-
-    Attributes
-    ----------
-    Q : ndarray, shape (n_images, 2 * band - 1, 6, 8)
-        Pose of image i with that of image i + d - (band - 1).
-    F : ndarray, shape (n_images, n_cameras, 6, 16)
-        Pose with interior orientation, which fills columns 6 to 14.
-    F_T : ndarray, shape (n_images, n_cameras, 9, 8)
-        The same the other way round.
-    H : ndarray, shape (n_cameras, n_cameras, 9, 16)
-        Interior with interior, columns 6 to 14.
-    K : ndarray, shape (n_images, 16, 16)
-        Pose and interior orientation of each image together.
-    """
-
-    Q: Array
-    F: Array
-    F_T: Array
-    H: Array
-    K: Array
 
 
 # --- one point -------------------------------------------------------------------------------
@@ -131,7 +105,7 @@ class Room(NamedTuple):
 
 
 @compiled
-def _room(rays: Rays, first: int, last: int, n_cameras: int) -> Room:
+def room_for(rays: SortedRays, first: int, last: int, n_cameras: int) -> Room:
     """Return working arrays for the point with the most rays."""
     n = 1
     for p in range(first, last):
@@ -153,7 +127,7 @@ def _room(rays: Rays, first: int, last: int, n_cameras: int) -> Room:
 
 
 @inlined
-def _factor(rays: Rays, scene: Scene, p: int, room: Room) -> bool:
+def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
     """Fill V and W with a point's damped normal matrix V = L L^T and L^-T; False if open."""
     B, V, W, also = room.B, room.V, room.W, rays.also[p]
     for a in range(3):
@@ -185,7 +159,7 @@ def _factor(rays: Rays, scene: Scene, p: int, room: Room) -> bool:
 
 
 @inlined
-def _eliminate(rays: Rays, p: int, room: Room, out: CameraNormals) -> float:
+def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> float:
     """Take a point's part off the normal equations; return the decrement of moving it alone."""
     J, B, T, Y, Y_sums = room.J, room.B, room.T, room.Y, room.Y_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
@@ -193,7 +167,7 @@ def _eliminate(rays: Rays, p: int, room: Room, out: CameraNormals) -> float:
     for c in range(n_cameras):
         _whitened(Y_sums, c * 48, room.W, 0, room.sums, c * 48)
     for k in range(n):
-        _point_by_ray(T, 0, B, k * 6, J, k * 32)
+        point_by_ray(T, 0, B, k * 6, J, k * 32)
         _whitened(Y, k * 48, room.W, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
@@ -216,68 +190,12 @@ def _eliminate(rays: Rays, p: int, room: Room, out: CameraNormals) -> float:
     return decrement
 
 
-@inlined
-def _point_covariance(rays: Rays, p: int, room: Room, cov: CameraCovariances) -> None:
-    """Fill C with a point's covariance, X and X_sums with that of point and camera."""
-    T, G, X, X_sums = room.T, room.Y, room.X, room.X_sums
-    start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
-    middle, n_cameras = cov.Q.shape[1] // 2, cov.H.shape[0]
-    _square(room.W, room.V_inv)
-    for c in range(n_cameras):
-        _gain(room.Y_sums, c * 48, room.V_inv, 0, room.sums, c * 48)
-    for k in range(n):
-        _point_by_ray(T, 0, room.B, k * 6, room.J, k * 32)
-        _gain(G, k * 48, room.V_inv, 0, T, 0)
-    for k in range(n):
-        i = rays.image[start + k]
-        for j in range(n):
-            other = rays.image[start + j]
-            block = (other * cov.Q.shape[1] + middle + i - other) * 48
-            _take_off_by_pose(X, k * 48, G, j * 48, cov.Q, block)
-        for c in range(n_cameras):
-            block = i * n_cameras + c
-            _take_off_by_interior(X, k * 48, room.Y_sums, c * 48 + 6, cov.F_T, block * 72)
-            _take_off_interior_by_pose(X_sums, c * 48, G, k * 48, cov.F, block * 96)
-    for c in range(n_cameras):
-        for d in range(n_cameras):
-            block = (d * n_cameras + c) * 144
-            _take_off_interior(X_sums, c * 48, room.Y_sums, d * 48 + 6, cov.H, block)
-    _take_off_products(room, n, n_cameras)
-
-
-@inlined
-def _square(W: Array, out: Array) -> None:
-    """Fill in W W^T of an upper triangle."""
-    for a in range(3):
-        for b in range(3):
-            out[a, b] = 0.0
-            for c in range(max(a, b), 3):
-                out[a, b] += W[a, c] * W[b, c]
-
-
-@inlined
-def _take_off_products(room: Room, n: int, n_cameras: int) -> None:
-    """Fill C with V^-1 less the sum of X G^T over rays and cameras."""
-    G, X, C = room.Y, room.X, room.C
-    for a in range(3):
-        for b in range(a, 3):
-            total = 0.0
-            for k in range(n):
-                for c in range(8):  # X is zero in the last two
-                    total += X[k, a, c] * G[k, b, c]
-            for d in range(n_cameras):
-                for c in range(6, 15):
-                    total += room.X_sums[d, a, c] * room.Y_sums[d, b, c]
-            C[a, b] = room.V_inv[a, b] - total
-            C[b, a] = C[a, b]
-
-
 # --- passes ----------------------------------------------------------------------------------
 
 
 @compiled
 def accumulate(
-    rays: Rays, scene: Scene, first: int, last: int, out: CameraNormals
+    rays: SortedRays, scene: Scene, first: int, last: int, out: CameraNormals
 ) -> tuple[bool, float]:
     """Add the normal equations of some points' rays, the points eliminated.
 
@@ -296,7 +214,7 @@ def accumulate(
     decrement : float
         What moving the points alone would take off the cost, to first order.
     """
-    room, decrement = _room(rays, first, last, out.I.shape[0]), 0.0
+    room, decrement = room_for(rays, first, last, out.I.shape[0]), 0.0
     J, B, sums = room.J, room.B, room.sums
     for p in range(first, last):
         start = rays.start[p]
@@ -306,8 +224,8 @@ def accumulate(
                 return False, 0.0
             i = rays.image[start + k]
             _add_squares(out.M, i * 256, J, k * 32, J, k * 32)
-            _add_point_by_ray(sums, scene.camera[i] * 48, B, k * 6, J, k * 32)
-        if rays.free[p] and _factor(rays, scene, p, room):
+            add_point_by_ray(sums, scene.camera[i] * 48, B, k * 6, J, k * 32)
+        if rays.free[p] and factor(rays, scene, p, room):
             if rays.also[p] >= 0:
                 for a in range(3):
                     sums[0, a, 15] += scene.h[rays.also[p], a]
@@ -316,7 +234,9 @@ def accumulate(
 
 
 @compiled
-def move_points(rays: Rays, scene: Scene, first: int, last: int, step: Array, out: Array) -> None:
+def move_points(
+    rays: SortedRays, scene: Scene, first: int, last: int, step: Array, out: Array
+) -> None:
     """Fill in the steps of some points that follow from those of the cameras.
 
     Parameters
@@ -329,7 +249,7 @@ def move_points(rays: Rays, scene: Scene, first: int, last: int, step: Array, ou
     out : ndarray, shape (n, 3)
         Like `Scene.x_m`.
     """
-    room, s = _room(rays, first, last, 1), np.zeros(3)
+    room, s = room_for(rays, first, last, 1), np.zeros(3)
     J, B, W = room.J, room.B, room.W
     for p in range(first, last):
         if not rays.free[p]:
@@ -346,76 +266,9 @@ def move_points(rays: Rays, scene: Scene, first: int, last: int, step: Array, ou
                 b += J[k, 1, c] * step[i, c]
             for c in range(3):
                 s[c] += B[k, 0, c] * a + B[k, 1, c] * b
-        if _factor(rays, scene, p, room):
+        if factor(rays, scene, p, room):
             a, b = W[0, 0] * s[0], W[0, 1] * s[0] + W[1, 1] * s[1]
             c = W[0, 2] * s[0] + W[1, 2] * s[1] + W[2, 2] * s[2]
             out[at, 0] = -(W[0, 0] * a + W[0, 1] * b + W[0, 2] * c)
             out[at, 1] = -(W[1, 1] * b + W[1, 2] * c)
             out[at, 2] = -W[2, 2] * c
-
-
-class Tests(NamedTuple):
-    """What is said of points and rays.
-
-    Attributes
-    ----------
-    cov_points : ndarray, shape (n, 3, 3)
-        Like `Scene.x_m`; infinite for points that are open, as it was for those that are held.
-    v, redundancy : ndarray, shape (n_rays, 2)
-        In the block's order; the residuals are along x and y, over their standard deviations.
-    """
-
-    cov_points: Array
-    v: Array
-    redundancy: Array
-
-
-@compiled
-def quality(
-    rays: Rays, scene: Scene, first: int, last: int, cov: CameraCovariances, out: Tests
-) -> None:
-    """Fill in covariances of some points, and the tests of their rays.
-
-    Parameters
-    ----------
-    rays, scene
-    first, last : int
-        Which points.
-    cov : CameraCovariances
-    out : Tests
-    """
-    room = _room(rays, first, last, cov.H.shape[0])
-    J, B, C = room.J, room.B, room.C
-    identity, z, twice = np.eye(3), np.zeros(16), np.zeros(3)
-    for p in range(first, last):
-        start, n, at = rays.start[p], rays.start[p + 1] - rays.start[p], rays.point[p]
-        room.sums[:] = 0.0
-        room.X[:] = 0.0
-        room.X_sums[:] = 0.0
-        C[:] = 0.0
-        for k in range(n):
-            linearise(rays, scene, p, start + k, J, B, k)
-            camera = scene.camera[rays.image[start + k]]
-            _add_point_by_ray(room.sums, camera * 48, B, k * 6, J, k * 32)
-        if rays.free[p]:
-            if _factor(rays, scene, p, room):
-                _point_covariance(rays, p, room, cov)
-            else:
-                C[:] = np.inf
-            out.cov_points[at] = C
-        for k in range(n):
-            i, at = rays.image[start + k], rays.row[start + k]
-            _add_rows(room.X, k * 48, identity, 0, room.X_sums, scene.camera[i] * 48)
-            for row in range(2):
-                out.v[at, row] = J[k, row, 15]
-                J[k, row, 15] = 0.0
-                _row_times_square(z, 0, J, k * 32 + row * 16, cov.K, i * 256)
-                total = 0.0
-                for a in range(3):
-                    twice[a] = 2 * B[k, row, a]
-                    for b in range(3):
-                        total += B[k, row, a] * C[a, b] * B[k, row, b]
-                _add_point_times_rays(z, 0, twice, 0, room.X, k * 48)
-                for c in range(16):
-                    total += z[c] * J[k, row, c]
-                out.redundancy[at, row] = 1 - total

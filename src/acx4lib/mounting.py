@@ -24,9 +24,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, mean_rotation, skew, transform
 from acx4lib.gross_errors import Rejection, without
 from acx4lib.observations import PoseObservations
-from acx4lib.unknowns import MOUNT, Layout, layout
-
-LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
+from acx4lib.unknowns import BORESIGHT, LEVER_ARM, Layout, free_mount, layout
 
 METHODS = ("two_step", "two_step_gnss", "single_step")
 """Names of the methods, in the order of Table 3; the paper's two-step is `two_step_gnss`."""
@@ -116,16 +114,6 @@ def calibrate(
         raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
     ordered = {name: methods[name] for name in METHODS if name in methods}
     return Mountings(methods=ordered, failures=failures)
-
-
-def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
-    """Return what of the mounting is estimated, given ``"lever_arm"``, ``"boresight"`` held."""
-    return tuple(
-        name
-        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
-        if part not in fix
-        for name in names
-    )
 
 
 def single_step(

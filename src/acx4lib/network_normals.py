@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import linalg
 
-from acx4lib import image_kernel
+from acx4lib import image_kernel, image_quality
 from acx4lib._typing import Array, Index
 from acx4lib.banded_system import (
     LARGEST_DENSE,
@@ -26,7 +26,8 @@ from acx4lib.banded_system import (
     BorderedCovariance,
     too_large,
 )
-from acx4lib.image_kernel import CameraNormals, Tests, camera_normals
+from acx4lib.image_kernel import CameraNormals, camera_normals
+from acx4lib.image_quality import Tests
 from acx4lib.normal_equations import Equations, Group, Quality, cost_of, gather
 from acx4lib.packing import Packed
 from acx4lib.rays import Scene
@@ -200,7 +201,7 @@ class NetworkNormals:
         )
 
         def work(first: int, last: int) -> None:
-            image_kernel.quality(packed.rays, self.scene, first, last, cov, tests)
+            image_quality.quality(packed.rays, self.scene, first, last, cov, tests)
 
         _in_parts(packed, work)
         groups = [_tested(e, inverse, tests.cov_points) for e in self.others]

@@ -11,7 +11,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from acx4lib._typing import Array, Index, Mask
-from acx4lib.rays import Rays, compiled
+from acx4lib.compiling import compiled
+from acx4lib.rays import SortedRays
 
 RAYS_PER_PART = 40_000
 MOST_PARTS = 4
@@ -30,7 +31,7 @@ class Packed:
 
     Attributes
     ----------
-    rays : Rays
+    rays : SortedRays
     image : ndarray, shape (n_images,)
         The block's images in the order of the rays' numbers.
     pose : ndarray, shape (n_poses,)
@@ -43,7 +44,7 @@ class Packed:
         First and last point of what a thread takes at a time.
     """
 
-    rays: Rays
+    rays: SortedRays
     image: Index
     pose: Index
     band: int
@@ -99,7 +100,7 @@ def pack(
     starts, points, row = _sorted(rows.point, number[rows.image], len(free_points), len(images))
     known = np.full(len(free_points), -1)
     known[also] = np.arange(len(also))
-    rays = Rays(
+    rays = SortedRays(
         start=starts,
         point=points,
         free=free_points[points],

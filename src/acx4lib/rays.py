@@ -9,29 +9,17 @@ two rows of sixteen numbers, along x and y: six of the pose, nine of the interio
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-from numba import njit
+from typing import NamedTuple
 
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.collinearity import DENSITY, LAPSE, REFRACTIVITY
+from acx4lib.compiling import inlined
 
 INTERIOR, RESIDUAL = 6, 15
 """Where among a ray's numbers the interior orientation begins and the residual stands."""
 
-_HOW: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"reassoc", "contract", "arcp", "nsz"},  # NaN and infinity stay what they are
-}
 
-compiled = njit(**_HOW)
-inlined = njit(forceinline=True, **_HOW)
-"""For what is called at every point: handing over the arrays costs more than the work."""
-
-
-class Rays(NamedTuple):
+class SortedRays(NamedTuple):
     """Measured rays, sorted by point and, within a point, by image.
 
     Attributes
@@ -107,7 +95,7 @@ def _appears_at(scene: Scene, i: int, at: int) -> float:
 
 
 @inlined
-def linearise(rays: Rays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
+def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
     """Fill J[k] and B[k], ray q's derivatives by camera and by point p; False if behind."""
     i, at = rays.image[q], rays.point[p]
     R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: each would be counted

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4lib import gnss_shift, results
+from acx4lib import determination, gnss_shift, results
 from acx4lib.bundle import Bundle
 from acx4lib.calibration import (
     Calibration,
@@ -121,7 +121,7 @@ def of_bundle(
         "converged": True,
         "n_rejected": len(bundle.rejected),
         "n_left_out": sum(bundle.network.left_out.values()),
-        "condition": solution.condition,
+        **determination.as_json(bundle, said),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),

@@ -12,9 +12,11 @@ import numpy as np
 
 from acx4lib._typing import Array, Index
 from acx4lib.banded_system import Bordered, BorderedCovariance
-from acx4lib.image_kernel import CameraCovariances, CameraNormals
+from acx4lib.compiling import compiled
+from acx4lib.image_kernel import CameraNormals
+from acx4lib.image_quality import CameraCovariances
 from acx4lib.packing import pose_band
-from acx4lib.rays import INTERIOR, RESIDUAL, compiled
+from acx4lib.rays import INTERIOR, RESIDUAL
 
 N_INTERIOR, N_POSE = RESIDUAL - INTERIOR, 6
 PER_CAMERA = N_INTERIOR + N_POSE

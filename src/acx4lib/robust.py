@@ -143,7 +143,7 @@ def _loss(groups: Sequence[Residuals], name: str, width: float, shown: tuple[Arr
 
 
 def sizes(v: Array, sigma: Array) -> Array:
-    """Return |v| / sigma as the losses see it: one length per image point, else components."""
+    """Return v over sigma as the losses see it: an image point's length, else components."""
     u = np.abs(v / sigma)
     return np.linalg.norm(u, axis=1, keepdims=True) if v.shape[1] == 2 else u
 

@@ -13,6 +13,8 @@ from acx4lib.camera import INTERIOR
 MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
 """The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
 
+LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
+
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 
 GNSS = ("shift", "drift")
@@ -98,6 +100,16 @@ def layout(
         shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
         drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
         pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
+    )
+
+
+def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
+    """Return what of the mounting is estimated, given ``"lever_arm"``, ``"boresight"`` held."""
+    return tuple(
+        name
+        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
+        if part not in fix
+        for name in names
     )
 
 

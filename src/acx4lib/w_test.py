@@ -20,7 +20,7 @@ FEW = 20
 """Number of w below which their spread is not judged."""
 
 MEDIAN_SIGMA = 1.17
-"""Standard deviation of a spread from the median of |w|, times the root of their number."""
+"""Standard deviation of a spread from the median size of w, times the root of their number."""
 
 
 def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
@@ -36,7 +36,7 @@ def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
     Returns
     -------
     w : ndarray, shape (m, d)
-        |w|; of what is out, the one that it would have if it alone took part. That is the
+        Size of w; of what is out, the one that it would have if it alone took part. That is the
         residual against the prediction from the others over their common standard deviation.
     controlled : ndarray, shape (m, d)
         Where the others say something of it.

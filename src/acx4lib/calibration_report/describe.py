@@ -116,6 +116,8 @@ def method(material: Material) -> str:
     parts.append(text % _names(flight.estimate_mounting) if "%s" in text else text)
     if flight.fix:
         parts[-1] += f" Held: {listed([name.replace('_', ' ') for name in flight.fix])}."
+    if flight.gnss and chosen == "single_step":
+        parts[-1] += f" Estimated of the GNSS positions: {listed(flight.gnss)}."
     if material.adjustments:
         parts.append(ESTIMATION)
     if flight.validation is not None:

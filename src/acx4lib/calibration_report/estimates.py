@@ -13,7 +13,7 @@ from acx4lib.calibration import REPORTED
 from acx4lib.calibration_report.material import Material
 from acx4lib.camera import INTERIOR
 from acx4lib.covariance import correlation
-from acx4lib.mounting import BORESIGHT
+from acx4lib.unknowns import BORESIGHT
 
 STRONG = 0.9
 """Correlation above which two parameters are hardly told apart."""

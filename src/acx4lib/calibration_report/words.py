@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from acx4lib.calibration_report.estimates import Pair
 from acx4lib.tables import LABELS, TITLES
 
 STAGES = {"heads": "head", "mounting": "", "validation": "validation,", "synthetic": "synthetic"}
+
+_DRIFT = re.compile(r"gnss_drift_(.+)_(east|north|height)_m_per_\w+")
 
 
 def adjustment_title(name: str) -> str:
@@ -31,6 +34,8 @@ def begun(text: str) -> str:
 
 def parameter_title(name: str) -> str:
     """Return what a reader sees for ``camera/parameter``, or for a parameter alone."""
+    if drift := _DRIFT.fullmatch(name):
+        return f"GNSS drift of strip {drift[1]}, {drift[2]}"
     return LABELS.get(name.rpartition("/")[2], name)
 
 

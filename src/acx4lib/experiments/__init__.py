@@ -4,6 +4,7 @@ from acx4lib.experiments.deformations import Deformation, deformation
 from acx4lib.experiments.heads import HeldFocalLength, asked_by_gnss, held_focal_length
 from acx4lib.experiments.mounting import calibrations, correlations, lever_arm_seen
 from acx4lib.experiments.rig import oriented
+from acx4lib.experiments.shift import shifted_trajectories
 from acx4lib.experiments.starts import FromBadStarts, from_bad_starts
 from acx4lib.experiments.synthetic import Misfit, misfit, transposed, turned
 from acx4lib.experiments.validation import validations
@@ -36,6 +37,7 @@ __all__ = [
     "oriented",
     "refraction_effect",
     "scatter",
+    "shifted_trajectories",
     "trajectory_errors",
     "transposed",
     "turned",

@@ -12,9 +12,10 @@ from acx4lib.bundle import Bundle, adjust
 from acx4lib.calibration import from_bundle, parameters
 from acx4lib.frames import Pose, exp
 from acx4lib.mounting import Mounting
-from acx4lib.network import Network, State
+from acx4lib.network import Network
+from acx4lib.ray_misfits import misfits
 from acx4lib.robust import robust_phase
-from acx4lib.start_values import misfits, recovered
+from acx4lib.start_values import recovered
 
 OFF_DEG, OFF_FOCAL, OFF_M = 5.0, 0.03, 100.0
 """Error of every angle, share of the focal length, error of every coordinate of a tie point."""
@@ -78,7 +79,8 @@ def _badly_started(network: Network, rng: np.random.Generator) -> Network:
         replace(i, f=i.f * (1 + OFF_FOCAL * float(sign)))
         for i, sign in zip(start.interiors, either(len(start.interiors)), strict=True)
     )
-    bad = State(
+    bad = replace(
+        start,
         interiors=interiors,
         T_b_c=turned(start.T_b_c),
         T_m_b=turned(start.T_m_b),

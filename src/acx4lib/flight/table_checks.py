@@ -39,8 +39,9 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     """Yield where drifts along strips are asked for and there are no strips."""
     keys = ("stages", "mounting", "gnss")
-    asked = tables.name == "calibration" and "drift" in (toml.get(*keys) or ())
-    if asked and not any(tables.images.text.get("strip", ())):
+    asked = toml.get(*keys) if tables.name == "calibration" else None
+    has_strips = any(tables.images.text.get("strip", ()))
+    if isinstance(asked, list) and "drift" in asked and not has_strips:
         yield toml.problem(keys, "'drift'", f"needs strips in {tables.images.file}, column strip")
 
 

@@ -1,0 +1,44 @@
+"""Compiled code is kept only as long as everything that it is compiled from."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+compiling = pytest.importorskip("acx4lib.compiling")
+PACKAGE = Path(compiling.__file__).parent
+
+
+def test_every_module_with_compiled_code_is_among_the_sources():
+    users = {
+        path.name for path in PACKAGE.glob("**/*.py") if "acx4lib.compiling" in path.read_text()
+    }
+    assert users <= set(compiling._SOURCES)
+    assert {"rays.py", "image_kernel.py"} <= users
+
+
+@pytest.mark.parametrize("name", compiling._SOURCES)
+def test_a_change_of_any_source_is_compiled_anew(name, tmp_path, monkeypatch):
+    for source in compiling._SOURCES:
+        shutil.copy(PACKAGE / source, tmp_path)
+    monkeypatch.setattr(compiling, "_HERE", tmp_path)
+    before = compiling._folder()
+    (tmp_path / name).write_text((tmp_path / name).read_text() + "# changed\n")
+    assert compiling._folder() != before
+    assert compiling._folder().name.startswith("compiled-")
+
+
+def test_a_folder_that_the_user_names_is_used(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiling._CONFIG, "CACHE_DIR", str(tmp_path))
+    assert compiling._folder().parent == tmp_path
+
+
+def test_decorating_leaves_the_configuration_as_it_was():
+    before = compiling._CONFIG.CACHE_DIR
+
+    @compiling.compiled
+    def twice(x):
+        return 2 * x
+
+    assert twice(3.0) == 6.0
+    assert before == compiling._CONFIG.CACHE_DIR
