@@ -412,6 +412,21 @@ def test_a_wider_tolerance_stops_sooner_and_is_kept():
     assert iterations == sorted(set(iterations))
 
 
+def test_what_is_left_open_is_named_where_nothing_converges():
+    """Only the sum of the first two columns enters."""
+    design = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    problem = Curve(
+        function=lambda x: np.exp(x[:1] + x[1:2]) * np.ones(8),
+        derivative=lambda x: np.exp(x[0] + x[1]) * np.tile(design, (8, 1)),
+        y=np.arange(8.0),
+        sigma=np.ones(8),
+        n_columns=6,
+    )
+    with pytest.raises(AdjustmentError) as error:
+        solve(problem, np.full(6, 3.0), max_iterations=2)
+    assert str(error.value).endswith("leave open x0, x1, x2, x3 and 2 more")
+
+
 def test_too_few_iterations_are_an_error():
     problem = Curve(
         function=lambda x: np.exp(x[0]) * np.ones(3),
@@ -420,7 +435,7 @@ def test_too_few_iterations_are_an_error():
         sigma=np.ones(3),
         n_columns=1,
     )
-    with pytest.raises(AdjustmentError, match="no convergence after 2 iterations"):
+    with pytest.raises(AdjustmentError, match="no convergence after 2 iterations$"):
         solve(problem, np.array([3.0]), max_iterations=2)
 
 

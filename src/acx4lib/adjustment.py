@@ -257,7 +257,7 @@ def _iterate(
         if used == 0.0 and decrement <= tolerance**2 * unit:
             return state, here, iteration
         damping = _less(used)
-    msg = f"no convergence after {max_iterations} iterations"
+    msg = f"no convergence after {max_iterations} iterations{_left_open(problem, state)}"
     raise AdjustmentError(msg)
 
 
@@ -288,6 +288,18 @@ def _descend(
         here = normals(problem, state, damping)
     msg = "no step reduces the cost any more"
     raise AdjustmentError(msg)
+
+
+def _left_open(problem: Problem[S], state: S) -> str:
+    """Return which unknowns the observations leave open, for a message; empty for none."""
+    undetermined = normals(problem, state).quality().inverse.undetermined
+    names = [
+        name for name, is_open in zip(problem.column_names(), undetermined, strict=True) if is_open
+    ]
+    if not names:
+        return ""
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"; the observations leave open {', '.join(names[:4])}{more}"
 
 
 def _less(damping: float) -> float:

@@ -115,12 +115,13 @@ def from_bundle(bundle: Bundle) -> Calibration:
     """Return what a bundle says of its cameras."""
     columns = bundle.network.layout
     n = int(np.sum(columns.interior >= 0) + np.sum(columns.mount >= 0))
+    first = np.arange(n)
     return Calibration(
         cameras=bundle.cameras,
         layout=Layout(
             interior=columns.interior, mount=columns.mount, pose=np.zeros((0, 6), dtype=np.intp)
         ),
-        cov=bundle.solution.cov[:n, :n],
+        cov=bundle.solution.inverse.at(first[:, None], first),
         sigma0_sq=bundle.solution.sigma0_sq,
         open_columns=bundle.solution.undetermined[:n],
     )

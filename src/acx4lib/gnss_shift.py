@@ -77,7 +77,8 @@ def reported_covariance(bundle: Bundle) -> Array:
     scale = np.ones(len(_columns(bundle)))
     scale[len(scale) - n_drifts :] = _drift_scale(bundle)
     J = block_diag(to_reported(calibration), np.diag(scale))
-    cov: Array = solution.sigma0_sq * propagate(J, solution.cov[: len(J), : len(J)])
+    first = np.arange(len(J))
+    cov: Array = solution.sigma0_sq * propagate(J, solution.inverse.at(first[:, None], first))
     return cov
 
 

@@ -297,7 +297,7 @@ def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
 def _pose_covariances(bundle: Bundle) -> Array:
     """Return the covariances of the poses, shape (n_poses, 6, 6)."""
     columns = bundle.network.layout.pose
-    return bundle.solution.cov[columns[:, :, None], columns[:, None, :]]
+    return bundle.solution.inverse.at(columns[:, :, None], columns[:, None, :])
 
 
 def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
