@@ -14,8 +14,7 @@ import numpy as np
 from acx4lib._typing import Array, Index
 from acx4lib.network import Network, State
 
-Residuals = tuple[Array, Array]
-"""v and sigma of one group."""
+Residuals = tuple[Array, Array]  # v and sigma of one group
 
 HUBER_WIDTH, HUBER_STEPS = 2.0, 15
 """Width in spreads of the residuals, and the most steps."""
