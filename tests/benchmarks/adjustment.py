@@ -28,7 +28,8 @@ from acx4lib.frames import log, rotation_from_opk
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "data" / "benchmarks"
-ENVIRONMENT = {f"{library}_NUM_THREADS": "2" for library in ("OMP", "OPENBLAS", "NUMBA")}
+ENVIRONMENT = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")}
+"""Linear algebra on one thread: on two it costs everyone more. The solvers have their own."""
 CERES = tuple(
     f"ceres_{derivatives}_{schur}_{threads}"
     for derivatives in ("automatic", "analytic")
