@@ -12,7 +12,7 @@ import pandas as pd
 from scipy import stats
 
 from acx4lib.calibration_report.material import Material, residuals
-from acx4lib.gross_errors import CRITICAL
+from acx4lib.reliability import noncentrality
 
 GROUPS = {
     ("image_point", "col_px"): "image points",
@@ -29,11 +29,8 @@ GROUPS = {
 }
 """The group of every kind and component of an observation."""
 
-POWER = 0.8
-"""Probability with which a detectable error is found."""
-
-DETECTABLE = CRITICAL + float(stats.norm.ppf(POWER))
-"""Baarda's delta_0: how far an error moves w if it is found with `POWER`."""
+DETECTABLE = noncentrality()
+"""Baarda's delta_0: how far an error moves w if it is found with `reliability.POWER`."""
 
 CONTROLLED = 0.1
 """Redundancy number below which an observation is hardly checked by the others."""
