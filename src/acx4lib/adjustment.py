@@ -31,6 +31,9 @@ from acx4lib.reduced_system import Inverse
 
 S = TypeVar("S")
 
+STEADY = 0.01
+"""Steps are not trusted to shrink by more than this factor from one to the next."""
+
 
 class Problem(Protocol[S]):
     """What an adjustment has to know of its application.
@@ -194,7 +197,7 @@ def solve(
     state : start values
     max_iterations : int
     tolerance : float
-        In standard deviations of the unknowns: of the last step, whose error is far smaller.
+        In standard deviations of the unknowns: of the step that would come next.
 
     Returns
     -------
@@ -207,8 +210,8 @@ def solve(
 
     Notes
     -----
-    Converged when a full step moves the unknowns by less than `tolerance`, or when rounding lets
-    no step reduce the cost any more.
+    Converged when the next full step would move the unknowns by less than `tolerance`, as far as
+    the last two tell, or when rounding lets no step reduce the cost any more.
     """
     with on_one_thread():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
@@ -248,15 +251,17 @@ def _iterate(
         msg = "the start values leave points behind a camera or at infinity"
         raise AdjustmentError(msg)
     degrees = _degrees_of_freedom(problem, here)
+    before = 0.0
     for iteration in range(1, max_iterations + 1):
         unit = here.cost / max(degrees, 1)
         descent = _descend(problem, state, here, damping=damping, unit=unit)
         if descent is None:
             return state, normals(problem, state) if damping else here, iteration
         state, here, used, decrement = descent
-        if used == 0.0 and decrement <= tolerance**2 * unit:
+        shrinking = max(decrement / before, STEADY**2) if before > decrement else 1.0
+        if used == 0.0 and shrinking * decrement <= tolerance**2 * unit:
             return state, here, iteration
-        damping = _less(used)
+        before, damping = decrement, _less(used)
     msg = f"no convergence after {max_iterations} iterations{_left_open(problem, state)}"
     raise AdjustmentError(msg)
 

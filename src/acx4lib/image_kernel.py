@@ -247,7 +247,7 @@ def move_points(
     step : ndarray, shape (n_images, 16)
         Of camera pose and interior orientation, and a one.
     out : ndarray, shape (n, 3)
-        Like `Scene.x_m`.
+        All points of the block.
     """
     room, s = room_for(rays, first, last, 1), np.zeros(3)
     J, B, W = room.J, room.B, room.W

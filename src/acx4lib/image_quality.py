@@ -117,7 +117,7 @@ class Tests(NamedTuple):
     Attributes
     ----------
     cov_points : ndarray, shape (n, 3, 3)
-        Like `Scene.x_m`; infinite for points that are open, as it was for those that are held.
+        All points of the block; infinite where one is open, as it was where one is held.
     v, redundancy : ndarray, shape (n_rays, 2)
         In the block's order; the residuals are along x and y, over their standard deviations.
     """
@@ -147,7 +147,7 @@ def quality(
     for p in range(first, last):
         start, n, at = rays.start[p], rays.start[p + 1] - rays.start[p], rays.point[p]
         room.sums[:] = 0.0
-        room.X[:] = 0.0
+        room.X[:n] = 0.0
         room.X_sums[:] = 0.0
         C[:] = 0.0
         for k in range(n):

@@ -314,7 +314,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             r_m_c=np.ascontiguousarray(T_m_c.r),
             camera=camera,
             interior=np.array([interior.to_array() for interior in state.interiors]),
-            x_m=state.x_m,
+            x_m=state.x_m[packed.rays.point],
             V=np.swapaxes(B, 1, 2) @ weighted,
             h=np.einsum("mdi,md->mi", weighted, control.v),
             refraction=network.refraction == "standard",
@@ -331,5 +331,6 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
         border=np.hstack([layout.interior, layout.mount]),
         pose_columns=layout.pose[packed.pose],
         sigma_px=network.image_points.sigma_px,
+        n_points=network.n_points,
         others=others,
     )

@@ -73,6 +73,8 @@ class NetworkNormals:
         Columns of the poses in the order of `Packed.pose`.
     sigma_px : ndarray, shape (n,)
         Of the image points, in the block's order.
+    n_points : int
+        Points of the block, measured or not.
     others : sequence of Equations
         Of everything that is no image point; a unit touches one pose at most.
     """
@@ -83,6 +85,7 @@ class NetworkNormals:
     border: Index
     pose_columns: Index
     sigma_px: Array
+    n_points: int
     others: Sequence[Equations]
 
     # --- assembled ---------------------------------------------------------------------------
@@ -174,7 +177,7 @@ class NetworkNormals:
         dx = np.empty_like(ordered)
         dx[self._order] = ordered
         along = camera_steps(self.hanging, gather(dx, self.border).ravel(), dx[self.pose_columns])
-        dp = np.zeros_like(self.scene.x_m)
+        dp = np.zeros((self.n_points, 3))
 
         def work(first: int, last: int) -> None:
             image_kernel.move_points(packed.rays, self.scene, first, last, along, dp)
@@ -195,7 +198,7 @@ class NetworkNormals:
             inverse = dense.reordered(self._order)
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
         tests = Tests(
-            cov_points=np.zeros((len(self.scene.x_m), 3, 3)),
+            cov_points=np.zeros((self.n_points, 3, 3)),
             v=np.empty((len(self.sigma_px), 2)),
             redundancy=np.empty((len(self.sigma_px), 2)),
         )

@@ -27,7 +27,7 @@ class SortedRays(NamedTuple):
     start : ndarray, shape (n_points + 1,)
         Where each point's rays begin.
     point : ndarray, shape (n_points,)
-        Where the points stand in `Scene.x_m`.
+        Where the points stand in the block.
     free : ndarray, shape (n_points,)
         Which points are unknowns.
     also : ndarray, shape (n_points,)
@@ -61,8 +61,8 @@ class Scene(NamedTuple):
         m.
     camera : ndarray, shape (n_images,)
     interior : ndarray, shape (n_cameras, 9)
-    x_m : ndarray, shape (n, 3)
-        m.
+    x_m : ndarray, shape (n_points, 3)
+        m, in the order of the rays' points.
     V, h : ndarray, shapes (k, 3, 3) and (k, 3)
         Normal equations that other observations give some of the points.
     refraction : bool
@@ -83,10 +83,10 @@ class Scene(NamedTuple):
 
 
 @inlined
-def _appears_at(scene: Scene, i: int, at: int) -> float:
+def _appears_at(scene: Scene, i: int, p: int) -> float:
     """Return the height at which a point appears, `collinearity.refraction_lift`."""
-    height, z = scene.r_m_c[i, 2], scene.x_m[at, 2]
-    dx, dy = scene.x_m[at, 0] - scene.r_m_c[i, 0], scene.x_m[at, 1] - scene.r_m_c[i, 1]
+    height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
+    dx, dy = scene.x_m[p, 0] - scene.r_m_c[i, 0], scene.x_m[p, 1] - scene.r_m_c[i, 1]
     dz = z - height
     camera, ground = 1 - LAPSE * height, 1 - LAPSE * z
     integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
@@ -97,10 +97,10 @@ def _appears_at(scene: Scene, i: int, at: int) -> float:
 @inlined
 def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
     """Fill J[k] and B[k], ray q's derivatives by camera and by point p; False if behind."""
-    i, at = rays.image[q], rays.point[p]
+    i = rays.image[q]
     R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: each would be counted
-    z_m = _appears_at(scene, i, at) if scene.refraction else x_m[at, 2]
-    dx, dy, dz = x_m[at, 0] - r_m_c[i, 0], x_m[at, 1] - r_m_c[i, 1], z_m - r_m_c[i, 2]
+    z_m = _appears_at(scene, i, p) if scene.refraction else x_m[p, 2]
+    dx, dy, dz = x_m[p, 0] - r_m_c[i, 0], x_m[p, 1] - r_m_c[i, 1], z_m - r_m_c[i, 2]
     r00, r01, r02 = R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]
     r10, r11, r12 = R[i, 1, 0], R[i, 1, 1], R[i, 1, 2]
     r20, r21, r22 = R[i, 2, 0], R[i, 2, 1], R[i, 2, 2]
