@@ -31,7 +31,7 @@ from acx4lib.reduced_system import Inverse
 
 S = TypeVar("S")
 
-STEADY = 0.01
+STEADY = 0.003
 """Steps are not trusted to shrink by more than this factor from one to the next."""
 
 
@@ -187,7 +187,7 @@ def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
 
 
 def solve(
-    problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-4
+    problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-5
 ) -> tuple[S, Solution]:
     """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
 
