@@ -3,6 +3,9 @@
 FLIGHT  ?= data/flights/acx4
 PYTHON  ?= $(shell command -v python3.11 || command -v python3)
 PORT    ?= 8000
+# Pictures of the heads in the flight that ships: at which exposures, and at what part of the size.
+IMAGES  ?= H1-05,H3-04
+REDUCE  ?= 4
 
 $(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
 
@@ -40,11 +43,15 @@ help: ## list these targets
 	@$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
+.venv/.stamp-bench: environment-bench.txt .venv/.stamp-test
+	@$(PIP) -r environment-bench.txt
+	@touch $@
+
 .venv/.stamp-test: environment-test.txt .venv/.stamp
 	@$(PIP) -r environment-test.txt
 	@touch $@
 
-lock: .venv ## write environment.lock anew from what is installed
+lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
 	@{ sed -n '/^#/p' environment.lock; \
 	   $(BIN)/python -m pip freeze --all --exclude pip --exclude acx4lib; } > .venv/lock
 	@mv .venv/lock environment.lock && echo environment.lock
@@ -61,8 +68,9 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
 test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2
 
-bench: .venv/.stamp-test ## time the adjustment beside other solvers, for data/benchmarks
+bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
 	@$(BIN)/python tests/benchmarks/adjustment.py
+	@$(BIN)/python tests/benchmarks/rendering.py
 
 coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python tests/benchmarks/coverage_flights.py
@@ -72,7 +80,7 @@ coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma,
 # The flight that ships is simulated: the same seed, the same bytes.
 data/flights/acx4/flight.toml: $(wildcard src/acx4lib/simulate/*.py) | .venv/.stamp
 	@rm -rf $(@D)
-	@$(BIN)/acx4 simulate acx4 --out $(@D)
+	@$(BIN)/acx4 simulate acx4 --out $(@D) --images $(IMAGES) --reduce $(REDUCE)
 	@echo $(@D)
 
 FLIGHT_FILES := $(if $(filter data/flights/acx4,$(FLIGHT)),data/flights/acx4/flight.toml,\

@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 compiling = pytest.importorskip("acx4lib.compiling")
@@ -42,3 +43,19 @@ def test_decorating_leaves_the_configuration_as_it_was():
 
     assert twice(3.0) == 6.0
     assert before == compiling._CONFIG.CACHE_DIR
+
+
+def test_what_is_not_a_number_is_found_in_a_sum():
+    @compiling.compiled
+    def unknown(a, b):
+        return np.isnan(a + b)
+
+    assert unknown(np.nan, 1.0)
+    assert not unknown(np.inf, 1.0)
+
+
+@pytest.mark.parametrize("name", compiling._SOURCES)
+def test_no_compiled_module_asks_for_finite_numbers(name):
+    """In compiled code of a sum the answer is always yes."""
+    if name not in ("collinearity.py", "compiling.py"):
+        assert "isfinite" not in (PACKAGE / name).read_text(encoding="utf-8")

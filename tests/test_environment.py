@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+FILES = ("environment.txt", "environment-test.txt", "environment-bench.txt")
 PIN = re.compile(r"^([\w.-]+)==(\S+)$", re.MULTILINE)
 
 
@@ -16,13 +17,13 @@ def pins(name):
     return found
 
 
-@pytest.mark.parametrize("name", ["environment.txt", "environment-test.txt"])
+@pytest.mark.parametrize("name", FILES)
 def test_the_lock_holds_every_pin(name):
     lock = pins("environment.lock")
     assert {key: lock.get(key) for key in pins(name)} == pins(name)
 
 
-@pytest.mark.parametrize("name", ["environment.txt", "environment-test.txt"])
+@pytest.mark.parametrize("name", FILES)
 def test_readme_gives_a_reason_for_every_package(name):
     table = (ROOT / "README.md").read_text(encoding="utf-8").split("## Dependencies")[1]
     rows = re.findall(r"^\| ([^|]+) \|", table, flags=re.MULTILINE)

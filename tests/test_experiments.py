@@ -11,11 +11,8 @@ from acx4lib.camera import Interior
 from acx4lib.experiments import (
     asked_by_gnss,
     held_focal_length,
-    misfit,
     transposed,
-    turned,
 )
-from acx4lib.frames import rotation_from_opk
 from acx4lib.relative_orientation import calibrate_heads, relative_orientation
 from acx4lib.synthetic_image import coverage
 from flights_simulated import HEADS, fly
@@ -126,38 +123,6 @@ def test_transposed_rotations_leave_47_per_cent_uncovered(orientation, synthetic
 
 def test_transposing_twice_changes_nothing(orientation):
     assert_allclose(transposed(transposed(orientation)).opk, orientation.opk, atol=1e-12)
-
-
-def test_a_turn_about_the_optical_axis_changes_kappa_alone(orientation):
-    wrong = turned(orientation, 2, angle=1e-3)
-    change = wrong.opk - orientation.opk
-    assert_allclose(change[2], [0, 0, 1e-3], atol=1e-12)
-    assert_allclose(np.delete(change, 2, axis=0), 0, atol=0)
-    axes = [rotation_from_opk(o.opk[2])[:, 2] for o in (orientation, wrong)]
-    assert_allclose(*axes, atol=1e-12)
-
-
-def test_the_right_orientation_has_no_misfit(orientation, ties):
-    found = misfit(orientation, orientation, ties)
-    assert (found.systematic_mm, found.refined_mm, found.largest_mm) == (0, 0, 0)
-
-
-def test_a_shift_is_repaired_and_a_turn_is_not(orientation, ties, synthetic):
-    pixel = synthetic.pixel_mm
-    xyz = orientation.xyz_mm.copy()
-    xyz[1, :2] += 3 * pixel
-    shift = misfit(orientation, replace(orientation, xyz_mm=xyz), ties)
-    assert shift.systematic_mm > 2 * pixel
-    assert shift.largest_mm < 0.01 * pixel  # what is left is the perspective of the shift
-    turn = misfit(orientation, turned(orientation, 1, angle=np.radians(0.01)), ties)
-    assert 0.3 * pixel < turn.refined_mm < turn.systematic_mm
-
-
-def test_a_turn_adds_in_proportion(orientation, ties):
-    small, large = (
-        misfit(orientation, turned(orientation, 0, angle=angle), ties) for angle in (1e-4, 2e-4)
-    )
-    assert_allclose(large.refined_mm, 2 * small.refined_mm, rtol=1e-3)
 
 
 # --- design, distortion, correlations --------------------------------------------------------

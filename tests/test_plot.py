@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
-from acx4lib import plot, tie_points
+from acx4lib import plot
 from acx4lib.experiments import held_focal_length, transposed
 from acx4lib.plot import _style
 from acx4lib.relative_orientation import calibrate_heads, relative_orientation
@@ -42,14 +42,6 @@ def fits(flight):
 @pytest.fixture(scope="module")
 def orientation(fits, synthetic):
     return relative_orientation(fits, synthetic)
-
-
-@pytest.fixture(scope="module")
-def refined(flight, orientation):
-    """Return the overlaps before and after the refinement."""
-    ties = tie_points.shared_points(flight.heads, orientation)
-    shifted = tie_points.refine_by_mean_differences(orientation, ties)
-    return tie_points.overlaps(ties, orientation), tie_points.overlaps(ties, shifted)
 
 
 @pytest.fixture(scope="module")
@@ -319,21 +311,6 @@ def test_footprints_show_the_frame_and_every_head(orientation, synthetic):
     assert [text.get_text() for text in panels(fig)[0].texts[:4]] == list(HEADS)
     assert "47." in panels(fig)[1].texts[-1].get_text()  # per cent uncovered
     assert legend(fig)[:5] == [*HEADS, "no head"]
-
-
-def test_differences_are_drawn_before_and_after(refined, orientation, synthetic):
-    fig = drawn(plot.differences(*refined, orientation, synthetic))
-    assert_labelled(fig)
-    assert_texts_apart(fig)
-    sizes = [len(quivers(ax)[0].U) for ax in panels(fig)]
-    assert sizes[0] == sizes[1] > 20
-    means = [re.search(r"means up to ([\d.]+)", ax.texts[0].get_text())[1] for ax in panels(fig)]
-    assert float(means[1]) < float(means[0])
-
-
-def test_without_tie_points_there_is_a_sentence(orientation, synthetic):
-    (text,) = drawn(plot.differences([], [], orientation, synthetic)).axes[0].texts
-    assert text.get_text() == "No two heads share a tie point at an exposure."
 
 
 def test_a_figure_is_the_same_every_time(orientation, synthetic):

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4lib import errata, experiments, paper, records, results, runner, simulate
+from acx4lib import errata, paper, records, results, runner, simulate
 from acx4lib import flight as flights
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.relative_orientation import Heads
 from acx4lib.stages import flight as contents
-from acx4lib.stages import head_sentences, head_tables, heads, synthetic
+from acx4lib.stages import head_sentences, head_tables, heads, pixel_tables, synthetic
+from acx4lib.stages import refinement as refining
 from flights_simulated import HEADS, fly
 
 NAMES = {"CAM2": "port", "CAM3": "starboard"}
@@ -244,7 +245,7 @@ def orientation(flight, folder):
 
 @pytest.fixture(scope="module")
 def refinement(flight, orientation):
-    return synthetic.refine(flight, orientation)
+    return refining.refine(flight, orientation, None)
 
 
 def test_results_of_the_heads_are_asked_for(flight, tmp_path):
@@ -253,10 +254,13 @@ def test_results_of_the_heads_are_asked_for(flight, tmp_path):
 
 
 def test_the_refined_heads_are_written(refinement, folder, tmp_path):
-    records.write(tmp_path, "synthetic", synthetic.records(refinement))
+    records.write(tmp_path, "synthetic", refining.records(refinement))
     found = results.read(tmp_path)
     assert results.cameras(found, "synthetic/refined") == HEADS
-    assert results.has(found, "synthetic/refined")
+    said = found.summary["synthetic/refined"]
+    assert said["n_unknowns"] == 9
+    assert said["n_observations"] == 2 * (len(refinement.ties) - said["n_rejected"])
+    assert 0.3 < said["sigma0_squared"] < 3
 
 
 def test_table_2_is_the_papers(flight):
@@ -273,30 +277,42 @@ def test_coverage_is_that_of_the_printed_table_1(flight, orientation):
     assert np.allclose(table["Share (%)"].astype(float), printed, atol=0.5)
 
 
-def test_every_pair_of_heads_has_a_row(flight, orientation, refinement):
-    table = synthetic.overlap_table(flight, orientation, refinement)
+def test_every_pair_of_heads_has_a_row(flight, refinement):
+    table = refining.overlap_table(flight, refinement)
     assert len(table) == 6
     areas = table.set_index("Heads")["Area (Mpx)"].astype(float)
     assert areas["CAM1 and CAM2"] == pytest.approx(16.4, abs=0.5)
-    assert len(synthetic.shift_table(orientation, refinement)) == 4
+
+
+def test_the_first_head_is_not_turned(refinement):
+    table = refining.turns_table(refinement).set_index("Head")
+    assert table.loc["CAM1"].str.startswith("+0.00 ±").all()
+    assert not table.loc["CAM2"].str.startswith("+0.00 ±").any()
+
+
+def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(flight, refinement):
+    table = refining.ways_table(flight, refinement)
+    ways = [refining.BEFORE, refining.MEAN, *refining.BY.values()]
+    assert table["Refined by"].tolist() == ways
+    left = table["RMS of the differences (px)"].astype(float)
+    assert (left[1:] <= left[0]).all()
 
 
 def test_what_is_said_has_the_papers_half_pixel(flight, refinement):
-    assert "3 µm, 0.5 px" in synthetic.quality(flight, refinement)
-    assert "nothing is rendered" in synthetic.rendering(flight)
+    assert "3 µm, 0.5 px" in refining.quality(flight, refinement)
+    assert "nothing is rendered" in pixel_tables.rendering(flight, None)
 
 
-def test_a_transposed_reading_is_said(flight, orientation):
-    said = synthetic.uncovered(flight, [orientation, experiments.transposed(orientation)])
-    assert "0.0 %" in said
-    assert re.search(r"47\.\d %", said)
-
-
-def test_a_turned_head_is_tabled(flight, orientation, refinement):
-    table = synthetic.turned_table(flight, orientation, refinement, kappa_deg=0.01)
-    assert table["Turned head"].tolist() == [f"{name} by 0.01°" for name in HEADS]
-    left = table["left after the mean shift, RMS (px)"].astype(float)
-    assert (left > 0.2).all()
+@pytest.mark.slow
+def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(flight, orientation):
+    """With 0.01 degrees: 0.01 px in the overlaps, 0.02 px in the frame; a shift leaves 3 px."""
+    table = refining.repaired_table(flight, orientation, seed=1)
+    turned = table[table["Errors"].str.startswith("heads turned")].set_index("Refined by")
+    turned = turned.drop(columns="Errors").astype(float)
+    rotations, shift = turned.loc[refining.ROTATIONS], turned.loc[refining.MEAN]
+    assert rotations["Overlaps, RMS (px)"] < 0.01
+    assert rotations["at most in the frame (px)"] < 0.02
+    assert shift["at most in the frame (px)"] > 1.0
 
 
 def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_path):
@@ -304,15 +320,14 @@ def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_
     rows = block.images.camera_idx[block.image_points.image_idx] == 0
     alone = replace(block, image_points=block.image_points[rows])
     bare = replace(flight, blocks={"heads": alone})
-    refinement = synthetic.refine(bare, orientation)
-    records.write(tmp_path, "synthetic", synthetic.records(refinement))
+    refinement = refining.refine(bare, orientation, None)
+    records.write(tmp_path, "synthetic", refining.records(refinement))
     entry = results.read(tmp_path).summary["synthetic/refined"]
-    assert results.messages(entry, "left_out") == [
-        "synthetic/refined: no two heads share a tie point at an exposure"
-    ]
-    assert "nothing can be refined" in synthetic.quality(bare, refinement)
-    assert len(synthetic.overlap_table(bare, orientation, refinement)) == 1
-    assert len(synthetic.turned_table(bare, orientation, refinement, kappa_deg=0.01)) == 1
+    (reason,) = results.messages(entry, "left_out")
+    assert reason.startswith("synthetic/refined: ")
+    assert "nothing can be refined" in refining.quality(bare, refinement)
+    for table in (refining.overlap_table, refining.ways_table):
+        assert table(bare, refinement).to_dict("records") == [refining.NO_TIES]
 
 
 # --- the notebooks ---------------------------------------------------------------------------

@@ -24,7 +24,14 @@ from acx4lib import (
 )
 from acx4lib.stages import determination_tables
 
-ALWAYS = ("05-reference-data", "06-errata", "07-report", "09-weights")
+ALWAYS = (
+    "05-reference-data",
+    "06-errata",
+    "07-report",
+    "09-weights",
+    "10-synthetic-quality",
+    "11-surround-rig",
+)
 
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:

@@ -8,3 +8,4 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 Index = NDArray[np.integer[Any]]
 Mask = NDArray[np.bool_]
+Raster = NDArray[np.unsignedinteger[Any]]

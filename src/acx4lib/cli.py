@@ -6,21 +6,19 @@ in one line per problem on standard error.
 
 from __future__ import annotations
 
-import contextlib
 import importlib.metadata
 import logging
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
+from acx4lib import render_command
 from acx4lib.errors import Acx4Error, FlightError
-
-if TYPE_CHECKING:
-    from acx4lib.runner import Tell
+from acx4lib.terminal import Flight, refuse, say, stage_bars
 
 # What computes is imported by the commands themselves, so that `acx4 --help` is quick.
 
@@ -34,10 +32,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Flight = Annotated[
-    Path, typer.Argument(metavar="FLIGHT", show_default=False, help="Folder with flight.toml.")
-]
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -53,29 +47,17 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     try:
         app(arguments, prog_name="acx4")
     except Acx4Error as error:
-        _say(*getattr(error, "__notes__", ()), *str(error).splitlines())
+        say(*getattr(error, "__notes__", ()), *str(error).splitlines())
         sys.exit(2 if isinstance(error, FlightError) else 1)
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
-        _say(f"{where}{error.strerror or error}")
+        say(f"{where}{error.strerror or error}")
         sys.exit(2)
     except SystemExit as end:
         if end.code in ENDED:
-            _say(ENDED[end.code])
+            say(ENDED[end.code])
         raise
     sys.exit(0)
-
-
-def _say(*lines: str) -> None:
-    """Print on standard error, one line each."""
-    for line in lines:
-        typer.echo(line, err=True)
-
-
-def _refuse(message: str) -> NoReturn:
-    """End the command because of a wrong argument."""
-    _say(message)
-    raise typer.Exit(2)
 
 
 def _show_version(wanted: bool) -> None:
@@ -158,8 +140,8 @@ def run(
     chosen = [stage.strip() for stage in stages.split(",")]
     for stage in chosen:
         if stage not in STAGES:
-            _refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    with _progress() as tell:
+            refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    with stage_bars() as tell:
         report = runner.run(
             flight,
             results,
@@ -171,14 +153,15 @@ def run(
         typer.echo(line)
     typer.echo(f"results in {results}")
     if report.not_determined:
-        _say(*report.not_determined)
+        say(*report.not_determined)
         raise typer.Exit(1)
 
 
 @app.command(
     help="""Write a simulated flight.
 
-Its truth is in FLIGHT.truth.json beside it.
+Its truth is in FLIGHT.truth.json beside it. It has pixels where --images names exposures: the
+pictures of all cameras that expose together, 16 bit.
 
 \b
 NAME is one of
@@ -189,9 +172,10 @@ NAME is one of
 Examples:
   acx4 simulate single-head --out my_flight --seed 3
   acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
+  acx4 simulate acx4 --out my_flight --images H3-04,H1-05 --reduce 4
 """
 )
-def simulate(
+def simulate(  # noqa: PLR0913, PLR0917 one for every option
     name: Annotated[str, typer.Argument(metavar="NAME", show_default=False)],
     out: Annotated[
         Path,
@@ -209,20 +193,44 @@ def simulate(
     refraction: Annotated[
         bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
     ] = False,
+    images: Annotated[
+        str, typer.Option(metavar="A,B", help="Exposures that get pictures.", show_default=False)
+    ] = "",
+    reduce: Annotated[
+        int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
+    ] = 1,
+    ground: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PHOTO",
+            show_default=False,
+            help="A picture to lie on the ground, a pixel every 12.5 cm; else a landscape.",
+        ),
+    ] = None,
 ) -> None:
     """Write a simulated flight."""
     from acx4lib import simulate as simulator  # noqa: PLC0415 quick help
 
     if name not in simulator.DESIGNS:
-        _refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
+        refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
     if out.exists():
-        _refuse(f"{out}: exists already; choose another name")
+        refuse(f"{out}: exists already; choose another name")
     options = simulator.Options(
         slow_errors=simulator.SlowErrors() if slow_errors else None,
         gross_errors=simulator.GrossErrors() if gross_errors else None,
         refraction="standard" if refraction else "none",
     )
-    simulator.write(simulator.DESIGNS[name](seed=seed, options=options), out)
+    exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
+    if not exposures and (reduce > 1 or ground is not None):
+        refuse("--reduce and --ground are for pictures; name exposures with --images")
+    flight = simulator.DESIGNS[name](seed=seed, options=options)
+    if exposures:
+        try:
+            flight = simulator.photograph(flight, exposures, reduce=reduce, photo=ground)
+        except ValueError as error:
+            refuse(str(error))
+    with stage_bars("rows") as tell:
+        simulator.write(flight, out, tell=tell)
     typer.echo(f"{out}; its truth in {simulator.truth_path(out)}")
 
 
@@ -251,32 +259,9 @@ def report(
     from acx4lib import calibration_report  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
-    with _progress() as tell:
+    with stage_bars() as tell:
         calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
     typer.echo(path)
 
 
-@contextlib.contextmanager
-def _progress() -> Iterator[Tell]:
-    """Show one bar per stage, or one line per stage where nobody looks on."""
-    if not sys.stdout.isatty():
-        yield lambda stage, done, total: typer.echo(f"{stage}: done") if done == total else None
-        return
-    from rich import progress  # noqa: PLC0415 quick help
-
-    columns = (
-        progress.TextColumn("{task.description:<10}"),
-        progress.BarColumn(),
-        progress.MofNCompleteColumn(),
-        progress.TextColumn("cells"),
-        progress.TimeElapsedColumn(),
-    )
-    with progress.Progress(*columns) as bars:
-        tasks: dict[str, progress.TaskID] = {}
-
-        def tell(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = bars.add_task(stage, total=total)
-            bars.update(tasks[stage], completed=done)
-
-        yield tell
+app.command(help=render_command.HELP)(render_command.render)

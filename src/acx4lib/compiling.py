@@ -24,6 +24,13 @@ _SOURCES = (
     "image_kernel.py",
     "image_quality.py",
     "reduction.py",
+    "spline_kernel.py",
+    "correlation_kernel.py",
+    "matching_kernel.py",
+    "memory_hints.py",
+    "pixel_lanes.py",
+    "blend_weights.py",
+    "resampling_kernel.py",
 )
 """Modules with compiled functions, and with what these are compiled from."""
 
@@ -31,7 +38,9 @@ _HOW: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
-    "fastmath": {"reassoc", "contract", "arcp", "nsz"},  # NaN and infinity stay what they are
+    # NaN and infinity stay what they are, and np.isnan finds them; np.isfinite does not, being a
+    # difference of equal numbers that "reassoc" takes for zero
+    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
 }
 
 
@@ -46,6 +55,19 @@ def inlined(function: F) -> F:
     For what is called at every point: handing over the arrays would cost more than the work.
     """
     return _kept(function, forceinline=True, **_HOW)
+
+
+def uncounted(function: F) -> F:
+    """Compile a function that makes no arrays, and counts no references to those it is given.
+
+    For threads that share arrays and hand them to small functions all the time.
+    """
+    return _kept(function, _nrt=False, **_HOW)
+
+
+def uncounted_inlined(function: F) -> F:
+    """Compile such a function into those that call it."""
+    return _kept(function, _nrt=False, forceinline=True, **_HOW)
 
 
 def _folder() -> Path:

@@ -212,9 +212,14 @@ def of_failure(stage: str, method: str, reason: str, *, summary_key: str) -> Rec
 # --- relative orientation --------------------------------------------------------------------
 
 
-def of_relative_orientation(stage: str, method: str, orientation: RelativeOrientation) -> Record:
-    """Return the rows of heads oriented in the synthetic frame."""
-    entry = {**NO_ADJUSTMENT, "converged": True, "n_exposures": orientation.n_exposures}
+def of_relative_orientation(
+    stage: str, method: str, orientation: RelativeOrientation, **said: object
+) -> Record:
+    """Return the rows of heads oriented in the synthetic frame.
+
+    What else is said of the adjustment goes into the summary under its own name.
+    """
+    entry = {**NO_ADJUSTMENT, "converged": True, "n_exposures": orientation.n_exposures, **said}
     return Record(
         stage=stage,
         method=method,

@@ -7,7 +7,7 @@ plane and sees a synthetic point (X, Y, 0) by eqs (1)-(11).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -115,3 +115,34 @@ def coverage(
     count = seen.sum(axis=0)
     share = np.bincount(count.ravel(), minlength=len(seen) + 1) / count.size
     return Coverage(xy=xy, seen=seen, share=share)
+
+
+def reduced_camera(camera: Camera, k: int) -> Camera:
+    """Return a camera whose image has 1/k of the size, as if k x k pixels were one.
+
+    Parameters
+    ----------
+    camera : Camera
+    k : int
+        Where it does not divide the size, the image covers the middle of the sensor.
+
+    Returns
+    -------
+    Camera
+        With the same interior orientation in mm.
+
+    Raises
+    ------
+    ValueError
+        Where `k` is not positive, or larger than the image.
+    """
+    width, height = camera.width_px // max(k, 1), camera.height_px // max(k, 1)
+    if k < 1 or not (width and height):
+        msg = f"{camera.name}: an image of {camera.width_px} x {camera.height_px} px has no 1/{k}"
+        raise ValueError(msg)
+    return replace(camera, width_px=width, height_px=height, pixel_mm=k * camera.pixel_mm)
+
+
+def reduced_heads(orientation: RelativeOrientation, k: int) -> RelativeOrientation:
+    """Return the same heads with images of 1/k of the size."""
+    return replace(orientation, heads=tuple(reduced_camera(h, k) for h in orientation.heads))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from acx4lib._typing import Array, Index
+from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.covariance import sigmas
@@ -39,6 +39,10 @@ class TiePoints:
     def __len__(self) -> int:
         """Count the tie points."""
         return len(self.head_a)
+
+    def __getitem__(self, keep: Index | Mask) -> TiePoints:
+        """Select tie points."""
+        return TiePoints(**{one.name: getattr(self, one.name)[keep] for one in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

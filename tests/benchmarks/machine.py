@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -23,19 +24,26 @@ def described(ceres: Path | None) -> dict[str, Any]:
     ceres : Path or None
         The compiled comparator.
     """
-    versions = {"python": platform.python_version(), **_packages()}
+    versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
     if ceres is not None:
         versions |= ceres_solver.versions(ceres)
+    return {
+        **computer(),
+        "flags": " ".join(ceres_solver.FLAGS),
+        "ceres_tolerance": float(ceres_solver.TOLERANCE),
+        "ceres_exact_tolerance": float(ceres_solver.EXACT),
+        "versions": versions,
+    }
+
+
+def computer() -> dict[str, Any]:
+    """Return processor, memory, system, and the commit that was measured."""
     return {
         "processor": _first("/proc/cpuinfo", "model name"),
         "cores": len(os.sched_getaffinity(0)),
         "memory_gb": round(int(_first("/proc/meminfo", "MemTotal").split()[0]) / 2**20, 1),
         "system": _first("/etc/os-release", "PRETTY_NAME", by="=").strip('"'),
         "commit": _commit(),
-        "flags": " ".join(ceres_solver.FLAGS),
-        "ceres_tolerance": float(ceres_solver.TOLERANCE),
-        "ceres_exact_tolerance": float(ceres_solver.EXACT),
-        "versions": versions,
     }
 
 
@@ -46,9 +54,10 @@ def _first(path: str, key: str, by: str = ":") -> str:
     return next(found, "unknown")
 
 
-def _packages() -> dict[str, str]:
+def package_versions(names: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python packages."""
     out = {}
-    for name in PACKAGES:
+    for name in names:
         try:
             out[name] = version(name)
         except PackageNotFoundError:

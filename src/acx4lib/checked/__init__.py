@@ -12,7 +12,17 @@ from collections.abc import Callable
 import pandas as pd
 
 from acx4lib import reference, report
-from acx4lib.checked import comparison, dbat, dbat_blocks, ign, nist, noaa, stored
+from acx4lib.checked import (
+    comparison,
+    dbat,
+    dbat_blocks,
+    ign,
+    nist,
+    noaa,
+    stored,
+    surround,
+    surround_readings,
+)
 from acx4lib.checked.stored import Comparison
 
 COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
@@ -22,6 +32,10 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "noaa": ("noaa-dss-dg", noaa.results),
     "ign": ("ign-uce-m3", ign.results),
     "ign_forgotten_steps": ("ign-uce-m3", ign.forgotten_steps),
+    "surround_places": (surround.FILES, surround.places),
+    "surround_readings": (surround.FILES, surround_readings.readings),
+    "surround_overlaps": (surround.FILES, surround.overlaps),
+    "surround_refinements": (surround.FILES, surround.refinements),
 }
 """The set of files that every comparison needs, and what computes it."""
 
@@ -38,6 +52,7 @@ LABELS = {
     **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in ign.AXES},
     **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in ign.AXES},
     "largest": "largest difference",
+    **surround.LABELS,
 }
 """Headings of columns in the book."""
 
@@ -55,6 +70,7 @@ _FORMATS = {
     **{f"sigma_{axis}_m": ".4f" for axis in ign.AXES},
     **{f"mean_{axis}_m": "+.3f" for axis in ign.AXES},
     "largest": ".2f",
+    **surround.FORMATS,
 }
 
 

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from acx4lib._typing import Array
 from acx4lib.camera import Camera, xy_from_colrow
+from acx4lib.plot._pictures import HasRefinement
 from acx4lib.plot._style import (
     INK,
     SOFT,
@@ -33,6 +34,9 @@ from acx4lib.tie_points import Overlap
 
 COUNTS = ("#f0bfae", "#eef2f6", "#c3d6e8", "#8fb2d3", "#5b8dbd")
 """Grounds of what no head sees, and of what one to four or more heads see."""
+
+WAYS = ("as calibrated", "mean differences", "three rotations")
+"""Ways to refine that `refinements` shows beside each other."""
 
 CELLS = 12
 """Cells along the longer side of the synthetic image in `differences`."""
@@ -135,53 +139,55 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
             )
 
 
-def differences(
-    before: Sequence[Overlap],
-    after: Sequence[Overlap],
-    orientation: RelativeOrientation,
-    synthetic: Camera,
-) -> Figure:
-    """Draw the differences between heads at tie points, before and after the refinement.
+def refinements(refined: HasRefinement, synthetic: Camera) -> Figure:
+    """Draw the differences between heads at tie points after each of several refinements.
 
     Parameters
     ----------
-    before, after : sequence of Overlap
-        Of the same pairs.
-    orientation : RelativeOrientation
-        For the heads' outlines.
+    refined : HasRefinement
     synthetic : Camera
 
     Returns
     -------
     Figure
-        Means of cells, in pixels of the synthetic image.
+        Those of `WAYS` that there are: means of cells, in pixels of the synthetic image, with one
+        scale; only a dot is seen where nothing is left.
     """
-    if not before:
+    fields = {way: refined.overlaps(way) for way in WAYS if way in refined.orientations}
+    if not any(fields.values()):
         return nothing("No two heads share a tie point at an exposure.")
     pixel = synthetic.pixel_mm
     size = max(synthetic.width_px, synthetic.height_px) * pixel / CELLS
-    fields = [[_cell_means(o, size) for o in overlaps] for overlaps in (before, after)]
-    every = np.concatenate([d for field in fields for _, d in field])
+    means = {title: [_cell_means(o, size) for o in found] for title, found in fields.items()}
+    every = np.concatenate([d for field in means.values() for _, d in field])
     key = round_length(max(float(np.hypot(*every.T).max(initial=0.0)) / pixel, 1e-6))
+    width, height = _size(synthetic, len(fields))
+    key_at = 0.95, -25 / 72 / (height - 1.2)  # on the line of the axis label
+    scale = size / (key * pixel)
     with style():
-        fig, axes = plt.subplots(1, 2, figsize=_size(synthetic, 2), sharey=True)
-        for ax, field, overlaps, title in zip(
-            axes, fields, (before, after), ("before", "after the refinement"), strict=True
-        ):
-            _draw_outlines(ax, orientation, faint=True)
-            _draw_frame(ax, synthetic, [orientation])
-            _draw_vectors(ax, field, scale=size / (key * pixel), key=key, pixel=pixel)
-            d = np.concatenate([o.d for o in overlaps]) / pixel
-            means = np.array([o.mean for o in overlaps]) / pixel
-            far = np.abs(means).max()
-            heading(ax, title, f"rms {np.sqrt((d**2).mean()):.2f} px, means up to {far:.2f} px")
-        axes[1].set_ylabel("")
-        heads = orientation.heads
+        fig, axes = plt.subplots(
+            1, len(fields), figsize=(width, height), sharey=True, squeeze=False
+        )
+        for ax, (title, found) in zip(axes[0], fields.items(), strict=True):
+            _draw_outlines(ax, refined.orientation, faint=True)
+            _draw_frame(ax, synthetic, [refined.orientation])
+            _draw_vectors(ax, means[title], scale=scale, key=key, pixel=pixel, key_at=key_at)
+            d = np.concatenate([o.d for o in found]) / pixel
+            heading(ax, title, _rms_and_largest(d))
+            ax.set_ylabel(ax.get_ylabel() if ax is axes[0, 0] else "")
         handles = [
-            Line2D([], [], color=colour(k), lw=1, label=head.name) for k, head in enumerate(heads)
+            Line2D([], [], color=colour(k), lw=1, label=head.name)
+            for k, head in enumerate(refined.orientation.heads)
         ]
         legend_below(fig, handles)
     return fig
+
+
+def _rms_and_largest(d: Array) -> str:
+    """Say the root mean square in one coordinate and the longest difference, px."""
+    rms, largest = float(np.sqrt((d**2).mean())), float(np.hypot(*d.T).max())
+    digits = 3 if rms < 0.1 else 2
+    return f"rms {rms:.{digits}f}, largest {largest:.2f} px"
 
 
 def _cell_means(overlap: Overlap, size: float) -> tuple[Array, Array]:
@@ -196,10 +202,17 @@ def _cell_means(overlap: Overlap, size: float) -> tuple[Array, Array]:
 
 
 def _draw_vectors(
-    ax: Axes, field: Sequence[tuple[Array, Array]], *, scale: float, key: float, pixel: float
+    ax: Axes,
+    field: Sequence[tuple[Array, Array]],
+    *,
+    scale: float,
+    key: float,
+    pixel: float,
+    key_at: tuple[float, float],
 ) -> None:
     middle = np.concatenate([xy for xy, _ in field])
     d = np.concatenate([d for _, d in field])
+    ax.plot(*middle.T, ".", ms=1.6, color=SOFT, zorder=6)  # where arrows are too short to be seen
     arrows = ax.quiver(
         *middle.T,
         *(scale * d.T),
@@ -213,5 +226,5 @@ def _draw_vectors(
     )
     label = f"{key:g} px"
     ax.quiverkey(
-        arrows, 0.86, 1.035, scale * key * pixel, label, labelpos="W", fontproperties={"size": 7.5}
+        arrows, *key_at, scale * key * pixel, label, labelpos="W", fontproperties={"size": 7}
     )

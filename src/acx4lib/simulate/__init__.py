@@ -10,7 +10,17 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from acx4lib.simulate.designs import acx4_plan, single_head_plan
-from acx4lib.simulate.flights import SimulatedFlight, simulate_plan
+from acx4lib.simulate.flights import SimulatedFlight, photograph, simulate_plan
+from acx4lib.simulate.ground_rays import (
+    Station,
+    ground_from_pixels,
+    pixels_from_ground,
+    reduced,
+    station,
+)
+from acx4lib.simulate.photo import read_photo
+from acx4lib.simulate.photography import landscape
+from acx4lib.simulate.pictures import Tiles, camera_response, head_images, picture
 from acx4lib.simulate.plan import GrossErrors, Options, SlowErrors
 from acx4lib.simulate.writer import truth_path, write
 
@@ -20,9 +30,23 @@ __all__ = [
     "Options",
     "SimulatedFlight",
     "SlowErrors",
+    "Station",
+    "Tiles",
     "acx4",
+    "acx4_plan",
+    "camera_response",
+    "ground_from_pixels",
+    "head_images",
+    "landscape",
+    "photograph",
+    "picture",
+    "pixels_from_ground",
+    "read_photo",
+    "reduced",
     "simulate_plan",
     "single_head",
+    "single_head_plan",
+    "station",
     "truth_path",
     "write",
 ]

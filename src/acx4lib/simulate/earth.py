@@ -20,6 +20,7 @@ FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 
 _NORTH_STEP = 1e-5  # rad, 64 m: the step's error and rounding are both below 2e-11 rad
 _METRES_PER_RAD = 6.37e6
+_ECEF_STEPS = 4  # each takes off five digits at the height of an aircraft
 _HILLS = (  # amplitude m, wavelength m, azimuth deg, phase rad
     (30.0, 4300.0, 20.0, 0.4),
     (23.0, 2650.0, 105.0, 2.1),
@@ -78,6 +79,18 @@ class Grid:
             ]
         )
 
+    def geodetic_from_ecef(self, x_e: Array) -> Array:
+        """Compute latitude, longitude and height of geocentric coordinates, shape (n, 3)."""
+        a, flattening = self._ellipsoid
+        e_sq = flattening * (2 - flattening)
+        axis = np.hypot(x_e[:, 0], x_e[:, 1])
+        lat, height = np.arctan2(x_e[:, 2], (1 - e_sq) * axis), np.zeros(len(x_e))
+        for _ in range(_ECEF_STEPS):
+            n = a / np.sqrt(1 - e_sq * np.sin(lat) ** 2)
+            height = axis / np.cos(lat) - n
+            lat = np.arctan2(x_e[:, 2], axis * (1 - e_sq * n / (n + height)))
+        return np.column_stack([lat, np.arctan2(x_e[:, 1], x_e[:, 0]), height])
+
     def convergence(self, llh: Array) -> Array:
         """Compute the azimuth of grid north, rad, from the direction in which north is drawn.
 
@@ -120,12 +133,21 @@ def rotation_from_opk_deg(opk_deg: tuple[float, float, float]) -> Rotation:
     return Rotation.from_euler("XYZ", opk_deg, degrees=True)
 
 
-def terrain_height(llh: Array, mean_height: float) -> Array:
-    """Compute the height, m, of smooth hills at a place; the same at every run."""
-    east, north = (
-        _METRES_PER_RAD * np.cos(llh[:, 0].mean()) * llh[:, 1],
-        _METRES_PER_RAD * llh[:, 0],
-    )
+def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = None) -> Array:
+    """Compute the height, m, of smooth hills at a place; the same at every run.
+
+    Parameters
+    ----------
+    llh : ndarray, shape (n, 3)
+        Latitude, longitude, rad; the third column is not used.
+    mean_height : float
+        Of the ground, m.
+    latitude : float, optional
+        Where a degree of longitude is measured, rad; the mean of the places by default. The
+        hills stand elsewhere with another.
+    """
+    scale = np.cos(llh[:, 0].mean() if latitude is None else latitude)
+    east, north = _METRES_PER_RAD * scale * llh[:, 1], _METRES_PER_RAD * llh[:, 0]
     height = np.full(len(llh), mean_height)
     for amplitude, wavelength, azimuth_deg, phase in _HILLS:
         azimuth = np.radians(azimuth_deg)

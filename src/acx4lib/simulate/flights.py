@@ -1,7 +1,8 @@
 """A flight from its plan: fly, look, measure, write down."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from acx4lib.simulate.earth import Array
 from acx4lib.simulate.fly import Track, fly, record, stream
 from acx4lib.simulate.gross_errors import spoil
 from acx4lib.simulate.observe import Sight, ground_points, look, strew_tie_points
+from acx4lib.simulate.photography import Photography, order, told
 from acx4lib.simulate.plan import BlockPlan, Options, Plan
 from acx4lib.simulate.texts import flight_toml, truth
 
@@ -30,12 +32,21 @@ class SimulatedFlight:
         The flight's tables by their path inside the flight's folder.
     truth : dict
         True values, for JSON.
+    plan : Plan
+        What was flown.
+    seed : int
+        Of its random numbers.
+    photography : Photography, optional
+        The pictures to be taken.
     """
 
     name: str
     toml: str
     tables: Mapping[str, pd.DataFrame]
     truth: dict[str, Any]
+    plan: Plan
+    seed: int
+    photography: Photography | None = None
 
 
 def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
@@ -75,8 +86,70 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         spoiled = spoil(plan, files, recorded, options.gross_errors, seed)
         files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
     return SimulatedFlight(
-        name=plan.name, toml=flight_toml(plan, options), tables=files, truth=told
+        name=plan.name,
+        toml=flight_toml(plan, options),
+        tables=files,
+        truth=told,
+        plan=plan,
+        seed=seed,
     )
+
+
+def photograph(
+    flight: SimulatedFlight,
+    exposures: Sequence[str],
+    *,
+    reduce: int = 1,
+    photo: str | Path | None = None,
+) -> SimulatedFlight:
+    """Order pictures of some exposures; they are taken when the flight is written.
+
+    Parameters
+    ----------
+    flight : SimulatedFlight
+        The flight.
+    exposures : sequence of str
+        Their names, of any block.
+    reduce : int
+        The pictures are 1/reduce of the size, over the middle of the sensors.
+    photo : str or Path, optional
+        File with a picture to lie on the ground, mirrored beyond its edges, one of its pixels
+        every 12.5 cm; the procedural landscape without.
+
+    Returns
+    -------
+    SimulatedFlight
+        images.csv names the files; the truth has the responses of the cameras.
+
+    Raises
+    ------
+    ValueError
+        Where the flight has no such exposure, or no exposure is named, or `reduce` leaves no pixel.
+    OSError
+        Where the photo is not there or cannot be read.
+    """
+    ordered = order(flight.plan, flight.seed, exposures, reduce, photo)
+    return replace(
+        flight,
+        tables=_with_files(flight.tables, ordered),
+        truth={**flight.truth, "pictures": told(ordered)},
+        photography=ordered,
+    )
+
+
+def _with_files(
+    tables: Mapping[str, pd.DataFrame], ordered: Photography
+) -> dict[str, pd.DataFrame]:
+    tables = dict(tables)
+    for block in {at.block for at in ordered.stations}:
+        files = {
+            Path(path).stem: path.removeprefix(f"{block}/")
+            for path, at, _ in ordered.orders()
+            if at.block == block
+        }
+        images = tables[f"{block}/images.csv"]
+        tables[f"{block}/images.csv"] = images.assign(file=images["image"].map(files).fillna(""))
+    return tables
 
 
 def _as_asked(plan: Plan, options: Options) -> Plan:

@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 
 from acx4lib.simulate.flights import SimulatedFlight
+from acx4lib.simulate.photography import Tell, take
 
 
 def truth_path(folder: str | Path) -> Path:
@@ -13,8 +14,8 @@ def truth_path(folder: str | Path) -> Path:
     return folder.with_name(f"{folder.name}.truth.json")
 
 
-def write(flight: SimulatedFlight, folder: str | Path) -> None:
-    """Write a flight folder and, beside it, its truth.
+def write(flight: SimulatedFlight, folder: str | Path, *, tell: Tell = lambda *_: None) -> None:
+    """Write a flight folder with its pictures and, beside it, its truth.
 
     The folder appears whole or not at all.
 
@@ -24,6 +25,8 @@ def write(flight: SimulatedFlight, folder: str | Path) -> None:
         The flight.
     folder : str or Path
         Where to; it must not exist, or be empty.
+    tell : callable
+        Is told the name of a picture, and how many of its rows are done, of how many.
 
     Raises
     ------
@@ -38,6 +41,8 @@ def write(flight: SimulatedFlight, folder: str | Path) -> None:
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".simulate-") as scratch:
         draft = Path(scratch) / "flight"
         _write_files(flight, draft)
+        if flight.photography is not None:
+            take(flight.photography, draft, tell)
         truth_draft = Path(scratch) / "truth.json"
         _write_text(truth_draft, json.dumps(flight.truth, indent=1) + "\n")
         if folder.exists():

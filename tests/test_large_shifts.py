@@ -1,0 +1,74 @@
+"""Which matches agree with each other, on numbers alone; shifts by images: test_image_ties."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acx4lib.image_overlaps import SharedWindow
+from acx4lib.large_shifts import LEAST_TIES, NARROW_PX, coarse_factor, consensus
+from acx4lib.tie_matching import OverlapMatches
+
+H = np.array([[1.001, -0.002, 3.0], [0.0015, 0.999, -5.0], [1e-7, -2e-7, 1.0]])
+
+
+def through_homography(colrow):
+    x = np.column_stack([colrow, np.ones(len(colrow))]) @ H.T
+    return x[:, :2] / x[:, 2:]
+
+
+def matches(a, b):
+    return OverlapMatches(
+        colrow_a=a, colrow_b=b, sigma_px=np.full(a.shape, 0.05), counts=np.zeros(4, dtype=int)
+    )
+
+
+def places(n, rng):
+    return rng.uniform([0, 1000], [2600, 8000], size=(n, 2))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.5))
+def test_false_matches_are_told_from_those_on_a_homography(seed, share):
+    rng = np.random.default_rng(seed)
+    a = places(400, rng)
+    b = through_homography(a) + rng.normal(scale=0.03, size=a.shape)
+    false = rng.random(len(a)) < share
+    b[false] += rng.choice([-1, 1], size=(false.sum(), 2)) * rng.uniform(1, 8, (false.sum(), 2))
+    agree = consensus(matches(a, b), 0.5)
+    assert agree[~false].all()  # 0.5 px are 17 sigma
+    assert not agree[false].any()
+
+
+def test_what_a_badly_known_lens_bends_is_kept_as_a_whole():
+    """Radial distortion of 12 px over the overlap, of which no homography makes half a pixel."""
+    rng = np.random.default_rng(0)
+    a = places(2000, rng)
+    off = (a - [3000, 4500]) / 4000
+    b = through_homography(a) + 12 * off * np.sum(off**2, axis=1, keepdims=True)
+    b[:50] += 2.0
+    agree = consensus(matches(a, b), 0.5)
+    assert not agree[:50].any()
+    assert agree[50:].all()
+
+
+@pytest.mark.parametrize("n", [0, 1, LEAST_TIES - 1])
+def test_few_matches_are_no_witnesses(n):
+    a = places(n, np.random.default_rng(0))
+    assert not consensus(matches(a, a + 1.0), 0.5).any()
+
+
+def test_matches_by_chance_do_not_agree():
+    rng = np.random.default_rng(4)
+    a = places(600, rng)
+    assert not consensus(matches(a, a + rng.uniform(-8, 8, size=a.shape)), 0.5).any()
+
+
+@pytest.mark.parametrize(("reduce", "factor"), [(1, 12), (4, 3), (12, 1), (40, 1)])
+def test_images_are_reduced_until_overlaps_are_narrow(reduce, factor):
+    """The overlaps of Table 1's heads are 2700 px wide, section 2.1 by its numbers."""
+    side = 2700 // reduce
+    window = SharedWindow(head_a=0, head_b=1, window=(0, 3 * side, 0, side), area_px=3.0 * side**2)
+    assert coarse_factor([window]) == factor
+    assert side / factor < 1.5 * NARROW_PX
+    assert coarse_factor([]) == 1
