@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from acx4lib import paper
-from acx4lib.camera import Camera, Interior, colrow_from_xy, xy_from_colrow
+import printed_camera
+from acx4lib.camera import Camera, colrow_from_xy, xy_from_colrow
 from acx4lib.frames import opk_from_rotation, rotation_from_opk, turn
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_from_head
@@ -16,37 +16,12 @@ from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_fro
 
 def heads(k: int) -> RelativeOrientation:
     """Table 1 as printed, images reduced."""
-    size = [int(paper.statement(f"head_{side}_px")) for side in ("width", "height")]
-    cameras = [
-        Camera(
-            name=name,
-            width_px=size[0],
-            height_px=size[1],
-            pixel_mm=paper.pixel_mm(name),
-            interior=paper.interior(1, name),
-        )
-        for name in paper.HEADS
-    ]
-    printed = RelativeOrientation(
-        heads=tuple(cameras),
-        xyz_mm=np.stack([paper.centre_mm(name) for name in paper.HEADS]),
-        opk=np.stack([paper.opk(name) for name in paper.HEADS]),
-        cov_joint=np.zeros((60, 60)),
-        n_exposures=1,
-    )
-    return reduced_heads(printed, k)
+    return reduced_heads(printed_camera.heads(), k)
 
 
 def synthetic(k: int) -> Camera:
     """Table 2, reduced."""
-    full = Camera(
-        name="SYN",
-        width_px=int(paper.value(2, "width_px", "SYN")),
-        height_px=int(paper.value(2, "height_px", "SYN")),
-        pixel_mm=paper.pixel_mm("SYN"),
-        interior=Interior(f=74.0),
-    )
-    return reduced_camera(full, k)
+    return reduced_camera(printed_camera.synthetic(), k)
 
 
 def turned_heads(orientation, degrees, rng):

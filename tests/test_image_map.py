@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import paper
-from acx4lib.camera import Camera, Interior, inside, xy_from_colrow
+import printed_camera
+from acx4lib.camera import inside, xy_from_colrow
 from acx4lib.image_map import (
     TOLERANCE,
     HeadMap,
@@ -16,28 +16,10 @@ from acx4lib.image_map import (
     head_map,
     window_map,
 )
-from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import head_from_synthetic, reduced_camera, reduced_heads
 
-SYN = Camera(
-    name="SYN", width_px=12000, height_px=16200, pixel_mm=0.0056, interior=Interior(f=74.0)
-)
-HEADS = RelativeOrientation(
-    heads=tuple(
-        Camera(
-            name=name,
-            width_px=8984,
-            height_px=6732,
-            pixel_mm=0.006,
-            interior=paper.interior(1, name),
-        )
-        for name in paper.HEADS
-    ),
-    xyz_mm=np.stack([paper.centre_mm(name) for name in paper.HEADS]),
-    opk=np.stack([paper.opk(name) for name in paper.HEADS]),
-    cov_joint=np.zeros((60, 60)),
-    n_exposures=1,
-)
+SYN = printed_camera.synthetic()
+HEADS = printed_camera.heads()
 
 
 def errors(orientation, k, synthetic, head, rows, cols):

@@ -22,7 +22,7 @@ ABOUT = {
     "height_px": 500,
     "head_pixels": 250_000,
     "position_px": {"max": 0.0021, "rms": 0.001},
-    "response": {"before": 0.13, "after": 0.0061, "floor": 0.004},
+    "response": {"before": 0.13, "after": 0.0061, "floor": 0.004, "systematic": 0.0046},
     "missing": {},
     "ties": [
         {"method": "corners", "points": 9000, "rms_px": 0.03, "within_0.1_px": 0.99}
@@ -98,6 +98,11 @@ def test_goals_stand_beside_what_was_measured(text):
     }
 
 
+def test_noise_of_samples_is_told_from_disagreement(text):
+    assert "by up to 13.00 %, afterwards by up to 0.61 %" in text
+    assert "up to 0.40 %; without it, 0.46 % are left" in text
+
+
 def test_windows_are_scaled_to_the_samples_of_the_image(text):
     rows = {row[0]: row[1:] for row in lines(text, "tab-rendering-time")}
     # 0.5 s for 10 000 samples; the image needs 220 000
@@ -144,8 +149,13 @@ def test_limits_are_told_in_copies():
     text = rendering_page.limits(benchmark())
     assert "takes 0.100 s" in text
     assert "1.25 times as many" in text
-    assert "33.0 copies, 15000.0 ns a sample" in text
-    assert "two in 20.0, 1.65 times as fast" in text
+    assert "33.0 copies; two in 20.0, 1.65 times as fast" in text
+    assert "A sample takes 15000.0 ns" in text
+    assert "hard seam" not in text
+    more = [run("ours_plain_1", 2.0, 2.2), run("ours_fresh", 3.0, 5.5)]
+    text = rendering_page.limits(benchmark([*RUNS, *more]))
+    assert "hard seam, it takes 10000.0 ns" in text
+    assert "difference of 1.5 s" in text
 
 
 def test_a_missing_benchmark_names_the_cure(tmp_path):

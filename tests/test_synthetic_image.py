@@ -10,39 +10,16 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-from acx4lib import paper, synthetic_image
-from acx4lib.camera import Camera, Interior, correct, distortion, inside, xy_from_colrow
+import printed_camera
+from acx4lib import synthetic_image
+from acx4lib.camera import correct, distortion, inside, xy_from_colrow
 from acx4lib.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import coverage, footprint, head_from_synthetic, synthetic_from_head
 from strategies import image_points
 
-SYNTHETIC = Camera(
-    name="SYN", width_px=12000, height_px=16200, pixel_mm=0.0056, interior=Interior(f=74.0)
-)
-
-
-def table_1():
-    """Table 1 as an orientation without errors."""
-    return RelativeOrientation(
-        heads=tuple(
-            Camera(
-                name=name,
-                width_px=8984,
-                height_px=6732,
-                pixel_mm=0.006,
-                interior=paper.interior(1, name),
-            )
-            for name in paper.HEADS
-        ),
-        xyz_mm=np.stack([paper.centre_mm(name) for name in paper.HEADS]),
-        opk=np.stack([paper.opk(name) for name in paper.HEADS]),
-        cov_joint=np.zeros((60, 60)),
-        n_exposures=31,
-    )
-
-
-ORIENTATION = table_1()
+SYNTHETIC = printed_camera.synthetic()
+ORIENTATION = printed_camera.heads()
 
 
 # --- numbers from Table 1 --------------------------------------------------------------------

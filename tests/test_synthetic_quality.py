@@ -5,13 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import ndimage
 
-from acx4lib import paper
+import printed_camera
 from acx4lib.calibration import from_bundle, parameters
 from acx4lib.camera import Camera, Interior
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose, rotation_from_opk
 from acx4lib.lens import radial_profile
-from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_quality import (
     LENS,
     Deviations,
@@ -107,29 +106,9 @@ def test_points_that_stand_out_from_those_around_are_told_and_a_smooth_field_is_
 # --- zones -----------------------------------------------------------------------------------
 
 
-def printed_heads():
-    n = 15 * len(paper.HEADS)
-    return RelativeOrientation(
-        heads=tuple(
-            Camera(
-                name=name,
-                width_px=8984,
-                height_px=6732,
-                pixel_mm=0.006,
-                interior=paper.interior(1, name),
-            )
-            for name in paper.HEADS
-        ),
-        xyz_mm=np.stack([paper.centre_mm(name) for name in paper.HEADS]),
-        opk=np.stack([paper.opk(name) for name in paper.HEADS]),
-        cov_joint=np.zeros((n, n)),
-        n_exposures=1,
-    )
-
-
 def test_one_head_sees_seven_tenths_of_the_frame_of_table_1():
     cols, rows = np.meshgrid(np.arange(40, 12000, 80), np.arange(40, 16200, 81))
-    found = zones(printed_heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
+    found = zones(printed_camera.heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
     one, several, border = (found[name].mean() for name in found)
     assert_allclose(one, 0.692, atol=0.003)  # counted on a much denser grid
     assert_allclose(one + several, 1.0)

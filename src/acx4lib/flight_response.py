@@ -40,9 +40,9 @@ class FlightResponse:
     def __str__(self) -> str:
         """Say from what, and how far heads disagree before and after."""
         before, after = (
-            100 * max(float(np.max(getattr(o, name))) for o in self.fit.overlaps)
+            100 * np.nanmax([0.0, *(v for o in self.fit.overlaps for v in getattr(o, name))])
             for name in ("before", "after")
-        )
+        )  # NaN where an overlap is all dark or saturated
         return (
             f"response of the heads from {', '.join(self.exposures)}: overlaps disagree by at most "
             f"{before:.1f} % before and {after:.1f} % after"

@@ -16,6 +16,7 @@ from acx4lib.report import myst_table
 RENDERERS = {
     "ours_2": "acx4lib, two threads",
     "ours_1": "acx4lib, one thread",
+    "ours_fresh": "acx4lib, two threads, all at once into new memory",
     "ours_stripes": "acx4lib, two threads, by stripes from mapped files",
     "ours_seam": "acx4lib, two threads, hard seam",
     "ours_plain_1": "acx4lib, one thread, hard seam, no response",
@@ -53,6 +54,7 @@ def page(benchmark: Renderings) -> str:
     parts = [
         _machine(benchmark),
         _goal_table(benchmark),
+        _disagreement(benchmark),
         _renderer_table(benchmark),
         _planning(benchmark),
         _error_table(benchmark),
@@ -105,6 +107,18 @@ def _goal_table(benchmark: Renderings) -> str:
         for goal in goals(benchmark)
     ]
     return myst_table(pd.DataFrame(rows), "Goals of the renderer", name="tab-rendering-goals")
+
+
+def _disagreement(benchmark: Renderings) -> str:
+    """Say which part of the heads' disagreement is no fault of their responses."""
+    found = {key: f"{100 * value:.2f} %" for key, value in benchmark.about["response"].items()}
+    return (
+        f"Before they are equalised, heads disagree in overlaps by up to {found['before']}, "
+        f"afterwards by up to {found['after']}, the most of all overlaps and bands. What changes "
+        "from one sample to the next, noise and ground that two heads see differently, is up to "
+        f"{found['floor']}; "
+        f"without it, {found['systematic']} are left at most."
+    )
 
 
 def _limit(goal: Goal) -> str:
@@ -240,16 +254,27 @@ def _left_out(benchmark: Renderings) -> str:
 
 def limits(benchmark: Renderings) -> str:
     """Say how far the renderer is from what memory allows; a paragraph, or nothing."""
-    if not (benchmark.has("ours_1") and benchmark.has("ours_2") and benchmark.has("copy")):
+    if not all(benchmark.has(name) for name in ("ours_1", "ours_2", "copy")):
         return ""
     copy, one, two = (benchmark.of(name) for name in ("copy", "ours_1", "ours_2"))
-    return (
+    sentences = [
         f"A copy reads and writes every pixel of the image once and takes {copy['wall_s']:.3f} s; "
-        f"the heads' images have {_head_share(benchmark):.2f} times as many. One thread renders in "
-        f"{one['wall_s'] / copy['wall_s']:.1f} copies, {benchmark.ns_per_sample('ours_1'):.1f} ns "
-        f"a sample; two in {two['wall_s'] / copy['wall_s']:.1f}, "
-        f"{one['wall_s'] / two['wall_s']:.2f} times as fast as one.\n"
-    )
+        f"the heads' images have {_head_share(benchmark):.2f} times as many.",
+        f"One thread renders in {one['wall_s'] / copy['wall_s']:.1f} copies; two in "
+        f"{two['wall_s'] / copy['wall_s']:.1f}, {one['wall_s'] / two['wall_s']:.2f} times as fast "
+        "as one.",
+        f"A sample takes {benchmark.ns_per_sample('ours_1'):.1f} ns on one thread.",
+    ]
+    if benchmark.has("ours_plain_1"):
+        plain = benchmark.ns_per_sample("ours_plain_1")
+        sentences.append(f"Without responses, and with a hard seam, it takes {plain:.1f} ns.")
+    if benchmark.has("ours_fresh"):
+        fresh = benchmark.of("ours_fresh")["cpu_s"] - two["cpu_s"]
+        sentences.append(
+            "Memory that the system has to provide first makes a difference of "
+            f"{fresh:.1f} s of CPU time."
+        )
+    return " ".join(sentences) + "\n"
 
 
 def _head_share(benchmark: Renderings) -> float:

@@ -34,6 +34,9 @@ COMPRESSIONS = ("none", "deflate", "zstd", "lzw")
 PREVIEW_PX = 2000
 """Longer side of a preview."""
 
+GAMMA = 1.6
+"""Of a preview: dark ground can be seen, and colours are not washed out."""
+
 _CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
 """Names of the TIFF writer; its own deflate is the number that few programs know."""
 
@@ -128,7 +131,7 @@ def write_preview(path: Path, image_path: Path) -> None:
     path : Path
     image_path : Path
         Of an image that `write` wrote. It is not changed: the stretch between the percentiles
-        0.5 and 99.5 is the preview's alone.
+        0.5 and 99.5, and the gamma of 16 bit, are the preview's alone.
     """
     with tifffile.TiffFile(image_path) as tiff:
         large = [page for page in tiff.pages if max(page.shape[:2]) >= PREVIEW_PX]
@@ -155,11 +158,15 @@ def _fitted(image: Raster) -> Raster:
 
 
 def _stretched(image: Raster) -> NDArray[np.uint8]:
-    """Return 8 bit, one stretch for all bands; what no head sees stays black."""
+    """Return 8 bit, one stretch for all bands; what no head sees stays black.
+
+    Counts of 16 bit are proportional to light, and a screen's are not.
+    """
     seen = image[image > 0]
     low, high = np.percentile(seen, [0.5, 99.5]) if len(seen) else (0.0, 1.0)
-    scaled = (image - np.float32(low)) * np.float32(255 / max(high - low, 1.0))
-    return np.where(image > 0, np.clip(scaled, 0, 255), 0).astype(np.uint8)
+    scaled = np.clip((image - np.float32(low)) / np.float32(max(high - low, 1.0)), 0, 1)
+    shown = scaled ** np.float32(1 / GAMMA if image.dtype == np.uint16 else 1)
+    return np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
 
 
 @contextlib.contextmanager

@@ -115,7 +115,7 @@ def prepare(folder: Path, reduction: int) -> Material:
             sys.stderr.write(f"simulating {path}\n")
             images = ["--images", rendering_scene.EXPOSURE, "--reduce", str(k)]
             called([ACX4, "simulate", "acx4", "--out", str(path), *images])
-    if not material.results.is_dir():
+    if not (material.results / "summary.json").is_file():
         sys.stderr.write(f"orienting the heads of {material.flight}\n")
         results = ["--results", str(material.results), "--stages", "heads"]
         called([ACX4, "run", str(material.flight), *results])

@@ -25,6 +25,8 @@ from rendering_scene import Scene, Window
 EVERY = 11  # row and column where positions are compared; no divisor of any distance of nodes
 BATCH = 64  # of these rows at a time
 SEED = 1
+LINEAR = ("ours_1", "ours_2", "ours_fresh", "ours_stripes")
+CUBIC = ("ours_cubic_1", "ours_cubic")
 
 
 def main(flight: Path, results: Path, response: Path) -> None:
@@ -76,11 +78,21 @@ def position_errors(scene: Scene) -> dict[str, float]:
 
 
 def disagreement(fit: ResponseFit) -> dict[str, float]:
-    """Return how far heads disagree in overlaps, at most of all overlaps and bands, as a ratio."""
-    return {
-        key: float(np.nanmax([getattr(overlap, key) for overlap in fit.overlaps]))
+    """Return how far heads disagree in overlaps, at most of all overlaps and bands, as a ratio.
+
+    `systematic` is what remains `after` without what changes from sample to sample, `floor`.
+    """
+    before, after, floor = (
+        np.stack([getattr(overlap, key) for overlap in fit.overlaps])
         for key in ("before", "after", "floor")
+    )
+    found = {
+        "before": before,
+        "after": after,
+        "floor": floor,
+        "systematic": np.sqrt(np.maximum(after**2 - floor**2, 0)),
     }
+    return {key: float(np.nanmax(values)) for key, values in found.items()}
 
 
 # --- grey values ---------------------------------------------------------------------------------
@@ -103,7 +115,7 @@ def rendered(scene: Scene, response: Response) -> dict[str, dict[str, float]]:
         for cubic in (False, True)
     }
     out = {}
-    for cubic, names in ((False, ("ours_1", "ours_2", "ours_stripes")), (True, CUBIC)):
+    for cubic, names in ((False, LINEAR), (True, CUBIC)):
         own = scene.plan(response, interpolation="cubic" if cubic else "bilinear")
         differences = [
             render_rows(own, images, r0, r1)[:, c0:c1] - true
@@ -111,9 +123,6 @@ def rendered(scene: Scene, response: Response) -> dict[str, dict[str, float]]:
         ]
         out |= dict.fromkeys(names, spread(differences))
     return out
-
-
-CUBIC = ("ours_cubic_1", "ours_cubic")
 
 
 def sampled(scene: Scene) -> dict[str, dict[str, float]]:

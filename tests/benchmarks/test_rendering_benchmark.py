@@ -23,7 +23,7 @@ import rendering_run
 import rendering_scene
 import rendering_truth
 from acx4lib.head_images import HeadImages
-from acx4lib.head_response import Response
+from acx4lib.head_response import OverlapResponse, Response, ResponseFit
 from acx4lib.rendering import render
 from acx4lib.synthetic_image import synthetic_from_head
 from rendering_scene import Scene
@@ -158,6 +158,30 @@ def test_the_spread_of_known_differences():
     found = rendering_truth.spread(differences)
     assert_allclose(found["rms_dn"], 2.5)
     assert found["max_dn"] == 4.0
+
+
+def test_disagreement_is_told_from_the_noise_of_samples():
+    none = np.zeros(3, int)
+    bands = {"n_used": none, "n_saturated": none, "n_dark": none}
+    overlaps = tuple(
+        OverlapResponse(
+            head_a=0,
+            head_b=k,
+            before=np.array([0.1, 0.2, np.nan]) / k,
+            after=np.array([0.05, 0.01, np.nan]) / k,
+            floor=np.array([0.03, 0.012, np.nan]) / k,
+            **bands,
+        )
+        for k in (1, 2)
+    )
+    fit = ResponseFit(
+        response=Response(coefficients=np.zeros((3, 3, 3))),
+        sigma=np.zeros((3, 3, 3)),
+        overlaps=overlaps,
+    )
+    found = rendering_truth.disagreement(fit)
+    expected = {"before": 0.2, "after": 0.05, "floor": 0.03, "systematic": 0.04}  # 3, 4, 5
+    assert found == pytest.approx(expected)
 
 
 # --- files and commands --------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from acx4lib._typing import Array
 from acx4lib.camera import Camera
 from acx4lib.errors import FlightError
 from acx4lib.flight import Flight
+from acx4lib.flight_response import spread
 from acx4lib.head_images import head_files, read_heads
 from acx4lib.head_response import ResponseFit, fit_response
 from acx4lib.head_samples import overlap_samples
@@ -23,9 +24,6 @@ from acx4lib.synthetic_image import reduced_camera, reduced_heads
 from acx4lib.tie_points import TiePoints
 
 Image = NDArray[np.unsignedinteger]
-
-EXPOSURES = 3
-"""As many exposures are looked at, spread over the flight."""
 
 FEATHER_PX = 150.0
 """Width of the blend of two heads, pixels at full size."""
@@ -116,16 +114,16 @@ def read_pictures(
     complete, incomplete = head_files(flight, names)
     if not complete:
         raise FlightError(list(incomplete.values()))
-    chosen = _spread(list(complete), EXPOSURES)
-    read = [read_heads(complete[exposure].paths, cameras) for exposure in chosen]
+    chosen = spread(list(complete.values()))
+    read = [read_heads(one.paths, cameras) for one in chosen]
     first = read[0].reduction
     exposed = tuple(
         Exposed(
-            exposure=exposure,
-            exposure_idx=flight.heads.trajectory.exposures.index(exposure),
+            exposure=files.exposure,
+            exposure_idx=flight.heads.trajectory.exposures.index(files.exposure),
             images=tuple(_averaged(image, reduce) for image in one.images),
         )
-        for exposure, one in zip(chosen, read, strict=True)
+        for files, one in zip(chosen, read, strict=True)
         if one.reduction == first
     )
     if flight.synthetic is None:
@@ -140,12 +138,6 @@ def read_pictures(
     )
     _check(pictures, orientation)
     return pictures
-
-
-def _spread(names: Sequence[str], n: int) -> list[str]:
-    """Return at most n of the names, the middle one or evenly spread ones."""
-    places = (np.arange(min(n, len(names))) + 0.5) * len(names) / min(n, len(names))
-    return [names[int(i)] for i in places]
 
 
 def _averaged(image: Image, k: int) -> Image:
