@@ -70,9 +70,9 @@ class Window(NamedTuple):
     Attributes
     ----------
     rows : tuple of int
-        The first, and the one behind the last.
-    cells : tuple of int
-        The first column of cells, and the one behind the last.
+        The first, and the one behind the last, from the first node on.
+    left, cells : int
+        Columns of cells left of the part, and in it.
     width : int
         Pixels of a row.
     address : int
@@ -80,7 +80,8 @@ class Window(NamedTuple):
     """
 
     rows: tuple[int, int]
-    cells: tuple[int, int]
+    left: int
+    cells: int
     width: int
     address: int
 

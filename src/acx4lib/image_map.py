@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
@@ -243,6 +243,28 @@ def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -
             True
         )
     return near
+
+
+def levelled(head: HeadMap) -> HeadMap:
+    """Return a map that is right on the average of each cell instead of at its nodes.
+
+    Between exact nodes a bilinear position is off to one side everywhere, by h^2 / 12 times the
+    second derivatives on average. Nodes moved by that leave less than half of the error (root
+    mean square), and two thirds of the largest.
+
+    Parameters
+    ----------
+    head : HeadMap
+        Exact at its nodes.
+    """
+    nodes = head.nodes
+    moved = nodes.copy()
+    for axis in (0, 1):
+        if nodes.shape[axis] > 2:
+            bend = np.diff(nodes, n=2, axis=axis) / 12
+            ends = [(1, 1) if i == axis else (0, 0) for i in range(3)]
+            moved -= np.nan_to_num(np.pad(bend, ends, mode="edge"))
+    return replace(head, nodes=moved)
 
 
 def _n_nodes(n_px: int, step_px: int) -> int:

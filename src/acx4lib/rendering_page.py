@@ -133,8 +133,8 @@ def _renderer_table(benchmark: Renderings) -> str:
     rows = [_timed(benchmark, name) for name in names]
     formats = {
         "Samples a pixel": ".3f",
-        "Wall, s": ".3g",
-        "CPU, s": ".3g",
+        "Wall, s": ".2f",
+        "CPU, s": ".2f",
         "ns a sample": ".1f",
         "Copies": ".1f",
         "Peak, MB": ",.0f",

@@ -32,7 +32,7 @@ def resample_cells(heads: Heads, recipe: Recipe, window: Window, work: Work) -> 
     """
     step = recipe.step
     n_heads = len(heads.addresses)
-    for j in range(window.cells[0], window.cells[1]):
+    for j in range(window.cells):
         for i in range(window.rows[0] // step, (window.rows[1] + step - 1) // step):
             only = find_heads(heads, recipe, i, j, work)
             if only < 0:
@@ -200,11 +200,12 @@ def _write_cell(
     """Write what is asked for of a cell."""
     step = recipe.step
     given = factors[0], factors[1], _saturation(recipe)
-    n = (min((j + 1) * step, window.width) - j * step) * recipe.bands
+    col = (window.left + j) * step
+    n = min(step, window.width - col) * recipe.bands
     size = recipe.out_bits // 8 * recipe.bands
     first, end = window.rows
     for r in range(max(first, i * step), min(end, (i + 1) * step)):
-        to = window.address + ((r - first) * window.width + j * step) * size
+        to = window.address + ((r - first) * window.width + col) * size
         m = r - i * step
         write_line(recipe.out_bits, n, (block, m * line), given, np.float32(m), to)
         ask_to_write(to + step * window.width * size)  # the next cell's, below
