@@ -12,6 +12,7 @@ import tifffile
 from acx4lib.camera import Camera, Interior
 from acx4lib.errors import FlightError
 from acx4lib.image_files import fingerprint, image_from_file
+from acx4lib.mapped_pixels import mapped_file
 
 CAMERA = Camera(name="CAM1", width_px=120, height_px=90, pixel_mm=0.006, interior=Interior(f=74.0))
 GOOD = "uncompressed"
@@ -87,7 +88,8 @@ def test_only_what_lies_as_in_memory_is_mapped(tmp_path, rng):
     image = picture(rng)
     foreign = {"little": "big-endian", "big": "little-endian"}[sys.byteorder]
     mapped = {
-        name: image_from_file(write(tmp_path / "x.tif", image, **how), CAMERA).map is not None
+        name: mapped_file(image_from_file(write(tmp_path / "x.tif", image, **how), CAMERA).image)
+        is not None
         for name, how in LAYOUTS.items()
     }
     assert {name for name, one in mapped.items() if not one} == {

@@ -17,8 +17,8 @@ from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.spline_kernel import sample_between_nodes
 from acx4lib.synthetic_image import coverage, reduced_camera, reduced_heads
 
+# first row, row behind the last, first column, column behind the last
 SyntheticWindow = tuple[int, int, int, int]
-"""First row, row behind the last, first column, column behind the last."""
 
 STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, which leaves 0.002 px between
 _NODES = 100  # along the longer side of the synthetic image, to find overlaps by

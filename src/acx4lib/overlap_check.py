@@ -15,8 +15,8 @@ from acx4lib.large_shifts import LEAST_CELL_PX, NO_SHIFT, coarse_factor, coarse_
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.tie_matching import OverlapTask, TieOptions, match_overlap
 
+# which of two pictures was turned by 180 degrees so that they fit
 Turns = tuple[bool, bool]
-"""Which of two pictures was turned by 180 degrees so that they fit."""
 
 LEAST_CELLS = 30  # with texture, to say anything
 LEAST_SHARE = 0.2  # of them, that agree where two pictures show the same

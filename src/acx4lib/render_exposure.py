@@ -105,6 +105,8 @@ class RenderJob:
         To be written.
     about : dict
         What else the image is to say of itself.
+    checked : bool
+        Whether its pictures are known to belong together.
     threads : int or None
         To render with; None for all.
     """
@@ -118,6 +120,7 @@ class RenderJob:
     path: Path
     preview: Path
     about: Mapping[str, Any]
+    checked: bool = False
     threads: int | None = None
 
 
@@ -175,9 +178,10 @@ def _reduced(job: RenderJob, k: int) -> RenderJob:
 
 def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
     """Check, refine, equalise and write; cameras and images are of one size."""
-    wrong = check_overlaps(heads.images, job.orientation, job.synthetic)
-    if wrong:
-        return Outcome(exposure=job.exposure, problems=tuple(wrong))
+    if not job.checked:
+        wrong = check_overlaps(heads.images, job.orientation, job.synthetic)
+        if wrong:
+            return Outcome(exposure=job.exposure, problems=tuple(wrong))
     _need_room(job, heads)
     job, notes = _refined(job, heads)
     job = replace(job, response=_response(job, heads))

@@ -197,7 +197,10 @@ def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, Relative
 
 
 def _with_response(job: RenderJob, response: FlightResponse | None) -> RenderJob:
-    return job if response is None else replace(job, response=response.fit.response)
+    if response is None:
+        return job
+    checked = job.exposure in response.exposures
+    return replace(job, response=response.fit.response, checked=checked)
 
 
 def _other_constant(rig: SyntheticRig) -> Iterator[str]:

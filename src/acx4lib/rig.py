@@ -173,7 +173,7 @@ def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientatio
     Returns
     -------
     RelativeOrientation
-        As `relative_orientation.relative_orientation` defines it: R_s_h = R_s_b R_b_h, and the
+        As `relative_orientation` defines it: R_s_h = R_s_b R_b_h, and the
         places are the lever arms' differences in the synthetic frame, reduced to the scale of
         the first head, mean of the exposures that all heads have. The covariance takes the
         heights over ground as known; they are, to some hundred thousandths.

@@ -101,7 +101,7 @@ def main() -> None:
 
 
 def prepare(folder: Path, reduction: int) -> Material:
-    """Simulate what is not there yet, and orient the heads."""
+    """Simulate what is not there yet, orient the heads and refine them by their tie points."""
     folder.mkdir(parents=True, exist_ok=True)
     material = Material(
         flight=folder / f"flight-{reduction}",
@@ -117,7 +117,7 @@ def prepare(folder: Path, reduction: int) -> Material:
             called([ACX4, "simulate", "acx4", "--out", str(path), *images])
     if not (material.results / "summary.json").is_file():
         sys.stderr.write(f"orienting the heads of {material.flight}\n")
-        results = ["--results", str(material.results), "--stages", "heads"]
+        results = ["--results", str(material.results), "--stages", "heads,synthetic"]
         called([ACX4, "run", str(material.flight), *results])
     return material
 
