@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from acx4lib._typing import Array, Index
 from acx4lib.camera import Camera
@@ -262,11 +263,15 @@ def _rough(samples: Samples, left: Array) -> Array:
     place = (per_side * (samples.xy - low) / np.maximum(high - low, 1e-12)).astype(int)
     cell = np.minimum(place, per_side - 1) @ [1, per_side]
     out = np.full(left.shape, np.nan)
-    for rows in np.split(np.argsort(cell, kind="stable"), np.cumsum(np.bincount(cell))[:-1]):
-        good = np.isfinite(left[rows])
-        for band in np.flatnonzero(good.sum(axis=0) > PER_CELL // 4):
-            own = rows[good[:, band]]
-            out[own, band] = left[own, band] - np.median(left[own, band])
+    for band, values in enumerate(left.T):
+        good = np.isfinite(values)
+        if not good.any():
+            continue
+        own = cell[good]
+        count = np.bincount(own, minlength=per_side**2)
+        medians = ndimage.median(values[good], own, np.arange(per_side**2))
+        enough = count[own] > PER_CELL // 4
+        out[np.flatnonzero(good)[enough], band] = (values[good] - medians[own])[enough]
     return out
 
 

@@ -47,9 +47,10 @@ def found_table(orientation: RelativeOrientation, found: FoundTies | None) -> pd
     if found is None:
         return pd.DataFrame([NO_PIXELS])
     rows = []
-    for one in found.overlaps:
+    for exposure, one in zip(found.exposures, found.overlaps, strict=True):
         rows.append(
             {
+                "Exposure": exposure,
                 "Heads": " and ".join(orientation.heads[k].name for k in (one.head_a, one.head_b)),
                 "Cells": f"{one.n_cells}",
                 "with texture": f"{one.n_textured}",

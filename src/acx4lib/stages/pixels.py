@@ -80,10 +80,13 @@ class FoundTies:
         In pixels of the full-size heads.
     overlaps : tuple of OverlapTies
         What became of each overlap's corners, exposure by exposure.
+    exposures : tuple of str
+        Of each of `overlaps`.
     """
 
     ties: TiePoints
     overlaps: tuple[OverlapTies, ...]
+    exposures: tuple[str, ...]
 
 
 # --- steps -----------------------------------------------------------------------------------
@@ -180,6 +183,11 @@ def find(pictures: Pictures, orientation: RelativeOrientation) -> FoundTies:
     return FoundTies(
         ties=_joined(found, orientation, pictures.reduction),
         overlaps=tuple(overlap for one in found for overlap in one.overlaps),
+        exposures=tuple(
+            taken.exposure
+            for taken, one in zip(pictures.exposed, found, strict=True)
+            for _ in one.overlaps
+        ),
     )
 
 
