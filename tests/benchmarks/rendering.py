@@ -41,7 +41,7 @@ SMALLER = 4
 """Files are rendered at full size, and at such a part of it, where enblend ends in time."""
 
 COMMANDS = ("acx4_render", "acx4_render_unequalised", "nona", "enblend")
-ONCE = ("enblend",)
+ONCE = ("nona", "enblend")
 PACKAGES = (
     *("acx4lib", "numpy", "numba", "scipy", "opencv-python-headless", "scikit-image"),
     *("pyvips", "tifffile"),
