@@ -41,7 +41,7 @@ SMALLER = 4
 """Files are rendered at full size, and at such a part of it, where enblend ends in time."""
 
 COMMANDS = ("acx4_render", "acx4_render_unequalised", "nona", "enblend")
-ONCE = ("nona", "enblend")
+ONCE, SMALLER_ONLY = ("nona", "enblend"), ("enblend",)
 PACKAGES = (
     *("acx4lib", "numpy", "numba", "scipy", "opencv-python-headless", "scikit-image"),
     *("pyvips", "tifffile"),
@@ -174,7 +174,7 @@ def commands(name: str, material: Material) -> Iterator[tuple[int, Callable[[], 
     """Yield what runs a command, from files to files, at both sizes or at the smaller one."""
     sizes = {material.reduction: material.flight, SMALLER * material.reduction: material.smaller}
     for reduction, flight in sizes.items():
-        if name in ONCE and reduction == material.reduction:
+        if name in SMALLER_ONLY and reduction == material.reduction:
             continue
         if name in rendering_hugin.PROGRAMS:
             yield reduction, lambda flight=flight: hugin(name, flight, material.results)
