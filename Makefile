@@ -70,7 +70,7 @@ test: .venv/.stamp-test ## all tests, slow ones included
 
 bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
 	@$(BIN)/python tests/benchmarks/adjustment.py
-	@$(BIN)/python tests/benchmarks/rendering.py
+	@PYTHONPATH=tests $(BIN)/python tests/benchmarks/rendering.py
 
 coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python tests/benchmarks/coverage_flights.py
