@@ -325,9 +325,11 @@ def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
         return np.zeros((len(nodes), 0, 0, 1), np.float32)
     factors = np.empty((*nodes.shape[:3], plan.coefficients.shape[1]), np.float32)
     for k, head in enumerate(plan.maps):
-        size = np.array([head.width_px, head.height_px])
-        x, y = np.moveaxis((2 * nodes[k] - (size - 1)).astype(np.float32), -1, 0)
-        q = (x * x + y * y) * np.float32(1 / np.sum(size**2))
+        if np.isnan(nodes[k, ..., 0]).all():
+            continue  # the head sees nothing here, and its factors are not asked for
+        x, y = np.moveaxis(2 * nodes[k].astype(np.float32), -1, 0)
+        x, y = x - np.float32(head.width_px - 1), y - np.float32(head.height_px - 1)
+        q = (x * x + y * y) * np.float32(1 / (head.width_px**2 + head.height_px**2))
         for band, (g, a, b) in enumerate(plan.coefficients[k].astype(np.float32)):
             factors[k, ..., band] = np.exp(-(g + q * (a + q * b)))
     return factors
