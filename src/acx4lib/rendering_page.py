@@ -174,7 +174,7 @@ def _planning(benchmark: Renderings) -> str:
         return ""
     own = benchmark.of("plan")
     return (
-        "The maps and factors of acx4lib, which all images of an orientation share, take another "
+        "The maps of acx4lib, which all images of an orientation share, take another "
         f"{own['cpu_s']:.1f} s of CPU time, once."
     )
 
