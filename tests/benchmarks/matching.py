@@ -15,8 +15,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from acx4lib import paper, simulate
-from acx4lib.camera import Camera, Interior, xy_from_colrow
+import printed_camera
+from acx4lib import simulate
+from acx4lib.camera import Camera, xy_from_colrow
 from acx4lib.image_overlaps import grey_window, shared_windows
 from acx4lib.image_ties import find_ties
 from acx4lib.relative_orientation import RelativeOrientation
@@ -68,43 +69,9 @@ def pair_of(images: Sequence[np.ndarray], reduce: int) -> Pair:
 
     return Pair(
         images=tuple(images),
-        orientation=reduced_heads(nominal(), reduce),
-        synthetic=reduced_camera(synthetic(), reduce),
+        orientation=reduced_heads(printed_camera.heads(HEADS), reduce),
+        synthetic=reduced_camera(printed_camera.synthetic(), reduce),
         truth=truth,
-    )
-
-
-def nominal() -> RelativeOrientation:
-    """The two heads of Table 1, as printed."""
-    size = [int(paper.statement(f"head_{side}_px")) for side in ("width", "height")]
-    cameras = [
-        Camera(
-            name=name,
-            width_px=size[0],
-            height_px=size[1],
-            pixel_mm=paper.pixel_mm(name),
-            interior=paper.interior(1, name),
-        )
-        for name in HEADS
-    ]
-    n = 15 * len(HEADS)
-    return RelativeOrientation(
-        heads=tuple(cameras),
-        xyz_mm=np.stack([paper.centre_mm(name) for name in HEADS]),
-        opk=np.stack([paper.opk(name) for name in HEADS]),
-        cov_joint=np.zeros((n, n)),
-        n_exposures=1,
-    )
-
-
-def synthetic() -> Camera:
-    """The synthetic camera of Table 2."""
-    return Camera(
-        name="SYN",
-        width_px=int(paper.value(2, "width_px", "SYN")),
-        height_px=int(paper.value(2, "height_px", "SYN")),
-        pixel_mm=paper.pixel_mm("SYN"),
-        interior=Interior(f=paper.value(2, "f_mm", "SYN")),
     )
 
 
