@@ -209,12 +209,14 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     ] = None,
 ) -> None:
     """Write a simulated flight."""
+    from acx4lib import own_folder, write_places  # noqa: PLC0415 quick help
     from acx4lib import simulate as simulator  # noqa: PLC0415 quick help
 
     if name not in simulator.DESIGNS:
         refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
-    if out.exists():
-        refuse(f"{out}: exists already; choose another name")
+    write_places.check_new(out)
+    truth, mark = simulator.truth_path(out), simulator.TRUTH_MARK
+    write_places.check_file(truth, mark=mark, what="the truth of a simulated flight")
     options = simulator.Options(
         slow_errors=simulator.SlowErrors() if slow_errors else None,
         gross_errors=simulator.GrossErrors() if gross_errors else None,
@@ -229,9 +231,9 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
             flight = simulator.photograph(flight, exposures, reduce=reduce, photo=ground)
         except ValueError as error:
             refuse(str(error))
-    with stage_bars("rows") as tell:
-        simulator.write(flight, out, tell=tell)
-    typer.echo(f"{out}; its truth in {simulator.truth_path(out)}")
+    with stage_bars("rows") as tell, own_folder.placed(out, command="acx4 simulate") as draft:
+        simulator.write(flight, draft, tell=tell)
+    typer.echo(f"{out}; its truth in {truth}")
 
 
 @app.command(

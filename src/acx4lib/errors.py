@@ -1,4 +1,4 @@
-"""What can go wrong with a user's data or with an adjustment."""
+"""What can go wrong with a user's data, a user's folders, or an adjustment."""
 
 from __future__ import annotations
 
@@ -21,6 +21,10 @@ class FlightError(Acx4Error):
     def __init__(self, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(self.problems))
+
+
+class OutputError(Acx4Error):
+    """A command was told to write where it must not; the message is one line."""
 
 
 class AdjustmentError(Acx4Error):

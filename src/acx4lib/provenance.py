@@ -19,6 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.errors import FlightError
+from acx4lib.flight import Flight, table_files
+from acx4lib.folder_marks import SCRATCH
+from acx4lib.own_folder import OwnFolder
 
 KEPT = "flight"
 """Folder of the copies, in the results."""
@@ -68,26 +71,39 @@ def versions() -> dict[str, str]:
     return out
 
 
-def keep(folder: Path, flight: Path, names: Sequence[Path]) -> None:
+def keep(own: OwnFolder, flight: Flight) -> None:
     """Copy the tables of a flight into the results, in place of those of an earlier run.
 
     Parameters
     ----------
-    folder, flight : Path
-        Results and flight.
-    names : sequence of Path
-        Of the tables, below the flight's folder.
+    own : OwnFolder
+        Of the results.
+    flight : Flight
+        As it was read and checked.
+
+    Raises
+    ------
+    FlightError
+        Where a table is no longer what was read.
     """
-    before = _read(folder)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as temporary:
-        new = Path(temporary) / KEPT
+    names = [name.as_posix() for name in table_files(flight)]
+    before = _read(own.path)
+    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
+        new = Path(temporary)
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(flight / name, new / name)
-        shutil.rmtree(folder / KEPT, ignore_errors=True)
-        new.replace(folder / KEPT)
-    files = {name.as_posix(): _sha256(folder / KEPT / name) for name in sorted(names)}
-    _write(folder, Provenance(files=files, stages=before.stages))
+            shutil.copyfile(flight.path / name, new / name)
+        files = {name: sha256(new / name) for name in sorted(names)}
+        changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
+        if changed:
+            problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
+            raise FlightError(problems)
+        own.remove([name for name in own.files if name.startswith(f"{KEPT}/")])
+        own.expect(f"{KEPT}/{name}" for name in names)
+        for name in names:
+            (own.path / KEPT / name).parent.mkdir(parents=True, exist_ok=True)
+            (new / name).replace(own.path / KEPT / name)
+    _write(own.path, Provenance(files=files, stages=before.stages))
 
 
 def stamp(folder: Path, stage: str) -> None:
@@ -117,7 +133,7 @@ def read(folder: Path) -> Provenance:
         problem = f"{folder / FILE}: says nothing of the flight; run all stages again"
         raise FlightError([problem])
     changed = [
-        name for name, sha256 in found.files.items() if _sha256(folder / KEPT / name) != sha256
+        name for name, sha256 in found.files.items() if sha256(folder / KEPT / name) != sha256
     ]
     if changed:
         problem = (
@@ -141,12 +157,12 @@ def _read(folder: Path) -> Provenance:
 def _write(folder: Path, provenance: Provenance) -> None:
     said = {"files": dict(provenance.files), "stages": dict(provenance.stages)}
     text = json.dumps(said, indent=2, sort_keys=True, ensure_ascii=False) + "\n"
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as temporary:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         new = Path(temporary) / FILE
         new.write_text(text, encoding="utf-8")
         new.replace(folder / FILE)
 
 
-def _sha256(path: Path) -> str:
+def sha256(path: Path) -> str:
     """Return the checksum of a file; empty where it is not there."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

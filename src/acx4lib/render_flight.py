@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from acx4lib import provenance, results
+from acx4lib import own_folder, provenance, results
 from acx4lib.camera import Camera
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight import Flight
@@ -30,6 +30,9 @@ from acx4lib.synthetic_tiff import appearing, read_about
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Where the orientation of the heads is taken from, the first that is there."""
+
+COMMAND = "acx4 render"
+"""Whose mark a folder of images bears."""
 
 IMAGES = "images.csv"
 """Table of the images, as a block of a flight has it."""
@@ -97,7 +100,8 @@ def render_flight(
     results_path : Path
         With the orientation of the heads.
     folder : Path
-        Made where it is not there. Gets a TIFF and a preview for each exposure, and `IMAGES`.
+        New, empty, or that of an earlier call. Gets a TIFF and a preview for each exposure, and
+        `IMAGES`.
     exposures : sequence of str, optional
         By default all that have the files of all heads.
     options : RenderOptions
@@ -112,7 +116,9 @@ def render_flight(
     Raises
     ------
     FlightError
-        Where nothing can be rendered at all.
+        Where nothing can be rendered at all, or the results were changed since their run.
+    OutputError
+        Where the folder is no place for the images, or another process is writing there.
     AdjustmentError
         Where the heads could not be oriented.
     """
@@ -120,21 +126,24 @@ def render_flight(
     complete, incomplete = head_files(flight, [head.name for head in rig.orientation.heads])
     chosen = _chosen(flight, exposures, complete, incomplete)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []
-    folder.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
-    kept = {job.exposure for job in jobs if _is_made(job)}
-    left = [job for job in jobs if job.exposure not in kept]
-    response = estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
-    left = [_with_response(job, response) for job in left]
-    outcomes = _missing(chosen, incomplete)
-    for outcome in run_jobs(left, tell, workers):
-        outcomes.append(outcome)
-        if outcome.problems:
-            tell(outcome.exposure, 0, 0)
-        else:
-            _list(folder, rig, [job for job in jobs if job.exposure == outcome.exposure])
-    if kept:
-        _list(folder, rig, [job for job in jobs if job.exposure in kept])
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+        jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
+        own.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
+        kept = {job.exposure for job in jobs if _is_made(job)}
+        left = [job for job in jobs if job.exposure not in kept]
+        response = (
+            estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
+        )
+        left = [_with_response(job, response) for job in left]
+        outcomes = _missing(chosen, incomplete)
+        for outcome in run_jobs(left, tell, workers):
+            outcomes.append(outcome)
+            if outcome.problems:
+                tell(outcome.exposure, 0, 0)
+            else:
+                _list(folder, rig, [job for job in jobs if job.exposure == outcome.exposure])
+        if kept:
+            _list(folder, rig, [job for job in jobs if job.exposure in kept])
     outcomes.sort(key=lambda outcome: chosen.index(outcome.exposure))
     failed = {outcome.exposure for outcome in outcomes if outcome.problems}
     return RenderReport(
@@ -185,6 +194,8 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
+    cure = "run all stages again"
+    own_folder.verify(results_path, [*results.FILES, provenance.FILE], cure=cure)
     found = results.read(results_path)
     reasons: list[str] = []
     for source in ORIENTED:

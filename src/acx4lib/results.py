@@ -17,6 +17,7 @@ import pandas as pd
 
 from acx4lib._typing import Mask
 from acx4lib.errors import FlightError
+from acx4lib.folder_marks import SCRATCH
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
@@ -324,7 +325,7 @@ def _write(
 ) -> None:
     """Write every file, all of them in full before the first takes its place."""
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as temporary:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         new = Path(temporary)
         for name, frame in tables.items():
             frame.to_csv(new / f"{name}.csv", index=False, encoding="utf-8", lineterminator="\n")

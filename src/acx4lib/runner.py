@@ -1,6 +1,7 @@
 """Runs the parametrised notebooks, stage after stage, and keeps what they leave.
 
-A notebook runs beside the results folder, in a copy of it; only one that has run to its end
+A notebook reads the copy of the flight's tables that the results keep, and nothing else but the
+pictures. It runs beside the results folder, in a copy of it; only one that has run to its end
 changes the folder. The executed notebooks say nothing of when and where they ran, so that two
 runs of one flight are equal byte for byte.
 """
@@ -15,8 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from acx4lib import flight as flights
-from acx4lib import notebooks, provenance, results
+from acx4lib import notebooks, own_folder, provenance, results, write_places
 from acx4lib.errors import Acx4Error, AdjustmentError
+from acx4lib.folder_marks import SCRATCH, changes
+from acx4lib.own_folder import OwnFolder
 
 NOTEBOOKS_PATH = Path(__file__).parents[2] / "notebooks"
 """Where the notebooks lie: beside ``src`` in a clone."""
@@ -41,8 +44,17 @@ ENDS = ("synthetic",)
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
 
+COMMAND = "acx4 run"
+"""Whose mark a folder of results bears."""
+
+FAILED = "failed"
+"""Folder of the executed notebooks that failed."""
+
 NO_RIG = "there are no heads"
 """Why a flight has no rig that nobody expects: the stage heads says so already."""
+
+GIVEN = {"flight_path", "pictures_path", "results_path"}
+"""Parameters of the notebooks that a run sets itself."""
 
 Tell = Callable[[str, int, int], None]
 """Called with the stage, the cells that are done, and the number of cells."""
@@ -99,7 +111,7 @@ def run(
     Parameters
     ----------
     flight_path, results_path : path
-        The flight, and the folder for the results, made where it is not there.
+        The flight, and the folder for the results: new, empty, or that of an earlier run.
     stages : sequence of str
         Those of `results.STAGES` that are to run; the others keep their results.
     parameters : mapping, optional
@@ -112,7 +124,10 @@ def run(
     Raises
     ------
     FlightError
-        The flight's files are wrong, or results of an earlier stage are missing.
+        The flight's files are wrong, results of an earlier stage are missing, or files of the
+        results were changed since, and not all stages are to run.
+    OutputError
+        The folder is no place for results, or another run is writing there.
     AdjustmentError
         A stage does not converge, or is not determined.
     NotebookError
@@ -121,39 +136,36 @@ def run(
     ValueError
         Unknown stage, or a parameter that no notebook has or that is of another type.
     """
-    flight = flights.read(flight_path)
     chosen = _chosen(stages)
+    folder, tell = Path(results_path), tell or (lambda *_: None)
+    write_places.check_place(folder, away_from=[Path(flight_path)])
+    flight = flights.read(flight_path)
     skipped = {stage: reason for stage in chosen if (reason := _missing(flight, stage))}
     ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
-    given = {**(parameters or {}), "flight_path": str(flight_path)}
+    given = {
+        **(parameters or {}),
+        "flight_path": str(folder / provenance.KEPT),
+        "pictures_path": str(flight_path),
+    }
     jobs = [_job(stage, notebooks_path, given) for stage in ran]
     _check_known(parameters or {}, jobs)
-    folder = Path(results_path)
-    _tidy(folder)
-    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
-    results.replace(folder, removed, tables={}, summary={})
-    provenance.keep(folder, flight.path, flights.table_files(flight))
-    provenance.forget(folder, list(skipped))
-    for stage in skipped:
-        (folder / "notebooks" / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
-    done: list[str] = []
-    failed: list[str] = []
-    try:
-        for job in jobs:
-            try:
-                _run_job(job, folder, tell or (lambda *_: None))
-                stage = STAGE_OF.get(job.stage, job.stage)
-                if stage in results.STAGES:
-                    provenance.stamp(folder, stage)
-                done.append(stage)
-            except AdjustmentError as error:
-                if job.stage not in ENDS:
-                    raise
-                failed += str(error).splitlines()
-    except Acx4Error as error:
-        for line in _messages(folder, done, "not_determined", DECISIVE):
-            error.add_note(line)
-        raise
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+        _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
+        done: list[str] = []
+        failed: list[str] = []
+        try:
+            for job in jobs:
+                try:
+                    _run_job(job, own, tell)
+                    done.append(STAGE_OF.get(job.stage, job.stage))
+                except AdjustmentError as error:
+                    if job.stage not in ENDS:
+                        raise
+                    failed += str(error).splitlines()
+        except Acx4Error as error:
+            for line in _messages(folder, done, "not_determined", DECISIVE):
+                error.add_note(line)
+            raise
     return RunReport(
         ran=tuple(ran[1:]),
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
@@ -161,6 +173,35 @@ def run(
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
     )
+
+
+def _prepare(
+    own: OwnFolder, flight: flights.Flight, skipped: Mapping[str, str], *, whole: bool
+) -> None:
+    """Make a folder ready for a run: the flight kept, what it does not have removed.
+
+    What was changed in results that are all replaced does not matter; otherwise it ends the run.
+    """
+    notebook_files = [f"{name}.ipynb" for name in NOTEBOOKS.values()]
+    tables = flights.table_files(flight)
+    own.expect(
+        [
+            *(*results.FILES, provenance.FILE),
+            *(f"{provenance.KEPT}/{name.as_posix()}" for name in tables),
+            *(f"{folder}/{name}" for folder in ("notebooks", FAILED) for name in notebook_files),
+        ]
+    )
+    read = (*results.FILES, provenance.FILE)
+    if not whole:
+        own_folder.verify(own.path, read, cure="run all stages again")
+    elif changes(own.path, read):
+        own.remove(read)
+    provenance.keep(own, flight)
+    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
+    results.replace(own.path, removed, tables={}, summary={})
+    provenance.forget(own.path, list(skipped))
+    own.remove(f"notebooks/{NOTEBOOKS[stage]}.ipynb" for stage in skipped)
+    own.seal()
 
 
 def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
@@ -208,21 +249,21 @@ def _job(stage: str, notebooks_path: Path, given: Mapping[str, Any]) -> _Job:
 
 
 def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
-    known = {name for job in jobs for name in job.values} - {"flight_path", "results_path"}
+    known = {name for job in jobs for name in job.values} - GIVEN
     if given.keys() - known:
         unknown = ", ".join(sorted(given.keys() - known))
         msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
         raise ValueError(msg)
 
 
-def _run_job(job: _Job, folder: Path, tell: Tell) -> None:
+def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
     """Run a notebook in a copy of the results, and keep what it left where it succeeds."""
-    failed = folder / "failed" / job.notebook.name
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".running-") as temporary:
+    folder, name = own.path, job.notebook.name
+    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         staging = folder / Path(temporary).name
-        for name in results.FILES:
-            shutil.copyfile(folder / name, staging / name)
-        executed = staging / "notebooks" / job.notebook.name
+        for file in results.FILES:
+            shutil.copyfile(folder / file, staging / file)
+        executed = staging / "notebooks" / name
         try:
             notebooks.execute(
                 job.notebook,
@@ -232,23 +273,20 @@ def _run_job(job: _Job, folder: Path, tell: Tell) -> None:
             )
         except Acx4Error:
             notebooks.scrub(executed, hidden=staging.name)
-            _move(executed, failed)
+            _move({executed: folder / FAILED / name})
+            own.seal()
             raise
         notebooks.scrub(executed, hidden=staging.name)
-        for path in sorted(path for path in staging.rglob("*") if path.is_file()):
-            _move(path, folder / path.relative_to(staging))
-    failed.unlink(missing_ok=True)
-    if failed.parent.is_dir() and not any(failed.parent.iterdir()):
-        failed.parent.rmdir()
+        written = {staging / file: folder / file for file in results.FILES}
+        _move({**written, executed: folder / "notebooks" / name})
+    stage = STAGE_OF.get(job.stage, job.stage)
+    if stage in results.STAGES:
+        provenance.stamp(folder, stage)
+    own.remove([f"{FAILED}/{name}"])
+    own.seal()
 
 
-def _tidy(folder: Path) -> None:
-    """Remove what a run that was killed left behind."""
-    for pattern in (".running-*", ".new-*"):
-        for stale in folder.glob(pattern):
-            shutil.rmtree(stale)
-
-
-def _move(path: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    path.replace(target)
+def _move(targets: Mapping[Path, Path]) -> None:
+    for path, target in targets.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(target)

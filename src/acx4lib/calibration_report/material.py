@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import flight as flights
-from acx4lib import provenance, results
+from acx4lib import own_folder, provenance, results
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.mounting import METHODS
@@ -80,7 +80,8 @@ def read(folder: str | Path) -> Material:
     Raises
     ------
     FlightError
-        Where the folder is not there, is not complete, or its parts do not belong together.
+        Where the folder is not there, is not complete, was changed since the run, or is being
+        written.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -95,6 +96,7 @@ def read(folder: str | Path) -> Material:
     if missing:
         problem = f"{folder}: not complete, without {', '.join(missing)}; run all stages again"
         raise FlightError([problem])
+    own_folder.verify(folder, [*results.FILES, provenance.FILE], cure="run all stages again")
     material = Material(
         folder=folder,
         provenance=provenance.read(folder),

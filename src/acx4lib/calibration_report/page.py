@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import errno
 import html
 import tempfile
 from collections.abc import Callable, Iterator
@@ -15,9 +14,14 @@ import nbformat
 from acx4lib import notebooks
 from acx4lib.calibration_report.markdown import Document, number_labels, table_labels, to_html
 from acx4lib.calibration_report.material import Material, read
+from acx4lib.folder_marks import SCRATCH
 from acx4lib.runner import NOTEBOOKS_PATH
+from acx4lib.write_places import check_file
 
 NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
+
+MARK = b'<meta name="generator" content="acx4'
+"""By which a report is known, to be replaced by a newer one."""
 
 STYLE = Path(__file__).with_name("report.css")
 
@@ -26,7 +30,7 @@ PAGE = """<!DOCTYPE html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="acx4lib">
+<meta name="generator" content="acx4 report">
 <title>{title}</title>
 <style>
 {style}</style>
@@ -65,7 +69,7 @@ def write(
     folder : path
         Results of a run.
     out : path
-        The file; one that is there is replaced.
+        The file; a report that is there is replaced, and nothing else is touched.
     notebook : Path
     on_cell : callable
         Called with the number of cells that are done, and of all.
@@ -76,21 +80,21 @@ def write(
         Where the results are missing, not complete, or do not belong together.
     NotebookError
         Where the notebook fails.
+    OutputError
+        Where the file is no place for a report.
     OSError
         Where the file cannot be written.
     """
     out = Path(out)
     material = read(folder)
-    if out.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(out))
-    if not out.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".report-") as temporary:
+    check_file(out, mark=MARK, what="a report of acx4")
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
         executed = Path(temporary) / "notebooks" / notebook.name
         values = notebooks.with_defaults(notebook, {"results_path": str(folder)})
         notebooks.execute(notebook, executed, parameters=values, on_cell=on_cell)
         whole = Path(temporary) / "report.html"
         whole.write_text(page(nbformat.read(executed, as_version=4), material), encoding="utf-8")  # type: ignore[no-untyped-call] # untyped
+        check_file(out, mark=MARK, what="a report of acx4")
         whole.replace(out)
 
 

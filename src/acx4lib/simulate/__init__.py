@@ -22,10 +22,11 @@ from acx4lib.simulate.photo import read_photo
 from acx4lib.simulate.photography import landscape
 from acx4lib.simulate.pictures import Tiles, camera_response, head_images, picture
 from acx4lib.simulate.plan import GrossErrors, Options, SlowErrors
-from acx4lib.simulate.writer import truth_path, write
+from acx4lib.simulate.writer import TRUTH_MARK, truth_path, write
 
 __all__ = [
     "DESIGNS",
+    "TRUTH_MARK",
     "GrossErrors",
     "Options",
     "SimulatedFlight",

@@ -9,6 +9,9 @@ from acx4lib.simulate.fly import Track
 from acx4lib.simulate.plan import Options, Plan
 from acx4lib.simulate.tables import grid_attitude_deg
 
+MADE_BY = "acx4 simulate"
+"""Whose a truth is; the command looks for it before it replaces one."""
+
 NOTE = (
     "True values. Cameras: boresight is omega, phi, kappa of eq. (6), camera to body; the lever "
     "arm is forward, left, up. Exposures: east, north, height, omega, phi, kappa of the IMU's "
@@ -78,6 +81,7 @@ def truth(
         True control points and natural targets.
     """
     result: dict[str, Any] = {
+        "made_by": MADE_BY,
         "name": plan.name,
         "seed": seed,
         "options": asdict(replace(options, tie_points=dict(options.tie_points))),

@@ -6,6 +6,10 @@ from pathlib import Path
 
 from acx4lib.simulate.flights import SimulatedFlight
 from acx4lib.simulate.photography import Tell, take
+from acx4lib.simulate.texts import MADE_BY
+
+TRUTH_MARK = f'"made_by": "{MADE_BY}"'.encode()
+"""Stands at the beginning of every truth."""
 
 
 def truth_path(folder: str | Path) -> Path:
