@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,8 @@ from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.tables import Table, read_table
+from acx4lib.flight.table import Table
+from acx4lib.flight.tables import read_table
 from acx4lib.frames import Pose
 from acx4lib.geodesy import GridSystem, MappingFrame, mean_origin
 
@@ -49,7 +51,7 @@ def read_block(folder: Path, name: str) -> BlockTables:
         Of the block and its folder.
     """
     own = folder / name / "control_points.csv"
-    control = own if own.exists() or own.is_symlink() else folder / "control_points.csv"
+    control = own if os.path.lexists(own) else folder / "control_points.csv"
     needs = f"block {name}"
     images, image_points, trajectory = (
         read_table(path, str(path), needed_by=needs)

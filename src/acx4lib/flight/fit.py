@@ -21,7 +21,7 @@ from acx4lib.flight.document import Toml
 from acx4lib.flight.mistakes import Mistake, mistakes, mounting_mistakes
 from acx4lib.flight.problems import Problem
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.tables import Table
+from acx4lib.flight.table import Table
 
 ENOUGH = 3
 """So many measurements of control speak for one camera alone."""

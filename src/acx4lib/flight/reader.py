@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 from acx4lib.block import Block
-from acx4lib.errors import FlightError
+from acx4lib.errors import FlightError, visible
 from acx4lib.flight.blocks import (
     BLOCKS,
     BlockTables,
@@ -19,7 +20,7 @@ from acx4lib.flight.blocks import (
 )
 from acx4lib.flight.document import Toml, read_toml
 from acx4lib.flight.fit import fit_problems
-from acx4lib.flight.problems import Problem, lines_of
+from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, named_file, setup_of
 from acx4lib.flight.table_checks import (
     height_problems,
@@ -89,10 +90,11 @@ def read(path: str | Path) -> Flight:
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
     toml = read_toml(folder)
-    blocks = [read_block(folder, name) for name in BLOCKS if (folder / name).is_dir()]
+    blocks = [read_block(folder, name) for name in BLOCKS if _is_folder(folder / name)]
     problems = [*toml_problems(toml)]
     setup = None if problems else setup_of(toml)
     problems += [] if blocks else [_no_block(folder)]
+    problems += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
     for tables in blocks:
         problems += _block_problems(tables, toml, setup)
     problems = problems or [*uncalibrated_problems(blocks)]
@@ -118,7 +120,7 @@ def read_kept(path: str | Path) -> Flight:
     """
     folder = Path(path)
     toml = read_toml(folder)
-    blocks = [read_block(folder, name) for name in BLOCKS if (folder / name).is_dir()]
+    blocks = [read_block(folder, name) for name in BLOCKS if _is_folder(folder / name)]
     problems = [*toml_problems(toml), *(p for b in blocks for t in b.tables for p in t.problems)]
     if problems:
         raise FlightError(lines_of(problems))
@@ -145,7 +147,7 @@ def _flight(
         path=folder,
         blocks={tables.name: assemble(tables, setup) for tables in blocks},
         image_files={tables.name: _image_files(tables, folder) for tables in blocks},
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(dict.fromkeys(map(visible, notes))),
     )
 
 
@@ -163,6 +165,16 @@ def _no_folder(folder: Path) -> Problem:
     )
 
 
+def _is_other(path: Path) -> bool:
+    """Tell where something has the name of a block and is no folder."""
+    return os.path.lexists(path) and not _is_folder(path)
+
+
+def _no_block_folder(path: Path) -> Problem:
+    expected = "must be the folder of a block"
+    return Problem(file=str(path), line=1, column="folder", found="is no folder", expected=expected)
+
+
 def _no_block(folder: Path) -> Problem:
     expected = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
     stray = "".join(f" ({path} is in none)" for path in _strays(folder))
@@ -174,7 +186,7 @@ def _strays(folder: Path) -> list[str]:
     """Return the tables of images that stand in no block: its folder may be misspelt."""
     paths = [*folder.glob("images.csv"), *folder.glob("*/images.csv")]
     below = [path.relative_to(folder) for path in paths]
-    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)
+    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)[:SHOWN]
 
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
@@ -190,7 +202,8 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
 
 def _image_files(tables: BlockTables, folder: Path) -> tuple[Path | None, ...]:
     names = tables.images.text.get("file", ("",) * len(tables.images))
-    return tuple(named_file(folder, folder / tables.name, n)[0] if n else None for n in names)
+    inside, block = folder.resolve(), folder / tables.name
+    return tuple(named_file(inside, block, name)[0] if name else None for name in names)
 
 
 def _notes(tables: BlockTables) -> Iterator[str]:
