@@ -12,6 +12,9 @@ from acx4lib.flight.problems import Problem
 SMALL = 10_000_000
 """A file of so many bytes is read without a look at the memory."""
 
+DEEPEST = 10
+"""Folders in the name of a file."""
+
 EXPANSION = 25
 """A table takes at most so many times the bytes of its file while it is read and checked."""
 
@@ -72,6 +75,35 @@ def read_text(
     line = data.count(b"\n", 0, at) + 1
     expected = "must be UTF-8 text"
     return "", (Problem(file=file, line=line, column="file", found=found, expected=expected),)
+
+
+def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
+    """Return a named file of a flight with links resolved, or None and what is wrong with it.
+
+    Parameters
+    ----------
+    flight : Path
+        Folder that the file must not leave, links resolved.
+    folder : Path
+        The name is relative to it; links resolved.
+    name : str
+    """
+    if name.count("/") > DEEPEST:
+        return None, f"has more than {DEEPEST} folders"
+    path = f"{folder}/{name}" if name[:1] != "/" else name
+    try:
+        mode: int | None = os.stat(path).st_mode  # noqa: PTH116 a path of each of 100 000 names is slow
+        path = os.path.realpath(path)
+    except FileNotFoundError:
+        mode, path = None, os.path.normpath(path)
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        return None, f"is no file name that can be used ({str(reason).splitlines()[0]})"
+    if not path.startswith(f"{flight}/"):
+        return None, "lies outside the flight"
+    if mode is None:
+        return None, "is not there"
+    return (Path(path), "") if stat.S_ISREG(mode) else (None, "is no regular file")
 
 
 def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:

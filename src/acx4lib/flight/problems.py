@@ -26,6 +26,9 @@ COMPARED = 64
 FEW = 500
 """With so many names a name is compared; of more, with those that begin or end alike."""
 
+MANY = 50_000
+"""Among more names the nearest one is not looked for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
@@ -100,7 +103,7 @@ def quoted(value: object) -> str:
 
 def did_you_mean(name: str, known: Collection[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
-    if not 0 < len(name) <= COMPARED:
+    if not 0 < len(name) <= COMPARED or len(known) > MANY:
         return ""
     if len(known) > FEW:
         alike = (k for k in known if k[:2] == name[:2] or k[-2:] == name[-2:])

@@ -19,9 +19,10 @@ from acx4lib.flight.blocks import (
     used_exposures,
 )
 from acx4lib.flight.document import Toml, read_toml
+from acx4lib.flight.files import named_file
 from acx4lib.flight.fit import fit_problems
 from acx4lib.flight.problems import SHOWN, Problem, lines_of
-from acx4lib.flight.setup import Setup, named_file, setup_of
+from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.table_checks import (
     height_problems,
     name_problems,
@@ -202,7 +203,7 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
 
 def _image_files(tables: BlockTables, folder: Path) -> tuple[Path | None, ...]:
     names = tables.images.text.get("file", ("",) * len(tables.images))
-    inside, block = folder.resolve(), folder / tables.name
+    inside, block = folder.resolve(), (folder / tables.name).resolve()
     return tuple(named_file(inside, block, name)[0] if name else None for name in names)
 
 

@@ -41,6 +41,8 @@ class Rows:
         Rows of another width than the header, and their numbers of cells.
     used : int
         Rows up to the last that holds something.
+    blank_at_end : int
+        Lines after it.
     """
 
     width: int
@@ -51,6 +53,7 @@ class Rows:
     ragged: array[int] = field(default_factory=lambda: array("q"))
     n_cells: array[int] = field(default_factory=lambda: array("q"))
     used: int = 0
+    blank_at_end: int = 0
 
     def __post_init__(self) -> None:
         self.columns = {name: [] for name in self.wanted}
@@ -87,18 +90,18 @@ class Rows:
             kept_lines.append(line)
         return kept_lines, kept
 
-    def end(self) -> int:
-        """Leave away what is blank at the end, and return how many lines that is."""
-        last = self.lines[self.used - 1] if self.used else 0
-        n = len(self.lines) - self.used + sum(1 for line in self.blank if line > last)
+    def end(self) -> None:
+        """Leave away rows at the end whose cells hold nothing."""
+        last = self.lines[self.used - 1] if self.used else 1
+        self.blank_at_end += len(self.lines) - self.used
         del self.lines[self.used :]
         for cells in self.columns.values():
             del cells[self.used :]
-        while self.ragged and self.ragged[-1] >= self.used:  # cells of spaces
+        while self.ragged and self.ragged[-1] >= self.used:
             self.ragged.pop()
         while self.blank and self.blank[-1] > last:
             self.blank.pop()
-        return n
+            self.blank_at_end += 1
 
 
 def read_header(text: str, file: str) -> tuple[list[str], tuple[Problem, ...]]:
@@ -126,15 +129,19 @@ def read_rows(
     wanted : dict of str to int
         The columns to keep, and where they stand.
     """
-    rows = Rows(width=width, wanted=wanted)
-    numbered = _Numbered(text)
+    body = text.rstrip("\r\n")
+    tail = text[len(body) :]
+    n_ends = max(tail.count("\n"), tail.count("\r"))
+    rows = Rows(width=width, wanted=wanted, blank_at_end=max(n_ends - 1, 0))
+    numbered = _Numbered(body)
     try:
         for lines, cells in numbered.parts():
             rows.add(lines, cells)
-            if len(rows.ragged) > TOO_MANY:
-                break
+            if len(rows.ragged) + len(rows.blank) > TOO_MANY:
+                return rows, ()
     except csv.Error as error:
         return rows, (_unreadable(file, numbered.line, error),)
+    rows.end()
     return rows, ()
 
 

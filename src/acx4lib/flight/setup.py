@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import stat
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acx4lib.camera import INTERIOR, Camera, Interior
 from acx4lib.flight.document import Toml
+from acx4lib.flight.files import named_file
 from acx4lib.frames import Pose, rotation_from_opk
 from acx4lib.geodesy import GridSystem
 
@@ -18,9 +17,6 @@ SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
-DEEPEST = 30
-"""Folders in the name of a file."""
-
 ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
 """What a stage may estimate, and the library's name for it."""
 
@@ -126,31 +122,6 @@ def grid_of(toml: Toml) -> GridSystem:
 def _heights(toml: Toml) -> str:
     """Return the heights as the grid system takes them: a file by its whole path."""
     heights: str = toml.values["heights"]
-    path, _ = named_file(toml.folder.resolve(), toml.folder, heights)
+    inside = toml.folder.resolve()
+    path, _ = named_file(inside, inside, heights)
     return str(path) if path is not None else heights
-
-
-def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
-    """Return a named file of a flight with links resolved, or None and what is wrong with it.
-
-    Parameters
-    ----------
-    flight : Path
-        Folder that the file must not leave, links resolved.
-    folder : Path
-        The name is relative to it.
-    name : str
-    """
-    if name.count("/") > DEEPEST:
-        return None, f"has more than {DEEPEST} folders"
-    try:
-        path = (folder / name).resolve()
-        if not path.is_relative_to(flight):
-            return None, "lies outside the flight"
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        return None, "is not there"
-    except (OSError, RuntimeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        return None, f"is no file name that can be used ({str(reason).splitlines()[0]})"
-    return (path, "") if stat.S_ISREG(mode) else (None, "is no regular file")

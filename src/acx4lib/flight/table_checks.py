@@ -11,8 +11,9 @@ from acx4lib._typing import Array
 from acx4lib.camera import Camera, inside
 from acx4lib.flight.blocks import BlockTables, index_of, lonlat_of, measured_control, used_exposures
 from acx4lib.flight.document import Toml
+from acx4lib.flight.files import named_file
 from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
-from acx4lib.flight.setup import Setup, named_file
+from acx4lib.flight.setup import Setup
 from acx4lib.flight.table import Table
 from acx4lib.geodesy import GridSystem
 
@@ -60,8 +61,8 @@ def _unknown(table: Table, column: str, known: Collection[str], expected: str) -
 def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Problem]:
     names = images.text.get("file", ())
     expected = f"must be a file under {folder}, links resolved"
-    inside = flight.resolve()
-    faults = {name: named_file(inside, folder, name)[1] for name in set(names) if name}
+    inside, block = flight.resolve(), folder.resolve()
+    faults = {name: named_file(inside, block, name)[1] for name in set(names) if name}
     rows = [row for row, name in enumerate(names) if faults.get(name)]
     yield from counted(
         rows,

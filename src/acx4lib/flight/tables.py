@@ -47,14 +47,13 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
     rows, problems = read_rows(whole, file, width=len(header), wanted=wanted)
     if problems:
         return Table(file=file, problems=problems)
-    blank = rows.end()
-    table = _of_rows(file, rows, schema)
+    table, n_blank = _of_rows(file, rows, schema), rows.blank_at_end
     return replace(
         table,
         problems=(*wrong, *_row_problems(table, rows, schema)),
         notes=(
             *extra_notes(file, header, schema),
-            *([f"{file}: {blank} blank lines at the end"] if blank else []),
+            *([f"{file}: {n_blank} blank lines at the end"] if n_blank else []),
             *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
         ),
     )
@@ -78,7 +77,7 @@ def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
 
 
 def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]:
-    if schema.rows and not len(table):
+    if schema.rows and not len(table) and not rows.blank:
         yield table.problem(0, "file", "has no rows", "at least one row under the header")
     yield from width_problems(table.file, rows)
     yield from cell_problems(table, schema, whole_rows(rows))

@@ -11,6 +11,7 @@ from acx4lib.camera import distortion
 from acx4lib.crs_text import is_code_or_wkt
 from acx4lib.errors import UNSEEN
 from acx4lib.flight.document import Toml
+from acx4lib.flight.files import named_file
 from acx4lib.flight.names import name_fault
 from acx4lib.flight.problems import (
     POSITIVE,
@@ -30,7 +31,6 @@ from acx4lib.flight.setup import (
     Apriori,
     camera_of,
     grid_of,
-    named_file,
 )
 from acx4lib.geodesy import GridSystem
 from acx4lib.unknowns import GNSS
@@ -138,7 +138,8 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
     if not _is_name(heights) or heights == "ellipsoidal":
         return
     expected = "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
-    path, wrong = named_file(toml.folder.resolve(), toml.folder, str(heights))
+    inside = toml.folder.resolve()
+    path, wrong = named_file(inside, inside, str(heights))
     hint = did_you_mean(str(heights), ["ellipsoidal"])
     if path is None and not hint and not is_code_or_wkt(str(heights)):
         yield toml.problem(("heights",), f"{quoted(heights)} {wrong}", expected)
