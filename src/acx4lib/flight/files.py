@@ -119,7 +119,7 @@ def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
         size = status.st_size
         if size > (SMALL if most is None else most) and (most or size * EXPANSION > free_memory()):
             return size, None
-        return size, opened.read(size + 1)
+        return size, opened.read(size + 1) if size else b""  # those of /proc may never answer
 
 
 def free_memory() -> int:

@@ -90,6 +90,13 @@ def read(path: str | Path) -> Flight:
     folder = Path(path)
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
+    try:
+        return _read(folder)
+    except MemoryError:
+        raise FlightError(lines_of([_too_large(folder)])) from None
+
+
+def _read(folder: Path) -> Flight:
     toml = read_toml(folder)
     blocks = [read_block(folder, name) for name in BLOCKS if _is_folder(folder / name)]
     problems = [*toml_problems(toml)]
@@ -164,6 +171,11 @@ def _no_folder(folder: Path) -> Problem:
     return Problem(
         file=str(folder), line=1, column="folder", found="is no folder", expected=expected
     )
+
+
+def _too_large(folder: Path) -> Problem:
+    found, expected = "reading it takes more memory than there is", "must fit into free memory"
+    return Problem(file=str(folder), line=1, column="folder", found=found, expected=expected)
 
 
 def _is_other(path: Path) -> bool:
