@@ -76,6 +76,11 @@ class GridSystem:
         if any(not np.isclose(axis.unit_conversion_factor, np.pi / 180) for axis in angles):
             msg = f"{given!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
             raise ValueError(msg)
+        try:
+            _ = self._geographic, self._cartesian, self._projection
+        except (CRSError, ProjError) as error:
+            msg = f"{given!r} cannot be computed by PROJ ({' '.join(str(error).split())})"
+            raise ValueError(msg) from error
         _ = self._height_transformer
 
     @cached_property
@@ -87,6 +92,10 @@ class GridSystem:
         """Easting, northing to longitude, latitude of the CRS's own datum, degrees."""
         crs = self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
         return pyproj.Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+
+    @cached_property
+    def _projection(self) -> pyproj.Proj:
+        return pyproj.Proj(self._crs)
 
     @cached_property
     def _cartesian(self) -> pyproj.Transformer:
@@ -132,11 +141,15 @@ class GridSystem:
         return np.stack(east_north, axis=-1).reshape(-1, 2)
 
     def convergence(self, lonlat: Array) -> Array:
-        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it."""
+        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it.
+
+        NaN where PROJ knows none.
+        """
         if not len(lonlat):  # PROJ refuses none
             return np.zeros(0)
-        factors = pyproj.Proj(self._crs).get_factors(*lonlat.T)
-        return np.radians(np.asarray(factors.meridian_convergence, dtype=float)).reshape(-1)
+        factors = self._projection.get_factors(*lonlat.T)
+        degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
+        return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
 
     def ecef_from_geographic(self, lonlath: Array) -> Array:
         """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""

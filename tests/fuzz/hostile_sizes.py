@@ -42,8 +42,14 @@ TABLES = (
 )
 TOMLS = (
     *(lambda n, c=c: c * (n // len(c)) for c in (" ", "\n", "[", "a.", "{a=", '"', "'", "\\", "=")),
-    *(lambda n, c=c: "x = [" + c * (n // len(c)) + "]" for c in ("1,", "{},", '"k1",', "[],", "1.5,")),
-    *(lambda n, c=c: "x = " + c * (n // len(c)) for c in ("9", "{", "[", '"', "'''", '""" ""', "1.")),
+    *(
+        lambda n, c=c: "x = [" + c * (n // len(c)) + "]"
+        for c in ("1,", "{},", '"k1",', "[],", "1.5,")
+    ),
+    *(
+        lambda n, c=c: "x = " + c * (n // len(c))
+        for c in ("9", "{", "[", '"', "'''", '""" ""', "1.")
+    ),
     lambda n: "".join(f"k{i} = 1\n" for i in range(n // 12)),
     lambda n: "".join(f"[cameras.c{i}]\n" for i in range(n // 18)),
     lambda n: "[[cameras]]\n" * (n // 12),
@@ -75,4 +81,3 @@ def large(folder: Path, rng: random.Random) -> None:
         i += 1
     before = data_of(path) if rng.random() < 0.3 else b""
     write(path, before + "".join(parts).encode())
-

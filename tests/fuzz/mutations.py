@@ -51,7 +51,9 @@ def bytes_(folder: Path, rng: random.Random) -> None:
     for _ in range(rng.choice((1, 1, 2, 5, 50))):
         a = rng.randint(0, len(data))
         b = min(len(data), a + rng.choice((1, 1, 2, 8, 100, 5000)))
-        junk = rng.choice((rng.randbytes(rng.randint(1, 8)), data[a:b] * 2, b"", b"\n", b'"', b"\0"))
+        junk = rng.choice(
+            (rng.randbytes(rng.randint(1, 8)), data[a:b] * 2, b"", b"\n", b'"', b"\0")
+        )
         data[a:b] = junk
     write(path, bytes(data))
 
@@ -109,9 +111,9 @@ def rows(folder: Path, rng: random.Random) -> None:
             lambda: rng.sample(below, len(below)),
             lambda: below[:i] + [[""]] * rng.choice((1, 3, 1000)) + below[i:],
             lambda: below + [[""] * len(header)] * rng.choice((1, 1000)),
-            lambda: below[:i] + [header] + below[i:],
+            lambda: [*below[:i], header, *below[i:]],
             lambda: [row[: rng.randint(0, len(row))] for row in below],
-            lambda: [row + ["x"] for row in below],
+            lambda: [[*row, "x"] for row in below],
             lambda: below * 3,
             list,
             lambda: below[:1],
@@ -123,28 +125,46 @@ def rows(folder: Path, rng: random.Random) -> None:
 def columns(folder: Path, rng: random.Random) -> None:
     path = table(folder, rng)
     all_rows = rows_of(path)
-    header = all_rows[0]
-    i, j = rng.randrange(len(header)), rng.randrange(len(header))
-    how = rng.randrange(7)
+    width = len(all_rows[0])
+    i, j = rng.randrange(width), rng.randrange(width)
+    change = rng.choice((_remove, _exchange, _repeat, _rename, _exchange_names, _add, _add_many))
     for n, row in enumerate(all_rows):
-        if len(row) != len(header):
-            continue
-        if how == 0:
-            del row[i]
-        elif how == 1:
-            row[i], row[j] = row[j], row[i]
-        elif how == 2:
-            row.insert(j, row[i])
-        elif how == 3 and n == 0:
-            row[i] = rng.choice((row[i].upper(), f" {row[i]} ", row[i][:-1], nasty.cell(rng)))
-        elif how == 4 and n == 0:
-            row[i], row[j] = row[j], row[i]
-        elif how == 5:
-            known = ("sigma_px", "role", "time_s", "sigma_east_m", "sigma_roll_deg", "file", "strip")
-            row.append(rng.choice(known) if n == 0 else nasty.cell(rng).replace("\n", ""))
-        elif how == 6:
-            row.extend(f"c{k}" for k in range(100))
+        if len(row) == width:
+            change(row, (i, j), n, rng)
     write_rows(path, all_rows)
+
+
+def _remove(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    del row[at[0]]
+
+
+def _exchange(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    i, j = at
+    row[i], row[j] = row[j], row[i]
+
+
+def _repeat(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    row.insert(at[1], row[at[0]])
+
+
+def _rename(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    name = row[at[0]]
+    if n == 0:
+        row[at[0]] = rng.choice((name.upper(), f" {name} ", name[:-1], nasty.cell(rng)))
+
+
+def _exchange_names(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    if n == 0:
+        _exchange(row, at, n, rng)
+
+
+def _add(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    known = ("sigma_px", "role", "time_s", "sigma_east_m", "sigma_roll_deg", "file", "strip")
+    row.append(rng.choice(known) if n == 0 else nasty.cell(rng).replace("\n", ""))
+
+
+def _add_many(row: list[str], at: tuple[int, int], n: int, rng: random.Random) -> None:
+    row.extend(f"c{k}" for k in range(100))
 
 
 def units(folder: Path, rng: random.Random) -> None:
@@ -175,12 +195,12 @@ def names(folder: Path, rng: random.Random) -> None:
             escaped = re.sub(r'["\\\x00-\x1f\x7f]', lambda m: f"\\u{ord(m[0]):04x}", new)
             text = text.replace(f".{old}]", f'."{escaped}"]').replace(f'"{old}"', f'"{escaped}"')
         else:
-            quoted = '"' + new.replace('"', '""') + '"'
-            text = re.sub(rf"(?m)(^|,){re.escape(old)}(?=,|$)", lambda m: m[1] + quoted, text)
+            cell = '"' + new.replace('"', '""').replace("\\", "\\\\") + '"'
+            text = re.sub(rf"(?m)(^|,){re.escape(old)}(?=,|$)", rf"\g<1>{cell}", text)
         write(other, text.encode("utf-8", errors="surrogatepass"))
 
 
-# --- flight.toml -----------------------------------------------------------------------------------
+# --- flight.toml -------------------------------------------------------------------------------
 
 
 def toml(folder: Path, rng: random.Random) -> None:

@@ -107,9 +107,7 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -
     return int(str(begun["case"])) + 1
 
 
-def _count(
-    report: Report, begun: dict[str, object], told: dict[str, object], seed: int
-) -> None:
+def _count(report: Report, begun: dict[str, object], told: dict[str, object], seed: int) -> None:
     kind = str(begun["kind"])
     report.outcomes[kind if "+" not in kind else "several", str(told["outcome"])] += 1
     report.seconds = max(report.seconds, float(str(told.get("seconds", 0))))

@@ -53,12 +53,16 @@ def special(folder: Path, rng: random.Random) -> None:
             lambda: path.symlink_to("nowhere"),
             lambda: path.symlink_to("."),
             lambda: path.symlink_to(".."),
-            lambda: path.symlink_to(rng.choice(("/dev/zero", "/dev/full", "/dev/null", "/dev/tty"))),
-            lambda: path.symlink_to(rng.choice(("/proc/self/mem", "/proc/self/environ", "/proc/sys"))),
+            lambda: path.symlink_to(
+                rng.choice(("/dev/zero", "/dev/full", "/dev/null", "/dev/tty"))
+            ),
+            lambda: path.symlink_to(
+                rng.choice(("/proc/self/mem", "/proc/self/environ", "/proc/sys"))
+            ),
             lambda: path.symlink_to("/proc/kmsg"),
             lambda: _socket(path),
-            lambda: os.mkdir(os.fsencode(path.parent) + b"/\xff\n\x1b[31m"),
-            lambda: (path.parent / "a\nb").mkdir(),
+            (path.parent / "\udcff\n\x1b[31m").mkdir,
+            (path.parent / "a\nb").mkdir,
         )
     )
     make()

@@ -237,7 +237,8 @@ def _at_mount(problem: Problem, toml: Toml, camera: str) -> Problem:
 
 def _where(tables: BlockTables, setup: Setup) -> str:
     """Return how far apart control and exposures are, for the reader to find the mistake."""
-    block = assemble(tables, setup)
+    with np.errstate(all="ignore"):
+        block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     apart = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
     doubt = f" (is {setup.grid.crs} the right CRS?)" if np.hypot(*apart[:2]) > FAR else ""

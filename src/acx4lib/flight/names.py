@@ -19,9 +19,8 @@ LONGEST = 200
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 _BLANK = r"[\s\u00ad\u200b-\u200d\u2060\ufeff]*"
-_LIKE_SIGNS = "=@+\\-＝＠＋－﹦﹫﹢﹣⁺₊⁻₋⁼₌"  # noqa: RUF001 what becomes one of the first four
 # Between names as they are searched for, all at once, stands a null character.
-_MAY_BE_FORMULA = re.compile(rf"(?:\A|[\0;]){_BLANK}[{_LIKE_SIGNS}]")
+_MAY_BE_FORMULA = re.compile(rf"(?:\A|[\0;]){_BLANK}[=@+-]")
 _FORMULA = re.compile(rf"{_BLANK}(?:[=@]|[+-]\s*\S)")
 
 
@@ -47,9 +46,14 @@ def name_fault(name: str) -> tuple[str, str] | None:
 
 
 def _is_formula(name: str) -> bool:
-    # Full-width signs count as signs; a semicolon separates cells where the comma is decimal.
-    parts = unicodedata.normalize("NFKC", name).split(";")
+    # A semicolon separates cells where the comma is decimal.
+    parts = _plain(name).split(";")
     return any(_FORMULA.match(part) and not NUMBER.fullmatch(part) for part in parts)
+
+
+def _plain(text: str) -> str:
+    """Return text with full-width signs, and others of another width, as plain ones."""
+    return text if text.isascii() else unicodedata.normalize("NFKC", text)
 
 
 def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
@@ -64,7 +68,7 @@ def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
     clean = (
         max(map(len, names), default=0) <= LONGEST
         and not UNSEEN.search(joined.replace("\0", ""))
-        and not _MAY_BE_FORMULA.search(joined)
+        and not _MAY_BE_FORMULA.search(_plain(joined))
     )
     if clean:
         return {}

@@ -87,6 +87,8 @@ class Rows:
                 self.ragged.append(len(self.lines) + len(kept))
                 self.n_cells.append(n)
                 kept.append((row + [""] * (self.width - n))[: self.width])
+                if any(map(str.strip, row)):
+                    self.used = len(self.lines) + len(kept)
             kept_lines.append(line)
         return kept_lines, kept
 

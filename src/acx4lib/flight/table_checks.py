@@ -155,6 +155,8 @@ def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem
         rows = np.flatnonzero(used)
         lonlat = lonlat_of(table, grid)
         on_earth = np.isfinite(lonlat[:, 0]) & np.isfinite(lonlat[:, 1])
+        if "east_m" in table.numbers:
+            on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
         yield from counted(rows[~on_earth[rows]], _nowhere(table, grid))
         rows = rows[on_earth[rows]]
         undulation = grid.undulation(lonlat[rows])

@@ -148,7 +148,7 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
         _ = grid_of(toml)
     except ValueError as error:
         reason = " ".join(str(error.__cause__ or error).split())
-        if path is not None and isinstance(error.__cause__, ProjError):
+        if path is not None and type(error.__cause__) is ProjError:
             reason = "PROJ cannot read it as a geoid grid"
         found = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
         yield toml.problem(("heights",), found, expected)
