@@ -64,7 +64,7 @@ class Rows:
             lines, rows = self._even(lines, rows)
         for k in range(len(rows) - 1, -1, -1):
             if any(map(str.strip, rows[k])):
-                self.used = len(self.lines) + k + 1
+                self.used = max(self.used, len(self.lines) + k + 1)
                 break
         self.lines.extend(lines)
         cells = list(zip(*rows, strict=True))
