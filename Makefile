@@ -6,6 +6,9 @@ PORT    ?= 8000
 # Pictures of the heads in the flight that ships: at which exposures, and at what part of the size.
 IMAGES  ?= H1-05,H3-04
 REDUCE  ?= 4
+# Mutated flights for make fuzz.
+N       ?= 1000
+SEED    ?= 1
 
 $(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
 
@@ -24,7 +27,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test notebooks book serve bench coverage reference-data reference-results clean
+.PHONY: help .venv lock check test fuzz notebooks book serve bench coverage reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -67,6 +70,9 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
 
 test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2
+
+fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
+	@PYTHONPATH=tests nice $(BIN)/python -m fuzz.run --cases $(N) --seed $(SEED)
 
 bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
 	@$(BIN)/python tests/benchmarks/adjustment.py

@@ -342,7 +342,12 @@ ADDED = [
     (IMAGES, "file", ["a.tif"] * 6, ":2: file: 'a.tif' is not there; must be a file under"),
     (IMAGES, "file", ["../../a"] * 6, ":2: file: '../../a' lies outside the flight; must be"),
     (IMAGES, "file", ["/etc/passwd"] * 6, ":2: file: '/etc/passwd' lies outside the flight; must"),
-    (IMAGES, "file", ["x" * 300] * 6, f":2: file: '{'x' * 300}' is no file name that can be used"),
+    (
+        IMAGES,
+        "file",
+        ["x" * 300] * 6,
+        f":2: file: '{'x' * 80}'… has 300 characters; must be a name of",
+    ),
 ]
 
 

@@ -243,7 +243,7 @@ def test_a_point_outside_the_projection_is_not_finite():
         ("EPSG:2225", "in US survey foot, not in metres"),
         ("EPSG:2048", "does not count east and north"),
         ("EPSG:999999", "is no CRS that PROJ knows"),
-        ("a CRS of my own", "is no CRS that PROJ knows"),
+        ("a CRS of my own", "is neither an authority code, nor WKT, nor a PROJ string"),
         ("EPSG:27572", "has latitudes in grad, not degrees"),
     ],
 )

@@ -21,8 +21,8 @@ LOCK = ".acx4.lock"
 def locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder.
 
-    The kernel lets go of it when its process ends, however it does, so that one which was left behind is
-    taken over. Whether a process of another machine lives cannot be seen; its lock holds.
+    The system releases it when its process ends, however it does, so that one that was left
+    behind is taken over. Whether a process of another machine lives cannot be seen; its lock holds.
 
     Raises
     ------

@@ -6,6 +6,7 @@ grids have a scale and a curvature that a camera does not see.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +18,17 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # public, but not marked so
 
 from acx4lib._typing import Array
+from acx4lib.crs_text import crs_fault, is_code_or_wkt
 from acx4lib.frames import Pose, rotation_from_opk, rotation_from_rph, turn
 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
+
+SHOWN = 80
+"""Characters of a CRS that a message repeats."""
+
+UNQUOTABLE = re.compile('[",\x00-\x1f]')
+"""A pipeline of PROJ can name no file with these in its path."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,9 +38,9 @@ class GridSystem:
     Attributes
     ----------
     crs : str
-        Projected CRS in metres, anything that PROJ understands.
+        Projected CRS in metres: an authority code, WKT, or a PROJ string without files.
     heights : str
-        ``"ellipsoidal"``, a geoid grid file, or a vertical CRS whose grid PROJ has.
+        ``"ellipsoidal"``, a geoid grid file, or a vertical CRS (code or WKT) whose grid PROJ has.
 
     Raises
     ------
@@ -45,24 +53,34 @@ class GridSystem:
 
     def __post_init__(self) -> None:
         set_network_enabled(active=False)  # results must not depend on a server
+        given = self.crs if len(self.crs) <= SHOWN else f"{self.crs[:SHOWN]}…"
+        fault = crs_fault(self.crs)
+        if fault:
+            msg = f"{given!r} {fault}"
+            raise ValueError(msg)
         try:
             crs = pyproj.CRS.from_user_input(self.crs)
         except CRSError as error:
-            msg = f"{self.crs!r} is no CRS that PROJ knows"
+            msg = f"{given!r} is no CRS that PROJ knows"
             raise ValueError(msg) from error
         if not crs.is_projected:
-            msg = f"{self.crs!r} ({crs.name}) is not a projected CRS"
+            msg = f"{given!r} ({crs.name}) is not a projected CRS"
             raise ValueError(msg)
         if any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info[:2]):
-            msg = f"{self.crs!r} ({crs.name}) is in {crs.axis_info[0].unit_name}, not in metres"
+            msg = f"{given!r} ({crs.name}) is in {crs.axis_info[0].unit_name}, not in metres"
             raise ValueError(msg)
         if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
-            msg = f"{self.crs!r} ({crs.name}) does not count east and north"
+            msg = f"{given!r} ({crs.name}) does not count east and north"
             raise ValueError(msg)
         angles = crs.geodetic_crs.axis_info[:2] if crs.geodetic_crs else []
         if any(not np.isclose(axis.unit_conversion_factor, np.pi / 180) for axis in angles):
-            msg = f"{self.crs!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
+            msg = f"{given!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
             raise ValueError(msg)
+        try:
+            _ = self._geographic, self._cartesian, self._projection
+        except (CRSError, ProjError) as error:
+            msg = f"{given!r} cannot be computed by PROJ ({' '.join(str(error).split())})"
+            raise ValueError(msg) from error
         _ = self._height_transformer
 
     @cached_property
@@ -74,6 +92,10 @@ class GridSystem:
         """Easting, northing to longitude, latitude of the CRS's own datum, degrees."""
         crs = self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
         return pyproj.Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+
+    @cached_property
+    def _projection(self) -> pyproj.Proj:
+        return pyproj.Proj(self._crs)
 
     @cached_property
     def _cartesian(self) -> pyproj.Transformer:
@@ -91,17 +113,13 @@ class GridSystem:
         if self.heights == "ellipsoidal":
             return None
         try:
-            if Path(self.heights).is_file():
-                return pyproj.Transformer.from_pipeline(
-                    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-                    f'+step +proj=vgridshift +grids="{self.heights}" +multiplier=1 '
-                    "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
-                )
-            return _vertical_transformer(self._crs, self.heights)
-        except (CRSError, ProjError) as error:
+            if is_code_or_wkt(self.heights):
+                return _vertical_transformer(self._crs, self.heights)
+            return _grid_transformer(self.heights)
+        except (CRSError, ProjError, OSError) as error:
             msg = (
-                f"heights {self.heights!r} is neither 'ellipsoidal', nor a geoid grid file, nor a "
-                f"vertical CRS whose grid is here ({str(error).strip()})"
+                f"heights {self.heights[:SHOWN]!r} is neither 'ellipsoidal', nor a geoid grid "
+                f"file, nor a vertical CRS whose grid is here ({str(error).strip()})"
             )
             raise ValueError(msg) from error
 
@@ -123,11 +141,15 @@ class GridSystem:
         return np.stack(east_north, axis=-1).reshape(-1, 2)
 
     def convergence(self, lonlat: Array) -> Array:
-        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it."""
+        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it.
+
+        NaN where PROJ knows none.
+        """
         if not len(lonlat):  # PROJ refuses none
             return np.zeros(0)
-        factors = pyproj.Proj(self._crs).get_factors(*lonlat.T)
-        return np.radians(np.asarray(factors.meridian_convergence, dtype=float)).reshape(-1)
+        factors = self._projection.get_factors(*lonlat.T)
+        degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
+        return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
 
     def ecef_from_geographic(self, lonlath: Array) -> Array:
         """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
@@ -141,6 +163,21 @@ class GridSystem:
         return np.stack(lonlath, axis=-1).reshape(-1, 3)
 
 
+def _grid_transformer(path: str) -> pyproj.Transformer:
+    """Transform longitude, latitude, height to ellipsoidal height, by a geoid grid file."""
+    if not Path(path).is_file():
+        msg = "there is no such file"
+        raise CRSError(msg)
+    if UNQUOTABLE.search(path) or not path.isprintable():
+        msg = "PROJ opens no file with a comma, a quote or what is no text in its path"
+        raise CRSError(msg)
+    return pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+        f'+step +proj=vgridshift +grids="{path}" +multiplier=1 '
+        "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    )
+
+
 def _vertical_transformer(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
     """Transform longitude, latitude, height to ellipsoidal height, without a ballpark."""
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
@@ -148,6 +185,9 @@ def _vertical_transformer(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
     if geographic is None:
         msg = f"{crs.name} has no geodetic CRS"
         raise CRSError(msg)
+    fault = crs_fault(heights)
+    if fault:
+        raise CRSError(f"it {fault}")
     vertical = pyproj.CRS.from_user_input(heights)
     if not vertical.is_vertical:
         msg = f"{vertical.name} is not a vertical CRS"

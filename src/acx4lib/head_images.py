@@ -100,7 +100,7 @@ def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFile
 
 def _files_by_exposure(flight: Flight, heads: Sequence[str]) -> dict[str, dict[str, Path]]:
     """Return the files of heads by exposure and camera, where there are any."""
-    block, inside = flight.heads, flight.path.resolve()
+    block, inside = flight.heads, flight.pictures.resolve()
     found: dict[str, dict[str, Path]] = {}
     if block is None:
         return found
@@ -109,7 +109,7 @@ def _files_by_exposure(flight: Flight, heads: Sequence[str]) -> dict[str, dict[s
         camera = block.cameras[images.camera_idx[i]].name
         if path is not None and camera in heads:
             exposure = block.trajectory.exposures[images.exposure_idx[i]]
-            found.setdefault(exposure, {})[camera] = flight.path / path.relative_to(inside)
+            found.setdefault(exposure, {})[camera] = flight.pictures / path.relative_to(inside)
     return found
 
 

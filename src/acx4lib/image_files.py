@@ -168,6 +168,10 @@ def _readable(path: Path) -> Iterator[None]:
     """Turn what a TIFF reader raises and logs into a sentence."""
     with _captured_log() as said, np.errstate(divide="raise", invalid="raise"):
         try:
+            if path.exists() and not (
+                path.is_file() or path.is_dir()
+            ):  # a pipe would wait for its other end
+                raise OSError(0, "no regular file")
             yield
         except OSError as error:
             raise FlightError([f"{path}: cannot be read ({error.strerror or error})"]) from None

@@ -1,7 +1,7 @@
 """Where commands write: into folders of their own, marked as such, one command at a time.
 
-A command writes only into a folder that is new, empty, or bears its own mark, and removes only what that
-mark lists. Whatever else lies there is the user's.
+A command writes only into a folder that is new, empty, or bears its own mark, and removes only
+what that mark lists. Whatever else lies there is the user's.
 """
 
 from __future__ import annotations

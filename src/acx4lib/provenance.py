@@ -93,7 +93,7 @@ def keep(own: OwnFolder, flight: Flight) -> None:
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(flight.path / name, new / name)
-        files = {name: sha256(new / name) for name in sorted(names)}
+        files = {name: _sha256(new / name) for name in sorted(names)}
         changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
         if changed:
             problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
@@ -133,7 +133,7 @@ def read(folder: Path) -> Provenance:
         problem = f"{folder / FILE}: says nothing of the flight; run all stages again"
         raise FlightError([problem])
     changed = [
-        name for name, sha256 in found.files.items() if sha256(folder / KEPT / name) != sha256
+        name for name, sha256 in found.files.items() if _sha256(folder / KEPT / name) != sha256
     ]
     if changed:
         problem = (
@@ -163,6 +163,6 @@ def _write(folder: Path, provenance: Provenance) -> None:
         new.replace(folder / FILE)
 
 
-def sha256(path: Path) -> str:
+def _sha256(path: Path) -> str:
     """Return the checksum of a file; empty where it is not there."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -1,4 +1,4 @@
-"""Where a command may write: not into a flight, not among the project's own files, through no link."""
+"""Where a command may write: into no flight, not among the project's files, through no link."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,8 @@ from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.tables import Table, read_table
+from acx4lib.flight.table import Table
+from acx4lib.flight.tables import read_table
 from acx4lib.frames import Pose
 from acx4lib.geodesy import GridSystem, MappingFrame, mean_origin
 
@@ -24,9 +26,10 @@ SIGMA_CONTROL = (0.01, 0.01, 0.02)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockTables:
-    """The four tables of a block."""
+    """The four tables of a block, and the flight's folder that has its pictures."""
 
     name: str
+    pictures: Path
     images: Table
     image_points: Table
     trajectory: Table
@@ -38,7 +41,7 @@ class BlockTables:
         return self.images, self.image_points, self.trajectory, self.control
 
 
-def read_block(folder: Path, name: str) -> BlockTables:
+def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     """Return the tables of a block, whatever is wrong with them.
 
     Parameters
@@ -47,9 +50,11 @@ def read_block(folder: Path, name: str) -> BlockTables:
         Of the flight.
     name : str
         Of the block and its folder.
+    pictures : Path
+        Folder of the flight that has its pictures.
     """
     own = folder / name / "control_points.csv"
-    control = own if own.exists() or own.is_symlink() else folder / "control_points.csv"
+    control = own if os.path.lexists(own) else folder / "control_points.csv"
     needs = f"block {name}"
     images, image_points, trajectory = (
         read_table(path, str(path), needed_by=needs)
@@ -57,6 +62,7 @@ def read_block(folder: Path, name: str) -> BlockTables:
     )
     return BlockTables(
         name=name,
+        pictures=pictures,
         images=images,
         image_points=image_points,
         trajectory=trajectory,

@@ -9,8 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from acx4lib.flight.problems import Problem
-from acx4lib.flight.tables import read_text
+from acx4lib.flight.files import read_text
+from acx4lib.flight.problems import QUOTED, Problem
+from acx4lib.flight.toml_lines import key_lines, too_much
+
+MOST_BYTES = 1_000_000
+"""Of a flight.toml; one of a thousand cameras has half as many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +30,8 @@ class Toml:
     values : dict
     lines : dict
         Of dotted keys, as tuples.
+    sha256 : str
+        Of the file.
     problems : tuple of Problem
         Why it could not be read.
     """
@@ -34,12 +40,13 @@ class Toml:
     file: str
     values: dict[str, Any] = field(default_factory=dict)
     lines: dict[tuple[str, ...], int] = field(default_factory=dict)
+    sha256: str = ""
     problems: tuple[Problem, ...] = ()
 
     def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
         """Return a problem of a key, on its line or its table's."""
         known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
-        name = ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else json.dumps(k) for k in keys)
+        name = ".".join(_shown(key) for key in keys)
         line = next(known, 1)
         return Problem(file=self.file, line=line, column=name, found=found, expected=expected)
 
@@ -56,16 +63,27 @@ class Toml:
         return value if isinstance(value, dict) else {}
 
 
+def _shown(key: str) -> str:
+    """Return a key as flight.toml has it, the beginning of a long one."""
+    if len(key) > QUOTED:
+        key = f"{key[:QUOTED]}…"
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
+
+
 def read_toml(folder: Path) -> Toml:
     """Return a flight's flight.toml, whatever is wrong with it."""
     path = folder / "flight.toml"
-    text, problems = read_text(path, str(path))
-    toml = Toml(folder=folder, file=str(path), problems=problems)
+    text, sha256, problems = read_text(path, str(path), most=MOST_BYTES)
+    toml = Toml(folder=folder, file=str(path), sha256=sha256, problems=problems)
     if problems:
         return toml
+    text = text.replace("\r\n", "\n")
+    problem = too_much(text, str(path))
+    if problem:
+        return replace(toml, problems=(problem,))
     try:
-        values = tomllib.loads(text.replace("\r\n", "\n"))
-    except (ValueError, RecursionError) as error:
+        values = tomllib.loads(text)
+    except ValueError as error:
         at = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line = int(at[1]) if at else text.count("\n") + 1
         problem = Problem(
@@ -76,25 +94,4 @@ def read_toml(folder: Path) -> Toml:
             expected="must be valid TOML",
         )
         return replace(toml, problems=(problem,))
-    return replace(toml, values=values, lines=_key_lines(text))
-
-
-KEY = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
-DOTTED = re.compile(rf"\s*(\[*)\s*({KEY}(?:\s*\.\s*{KEY})*)\s*(?:\]|=)")
-
-
-def _key_lines(text: str) -> dict[tuple[str, ...], int]:
-    """Return the line of every table and key that begins one."""
-    lines: dict[tuple[str, ...], int] = {}
-    table: tuple[str, ...] = ()
-    for number, line in enumerate(text.splitlines(), start=1):
-        match = DOTTED.match(line)
-        if match is None:
-            continue
-        keys = tuple(key.strip("\"'") for key in re.findall(KEY, match[2]))
-        if match[1]:
-            table, keys = keys, ()
-        whole = (*table, *keys)
-        for n in range(1, len(whole) + 1):  # a table that has no line of its own, by its first key
-            lines.setdefault(whole[:n], number)
-    return lines
+    return replace(toml, values=values, lines=key_lines(text))

@@ -7,7 +7,7 @@ which everything fits is named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,11 +21,14 @@ from acx4lib.flight.document import Toml
 from acx4lib.flight.mistakes import Mistake, mistakes, mounting_mistakes
 from acx4lib.flight.problems import Problem
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.tables import Table
+from acx4lib.flight.table import Table
 
 ENOUGH = 3
 """So many measurements of control speak for one camera alone."""
 
+
+ENOUGH_TO_EXPLAIN = 5000
+"""Rows of any table from which an explanation is looked for in a part of the measurements."""
 
 MOST = 0.75
 """Quantile of the distances that an explanation must bring below what is allowed."""
@@ -143,12 +146,38 @@ def _control_only(tables: BlockTables) -> BlockTables:
     )
 
 
+def _thinned(tables: BlockTables) -> BlockTables:
+    """Return some thousand measurements of a large block, and what belongs to them.
+
+    Some forty mistakes are tried; each shows in a part of the measurements as it does in all.
+    """
+    if max(len(table) for table in tables.tables) <= ENOUGH_TO_EXPLAIN:
+        return tables
+    points = tables.image_points
+    every = -(-len(points) // ENOUGH_TO_EXPLAIN)
+    points = points.select(np.arange(len(points)) % every == 0)
+    images = _named(tables.images, "image", points.text["image"])
+    return replace(
+        tables,
+        image_points=points,
+        images=images,
+        trajectory=_named(tables.trajectory, "exposure", images.text["exposure"]),
+        control=_named(tables.control, "point", points.text["point"]),
+    )
+
+
+def _named(table: Table, column: str, names: Iterable[str]) -> Table:
+    """Return the rows with one of these names."""
+    wanted = set(names)
+    return table.select(np.array([name in wanted for name in table.text[column]], dtype=bool))
+
+
 def _whole_block(
     tables: BlockTables, setup: Setup, toml: Toml, found: Misfit
 ) -> tuple[Problem, bool]:
     """Return what is wrong with a block, and whether a usual mistake explains it."""
     problem = _problem(tables, found, "control points")
-    best, says = _best(mistakes(tables, setup))
+    best, says = _best(mistakes(_thinned(tables), setup))
     if best is None:
         return replace(problem, found=f"{problem.found}; {_where(tables, setup)}"), False
     problem = replace(problem, found=f"{problem.found}; {says}")
@@ -165,7 +194,7 @@ def _one_camera(
     camera = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
     keep = np.array([camera[i] == name for i in tables.image_points.text["image"]], dtype=bool)
     alone = replace(tables, image_points=tables.image_points.select(keep))
-    _, says = _best(mounting_mistakes(alone, setup, only=name))
+    _, says = _best(mounting_mistakes(_thinned(alone), setup, only=name))
     problem = _problem(tables, found, f"control points in images of {name}")
     return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)
 
@@ -208,7 +237,8 @@ def _at_mount(problem: Problem, toml: Toml, camera: str) -> Problem:
 
 def _where(tables: BlockTables, setup: Setup) -> str:
     """Return how far apart control and exposures are, for the reader to find the mistake."""
-    block = assemble(tables, setup)
+    with np.errstate(all="ignore"):
+        block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     apart = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
     doubt = f" (is {setup.grid.crs} the right CRS?)" if np.hypot(*apart[:2]) > FAR else ""

@@ -12,7 +12,7 @@ from acx4lib._typing import Array
 from acx4lib.camera import Camera
 from acx4lib.flight.blocks import BlockTables
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.tables import Table
+from acx4lib.flight.table import Table
 from acx4lib.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.geodesy import GridSystem
 

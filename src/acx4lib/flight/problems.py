@@ -4,11 +4,30 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+from acx4lib._typing import Index
+from acx4lib.errors import visible
 
 SHOWN = 10
 """So many problems of one kind in one file are written out; the others are counted."""
+
+LINES = 200
+"""So many lines of one file are written out."""
+
+QUOTED = 80
+"""So many characters of what stands in a file are repeated in a message."""
+
+COMPARED = 64
+"""Names longer than this are not compared with others: it takes the square of their length."""
+
+FEW = 500
+"""With so many names a name is compared; of more, with those that begin or end alike."""
+
+MANY = 50_000
+"""Among more names the nearest one is not looked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +44,8 @@ class Problem:
         Of a table, or the key in flight.toml.
     found, expected : str
         What stands there, and what should.
+    times : int
+        It stands for so many of its kind, from its line on.
     """
 
     file: str
@@ -32,10 +53,18 @@ class Problem:
     column: str
     found: str
     expected: str
+    times: int = 1
 
     def __str__(self) -> str:
-        line = f"{self.file}:{self.line}: {self.column}: {self.found}; {self.expected}"
-        return " ".join(line.splitlines())  # a name may hold anything
+        return visible(f"{self.file}:{self.line}: {self.column}: {self.found}; {self.expected}")
+
+
+def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:
+    """Yield one kind of problem in rows: as many as are shown, and one for all the others."""
+    for row in rows[:SHOWN]:
+        yield problem(int(row))
+    if len(rows) > SHOWN:
+        yield replace(problem(int(rows[SHOWN])), times=len(rows) - SHOWN)
 
 
 def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
@@ -43,25 +72,46 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
     problems = tuple(dict.fromkeys(problems))
     files = list(dict.fromkeys(p.file for p in problems))
     order = {file: i for i, file in enumerate(files)}
-    alike = Counter((p.file, p.column, p.expected) for p in problems)
+    alike: Counter[tuple[str, str, str]] = Counter()
+    for p in problems:
+        alike[p.file, p.column, p.expected] += p.times
     seen: Counter[tuple[str, str, str]] = Counter()
+    written: Counter[str] = Counter()
     lines = []
     for p in sorted(problems, key=lambda p: (order[p.file], p.line)):
         kind = (p.file, p.column, p.expected)
         seen[kind] += 1
-        if seen[kind] <= SHOWN:
+        if seen[kind] > SHOWN + 1:
+            continue
+        written[p.file] += 1
+        if seen[kind] == SHOWN + 1:
+            p = replace(p, found=f"and {alike[kind] - SHOWN} more from here on")  # noqa: PLW2901 the same place
+        if written[p.file] <= LINES:
             lines.append(str(p))
-        elif seen[kind] == SHOWN + 1:
-            more = f"and {alike[kind] - SHOWN} more from here on"
-            lines.append(f"{p.file}:{p.line}: {p.column}: {more}; {p.expected}")
+        elif written[p.file] == LINES + 1:
+            lines.append(f"{visible(p.file)}:{p.line}: file: and more; correct these first")
     return tuple(lines)
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def quoted(value: object) -> str:
+    """Return what stands in a file for a message: the beginning of what is long."""
+    if isinstance(value, str):
+        return repr(value[:QUOTED]) + ("…" if len(value) > QUOTED else "")
+    text = repr(value)
+    return text if len(text) <= QUOTED else f"{text[:QUOTED]}…"
+
+
+def did_you_mean(name: str, known: Collection[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
-    known = list(known)
+    if not 0 < len(name) <= COMPARED or len(known) > MANY:
+        return ""
+    if len(known) > FEW:
+        alike = (k for k in known if k[:2] == name[:2] or k[-2:] == name[-2:])
+        near = (k for k in alike if abs(len(k) - len(name)) <= 2)
+        known = list(islice(near, FEW))
+    known = [k for k in known if len(k) <= COMPARED]
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    close = close or [longer for longer in known if name and longer.startswith(name)]
+    close = close or [longer for longer in known if longer.startswith(name)]
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 from acx4lib.block import Block
-from acx4lib.errors import FlightError
+from acx4lib.errors import FlightError, visible
 from acx4lib.flight.blocks import (
     BLOCKS,
     BlockTables,
@@ -18,9 +19,10 @@ from acx4lib.flight.blocks import (
     used_exposures,
 )
 from acx4lib.flight.document import Toml, read_toml
+from acx4lib.flight.files import named_file
 from acx4lib.flight.fit import fit_problems
-from acx4lib.flight.problems import Problem, lines_of
-from acx4lib.flight.setup import Setup, named_file, setup_of
+from acx4lib.flight.problems import SHOWN, Problem, lines_of
+from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.table_checks import (
     height_problems,
     name_problems,
@@ -39,6 +41,10 @@ class Flight(Setup):
     ----------
     path : Path
         Its folder.
+    pictures : Path
+        The folder below which its pictures are: the same, but for a copy that a run has kept.
+    sha256 : dict of str to str
+        Of every table as it was read, by its name below the folder.
     blocks : dict of str to Block
         Those of heads, calibration and validation that are there.
     image_files : dict of str to tuple of Path or None
@@ -48,6 +54,8 @@ class Flight(Setup):
     """
 
     path: Path
+    pictures: Path
+    sha256: dict[str, str]
     blocks: dict[str, Block]
     image_files: dict[str, tuple[Path | None, ...]]
     notes: tuple[str, ...]
@@ -68,13 +76,15 @@ class Flight(Setup):
         return self.blocks.get("validation")
 
 
-def read(path: str | Path) -> Flight:
+def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     """Return the flight in a folder.
 
     Parameters
     ----------
     path : str or Path
         Folder with a flight.toml.
+    pictures : str or Path
+        The flight's own folder, where `path` is the copy of its tables that a run has kept.
 
     Returns
     -------
@@ -88,11 +98,19 @@ def read(path: str | Path) -> Flight:
     folder = Path(path)
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
+    try:
+        return _read(folder, Path(pictures or path))
+    except MemoryError:
+        raise FlightError(lines_of([_too_large(folder)])) from None
+
+
+def _read(folder: Path, pictures: Path) -> Flight:
     toml = read_toml(folder)
-    blocks = [read_block(folder, name) for name in BLOCKS if (folder / name).is_dir()]
+    blocks = _read_blocks(folder, pictures)
     problems = [*toml_problems(toml)]
     setup = None if problems else setup_of(toml)
     problems += [] if blocks else [_no_block(folder)]
+    problems += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
     for tables in blocks:
         problems += _block_problems(tables, toml, setup)
     problems = problems or [*uncalibrated_problems(blocks)]
@@ -100,7 +118,7 @@ def read(path: str | Path) -> Flight:
         raise FlightError(lines_of(problems))
     notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
     notes += [note for tables in blocks for note in _notes(tables)]
-    return _flight(folder, setup, blocks, notes)
+    return _flight(toml, setup, blocks, notes)
 
 
 def read_kept(path: str | Path) -> Flight:
@@ -118,11 +136,12 @@ def read_kept(path: str | Path) -> Flight:
     """
     folder = Path(path)
     toml = read_toml(folder)
-    blocks = [read_block(folder, name) for name in BLOCKS if (folder / name).is_dir()]
+    blocks = _read_blocks(folder, folder)
     problems = [*toml_problems(toml), *(p for b in blocks for t in b.tables for p in t.problems)]
     if problems:
         raise FlightError(lines_of(problems))
-    return _flight(folder, setup_of(toml), blocks, [n for tables in blocks for n in _notes(tables)])
+    notes = [note for tables in blocks for note in _notes(tables)]
+    return _flight(toml, setup_of(toml), blocks, notes)
 
 
 def table_files(flight: Flight) -> list[Path]:
@@ -136,16 +155,24 @@ def table_files(flight: Flight) -> list[Path]:
     return [name for name in names if (flight.path / name).is_file()]
 
 
+def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
+    return [read_block(folder, n, pictures=pictures) for n in BLOCKS if _is_folder(folder / n)]
+
+
 def _flight(
-    folder: Path, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
+    toml: Toml, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
 ) -> Flight:
     """Put together what was found good."""
+    files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
+    files[toml.file] = toml.sha256
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
-        path=folder,
+        path=toml.folder,
+        pictures=blocks[0].pictures if blocks else toml.folder,
+        sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
         blocks={tables.name: assemble(tables, setup) for tables in blocks},
-        image_files={tables.name: _image_files(tables, folder) for tables in blocks},
-        notes=tuple(dict.fromkeys(notes)),
+        image_files={tables.name: _image_files(tables) for tables in blocks},
+        notes=tuple(dict.fromkeys(map(visible, notes))),
     )
 
 
@@ -163,6 +190,21 @@ def _no_folder(folder: Path) -> Problem:
     )
 
 
+def _too_large(folder: Path) -> Problem:
+    found, expected = "reading it takes more memory than there is", "must fit into free memory"
+    return Problem(file=str(folder), line=1, column="folder", found=found, expected=expected)
+
+
+def _is_other(path: Path) -> bool:
+    """Tell where something has the name of a block and is no folder."""
+    return os.path.lexists(path) and not _is_folder(path)
+
+
+def _no_block_folder(path: Path) -> Problem:
+    expected = "must be the folder of a block"
+    return Problem(file=str(path), line=1, column="folder", found="is no folder", expected=expected)
+
+
 def _no_block(folder: Path) -> Problem:
     expected = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
     stray = "".join(f" ({path} is in none)" for path in _strays(folder))
@@ -174,7 +216,7 @@ def _strays(folder: Path) -> list[str]:
     """Return the tables of images that stand in no block: its folder may be misspelt."""
     paths = [*folder.glob("images.csv"), *folder.glob("*/images.csv")]
     below = [path.relative_to(folder) for path in paths]
-    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)
+    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)[:SHOWN]
 
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
@@ -188,9 +230,10 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
     return problems or [*fit_problems(tables, setup, toml)]
 
 
-def _image_files(tables: BlockTables, folder: Path) -> tuple[Path | None, ...]:
+def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
     names = tables.images.text.get("file", ("",) * len(tables.images))
-    return tuple(named_file(folder, folder / tables.name, n)[0] if n else None for n in names)
+    inside, block = tables.pictures.resolve(), (tables.pictures / tables.name).resolve()
+    return tuple(named_file(inside, block, name)[0] if name else None for name in names)
 
 
 def _notes(tables: BlockTables) -> Iterator[str]:

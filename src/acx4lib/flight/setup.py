@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acx4lib.camera import INTERIOR, Camera, Interior
 from acx4lib.flight.document import Toml
+from acx4lib.flight.files import named_file
 from acx4lib.frames import Pose, rotation_from_opk
 from acx4lib.geodesy import GridSystem
 
@@ -122,25 +122,6 @@ def grid_of(toml: Toml) -> GridSystem:
 def _heights(toml: Toml) -> str:
     """Return the heights as the grid system takes them: a file by its whole path."""
     heights: str = toml.values["heights"]
-    path, _ = named_file(toml.folder, toml.folder, heights)
+    inside = toml.folder.resolve()
+    path, _ = named_file(inside, inside, heights)
     return str(path) if path is not None else heights
-
-
-def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
-    """Return a named file of a flight with links resolved, or None and what is wrong with it.
-
-    Parameters
-    ----------
-    flight : Path
-        Folder that the file must not leave.
-    folder : Path
-        The name is relative to it.
-    name : str
-    """
-    try:
-        path = (folder / name).resolve()
-        if not path.is_relative_to(flight.resolve()):
-            return None, "lies outside the flight"
-        return (path, "") if path.is_file() else (None, "is not there")
-    except (OSError, RuntimeError, ValueError) as error:
-        return None, f"is no file name that can be used ({str(error).splitlines()[0]})"

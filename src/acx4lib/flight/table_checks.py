@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,10 @@ from acx4lib._typing import Array
 from acx4lib.camera import Camera, inside
 from acx4lib.flight.blocks import BlockTables, index_of, lonlat_of, measured_control, used_exposures
 from acx4lib.flight.document import Toml
-from acx4lib.flight.problems import Problem, did_you_mean
-from acx4lib.flight.setup import Setup, named_file
-from acx4lib.flight.tables import Table
+from acx4lib.flight.files import named_file
+from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
+from acx4lib.flight.setup import Setup
+from acx4lib.flight.table import Table
 from acx4lib.geodesy import GridSystem
 
 
@@ -31,7 +32,7 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
             yield from _unknown(table, column, other.text[column], expected)
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
     yield from _strip_problems(tables, toml)
-    yield from _file_problems(tables.images, toml.folder, toml.folder / tables.name)
+    yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
 
@@ -46,21 +47,29 @@ def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 
 
 def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:
-    hints: dict[str, str] = {}
-    known = frozenset(known)
-    for row, name in enumerate(table.text.get(column, ())):
-        if name and name not in known:
-            if name not in hints and len(hints) < 20:  # looking for the nearest name is slow
-                hints[name] = did_you_mean(name, known)
-            yield table.problem(row, column, f"{name!r} is unknown{hints.get(name, '')}", expected)
+    names, known = table.text.get(column, ()), dict.fromkeys(known)
+    unknown = set(names) - known.keys() - {""}
+    rows = [row for row, name in enumerate(names) if name in unknown] if unknown else []
+
+    def problem(row: int) -> Problem:
+        found = f"{quoted(names[row])} is unknown{did_you_mean(names[row], known)}"
+        return table.problem(row, column, found, expected)
+
+    yield from counted(rows, problem)
 
 
 def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Problem]:
-    for row, name in enumerate(images.text.get("file", ())):
-        _, wrong = named_file(flight, folder, name) if name else (None, "")
-        if wrong:
-            expected = f"must be a file under {folder}, links resolved"
-            yield images.problem(row, "file", f"{name!r} {wrong}", expected)
+    names = images.text.get("file", ())
+    expected = f"must be a file under {folder}, links resolved"
+    inside, block = flight.resolve(), folder.resolve()
+    faults = {name: named_file(inside, block, name)[1] for name in set(names) if name}
+    rows = [row for row, name in enumerate(names) if faults.get(name)]
+    yield from counted(
+        rows,
+        lambda row: images.problem(
+            row, "file", f"{quoted(names[row])} {faults[names[row]]}", expected
+        ),
+    )
 
 
 def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
@@ -70,13 +79,20 @@ def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
     if not isinstance(heads, list) or "camera" not in images.text:
         return
+    names, cameras = images.text["camera"], toml.table("cameras")
     declared = [head for head in heads if isinstance(head, str)]
-    for row, name in enumerate(images.text["camera"]):
-        if name in toml.table("cameras") and name not in declared:
-            expected = f"must be one of synthetic.heads in {toml.file}"
-            yield images.problem(row, "camera", f"{name!r} is no head", expected)
+    others = set(names) & cameras.keys() - set(declared)
+    yield from counted(
+        [row for row, name in enumerate(names) if name in others],
+        lambda row: images.problem(
+            row,
+            "camera",
+            f"{names[row]!r} is no head",
+            f"must be one of synthetic.heads in {toml.file}",
+        ),
+    )
     for head in declared:
-        if head not in images.text["camera"] and head in toml.table("cameras"):
+        if head not in set(names) and head in cameras:
             expected = f"every head needs images in {images.file}"
             yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
 
@@ -87,9 +103,9 @@ def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
     if not {"calibration", "validation"} <= images.keys():
         return
     calibrated = images["calibration"].text.get("camera", ())
-    validated = images["validation"].text.get("camera", ())
+    validated, known = images["validation"].text.get("camera", ()), set(calibrated)
     for name in dict.fromkeys(validated) if calibrated else ():
-        if name not in calibrated:
+        if name not in known:
             row, found = validated.index(name), f"{name!r} is not calibrated"
             expected = f"must be a camera with images in {images['calibration'].file}"
             yield images["validation"].problem(row, "camera", found, expected)
@@ -104,20 +120,30 @@ def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
     names = tuple(setup.cameras)
     camera_idx = np.append(index_of(images.text["camera"], names), -1)[image_idx]
     colrow = measured.stack("col_px", "row_px")
+    finite = np.isfinite(colrow).all(axis=1)
     for i, name in enumerate(names):
-        camera = setup.cameras[name]
-        outside = (camera_idx == i) & ~inside(camera, colrow) & np.isfinite(colrow).all(axis=1)
-        for row in np.flatnonzero(outside):
-            yield _outside(measured, int(row), camera, colrow[row])
+        camera, mine = setup.cameras[name], np.flatnonzero((camera_idx == i) & finite)
+        rows = mine[~inside(camera, colrow[mine])]
+        beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
+        for column, size, outside in (
+            ("col_px", camera.width_px, rows[beyond_col]),
+            ("row_px", camera.height_px, rows[~beyond_col]),
+        ):
+            expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
+            yield from counted(outside, _outside(measured, column, colrow, camera, expected))
 
 
-def _outside(measured: Table, row: int, camera: Camera, colrow: Array) -> Problem:
-    beyond_col = not -0.5 <= colrow[0] <= camera.width_px - 0.5
-    column, size = ("col_px", camera.width_px) if beyond_col else ("row_px", camera.height_px)
-    swapped = bool(inside(camera, colrow[::-1]))
-    found = measured.text[column][row].strip() + (" (col and row swapped?)" if swapped else "")
-    expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
-    return measured.problem(row, column, found, expected)
+def _outside(
+    measured: Table, column: str, colrow: Array, camera: Camera, expected: str
+) -> Callable[[int], Problem]:
+    """Return how to say that a measurement lies outside the sensor."""
+
+    def problem(row: int) -> Problem:
+        swapped = bool(inside(camera, colrow[row, ::-1]))
+        found = measured.text[column][row].strip() + (" (col and row swapped?)" if swapped else "")
+        return measured.problem(row, column, found, expected)
+
+    return problem
 
 
 def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
@@ -129,21 +155,33 @@ def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem
         rows = np.flatnonzero(used)
         lonlat = lonlat_of(table, grid)
         on_earth = np.isfinite(lonlat[:, 0]) & np.isfinite(lonlat[:, 1])
-        for row in map(int, rows[~on_earth[rows]]):
-            yield _nowhere(table, row, grid)
+        if "east_m" in table.numbers:
+            on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
+        yield from counted(rows[~on_earth[rows]], _nowhere(table, grid))
         rows = rows[on_earth[rows]]
         undulation = grid.undulation(lonlat[rows])
-        for row in map(int, rows[~np.isfinite(undulation)]):
-            found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
-            column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
-            expected = f"must lie inside the geoid grid {grid.heights}"
-            yield table.problem(row, column, found, expected)
+        yield from counted(rows[~np.isfinite(undulation)], _no_height(table, grid, lonlat))
 
 
-def _nowhere(table: Table, row: int, grid: GridSystem) -> Problem:
-    east, north = (table.text[name][row].strip() for name in ("east_m", "north_m"))
-    expected = f"must be a position that {grid.crs} covers, easting first"
-    return table.problem(row, "east_m", f"{east}, {north} is nowhere", expected)
+def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:
+    expected = f"must be a position that {quoted(grid.crs)[1:-1]} covers, easting first"
+
+    def problem(row: int) -> Problem:
+        east, north = (table.text[name][row].strip() for name in ("east_m", "north_m"))
+        return table.problem(row, "east_m", f"{east}, {north} is nowhere", expected)
+
+    return problem
+
+
+def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int], Problem]:
+    column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
+    expected = f"must lie inside the geoid grid {grid.heights}"
+
+    def problem(row: int) -> Problem:
+        found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
+        return table.problem(row, column, found, expected)
+
+    return problem
 
 
 def height_problems(tables: BlockTables) -> Iterator[Problem]:
@@ -155,15 +193,18 @@ def height_problems(tables: BlockTables) -> Iterator[Problem]:
     lowest = int(np.flatnonzero(measured)[np.argmin(height[measured])])
     highest = _highest_seen(tables)
     trajectory = tables.trajectory
-    for row in np.flatnonzero(used_exposures(tables)):
-        control = highest.get(trajectory.text["exposure"][row], lowest)
-        if trajectory.numbers["height_m"][row] <= height[control]:
-            found = (
-                f"{trajectory.text['height_m'][row].strip()} is below control point "
-                f"{tables.control.text['point'][control]!r} at {height[control]:g}"
-            )
-            expected = f"must lie above the control points of {tables.control.file}"
-            yield trajectory.problem(int(row), "height_m", found, expected)
+    above = [highest.get(name, lowest) for name in trajectory.text["exposure"]]
+    below = trajectory.numbers["height_m"] <= height[above]
+    expected = f"must lie above the control points of {tables.control.file}"
+
+    def problem(row: int) -> Problem:
+        found = (
+            f"{trajectory.text['height_m'][row].strip()} is below control point "
+            f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}"
+        )
+        return trajectory.problem(row, "height_m", found, expected)
+
+    yield from counted(np.flatnonzero(used_exposures(tables) & below), problem)
 
 
 def _highest_seen(tables: BlockTables) -> dict[str, int]:

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 import numpy as np
+from pyproj.exceptions import ProjError
 
 from acx4lib.camera import distortion
+from acx4lib.crs_text import is_code_or_wkt
+from acx4lib.errors import UNSEEN
 from acx4lib.flight.document import Toml
-from acx4lib.flight.problems import POSITIVE, RANGES, Problem, Range, did_you_mean
+from acx4lib.flight.files import named_file
+from acx4lib.flight.names import name_fault
+from acx4lib.flight.problems import (
+    POSITIVE,
+    RANGES,
+    SHOWN,
+    Problem,
+    Range,
+    did_you_mean,
+    quoted,
+)
 from acx4lib.flight.setup import (
     ESTIMABLE,
     LENS,
@@ -19,7 +31,6 @@ from acx4lib.flight.setup import (
     Apriori,
     camera_of,
     grid_of,
-    named_file,
 )
 from acx4lib.geodesy import GridSystem
 from acx4lib.unknowns import GNSS
@@ -28,7 +39,9 @@ TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori"
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
-GRID_SUFFIXES = (".gtx", ".tif", ".tiff", ".gsb", ".byn", ".asc", ".gri", ".bin")
+MOST_CAMERAS = 1000
+MOST_REASON = 200
+"""Characters of what PROJ says."""
 
 
 def toml_problems(toml: Toml) -> Iterator[Problem]:
@@ -38,10 +51,10 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
         return
     yield from _keys(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
     for key in ("name", "crs", "heights"):
-        if key in toml.values and not _is_name(toml.values[key]):
-            yield toml.problem((key,), repr(toml.values[key]), "must be text")
+        if key in toml.values:
+            yield from _text_problems(toml, key)
     if toml.values.get("refraction", "none") not in ("none", "standard"):
-        found = repr(toml.values["refraction"])
+        found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
     yield from _grid_problems(toml)
     yield from _camera_problems(toml)
@@ -56,22 +69,37 @@ def _is_name(value: object) -> bool:
     return isinstance(value, str) and bool(value.strip())
 
 
+def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
+    value = toml.values[key]
+    if not _is_name(value):
+        yield toml.problem((key,), quoted(value), "must be text")
+    elif key == "crs":  # WKT may have several lines
+        unseen = UNSEEN.search(" ".join(value.split()))
+        if unseen:
+            found = f"holds the character U+{ord(unseen[0]):04X}"
+            yield toml.problem((key,), found, "must be text without control characters")
+    else:
+        fault = name_fault(value)
+        if fault:
+            yield toml.problem((key,), *fault)
+
+
 def _keys(
     toml: Toml, keys: tuple[str, ...], known: Iterable[str], required: Iterable[str] = ()
 ) -> Iterator[Problem]:
     """Say what a table has that is not known, and has not that is required."""
     value = toml.get(*keys)
     if value is not None and not isinstance(value, dict):
-        yield toml.problem(keys, repr(value), "must be a table")
+        yield toml.problem(keys, quoted(value), "must be a table")
         return
     table, known = toml.table(*keys), tuple(known)
-    for key in table:
-        if key not in known:
-            found, expected = (
-                f"unknown key{did_you_mean(key, known)}",
-                f"must be one of {', '.join(known)}",
-            )
-            yield toml.problem((*keys, key), found, expected)
+    unknown = [key for key in table if key not in known]
+    for n, key in enumerate(unknown[: SHOWN + 1]):
+        expected = f"must be one of {', '.join(known)}"
+        found = f"unknown key{did_you_mean(key, known)}"
+        if n == SHOWN:
+            found = f"unknown key, as {len(unknown) - n - 1} more"
+        yield toml.problem((*keys, key), found, expected)
     for key in required:
         if key not in table:
             yield toml.problem((*keys, key), "missing", "required")
@@ -83,9 +111,11 @@ def _numbers(toml: Toml, keys: tuple[str, ...], ranges: dict[str, Range]) -> Ite
         if value is None:
             continue
         if isinstance(value, bool) or not isinstance(value, int | float):
-            yield toml.problem((*keys, key), repr(value), "must be a number")
+            yield toml.problem((*keys, key), quoted(value), "must be a number")
         elif value not in allowed:
-            yield toml.problem((*keys, key), f"{value!r}{_unit_hint(key, value)}", str(allowed))
+            yield toml.problem(
+                (*keys, key), f"{quoted(value)}{_unit_hint(key, value)}", str(allowed)
+            )
 
 
 def _unit_hint(key: str, value: float) -> str:
@@ -108,37 +138,41 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
     if not _is_name(heights) or heights == "ellipsoidal":
         return
     expected = "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
-    path, wrong = named_file(toml.folder, toml.folder, str(heights))
-    if path is None and (_looks_like_file(str(heights)) or wrong == "lies outside the flight"):
-        yield toml.problem(("heights",), f"{heights!r} {wrong}", expected)
+    inside = toml.folder.resolve()
+    path, wrong = named_file(inside, inside, str(heights))
+    hint = did_you_mean(str(heights), ["ellipsoidal"])
+    if path is None and not hint and not is_code_or_wkt(str(heights)):
+        yield toml.problem(("heights",), f"{quoted(heights)} {wrong}", expected)
         return
     try:
         _ = grid_of(toml)
     except ValueError as error:
         reason = " ".join(str(error.__cause__ or error).split())
-        if path is not None:
+        if path is not None and type(error.__cause__) is ProjError:
             reason = "PROJ cannot read it as a geoid grid"
-        hint = did_you_mean(str(heights), ["ellipsoidal"]) or f" ({reason})"
-        yield toml.problem(("heights",), f"{heights!r} cannot be used{hint}", expected)
-
-
-def _looks_like_file(heights: str) -> bool:
-    """Tell a file from a CRS; the working folder's files are none of the flight's."""
-    return heights.lower().endswith(GRID_SUFFIXES) or Path(heights).is_file()
+        found = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
+        yield toml.problem(("heights",), found, expected)
 
 
 def _camera_problems(toml: Toml) -> Iterator[Problem]:
     if "cameras" in toml.values and not toml.table("cameras"):
         yield toml.problem(("cameras",), "no cameras", "must hold one table per camera")
+    if len(toml.table("cameras")) > MOST_CAMERAS:
+        found = f"{len(toml.table('cameras'))} cameras"
+        yield toml.problem(("cameras",), found, f"must be at most {MOST_CAMERAS}")
+        return
     for name in toml.table("cameras"):
         keys = ("cameras", name)
         known = (*SIZE, *LENS, *MOUNT, *LEVER)
         wrong = list(_keys(toml, keys, known, SIZE))
         wrong += _numbers(toml, keys, {key: RANGES[key] for key in known})
         if not isinstance(toml.get(*keys), dict):
-            wrong = [toml.problem(keys, repr(toml.get(*keys)), "must be a table")]
+            wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
         if not _is_name(name):
             wrong.append(toml.problem(keys, "is empty", "must be a name"))
+        fault = name_fault(name)
+        if fault:
+            wrong.append(toml.problem(keys, *fault))
         yield from wrong or _lens_problems(toml, keys)
 
 
@@ -167,19 +201,23 @@ def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
     if camera is not None and (not isinstance(camera, str) or camera not in cameras):
         yield _unknown_camera(toml, ("synthetic", "camera"), camera)
     if heads is not None and (not isinstance(heads, list) or not heads):
-        yield toml.problem(("synthetic", "heads"), repr(heads), "must be a list of cameras")
+        yield toml.problem(("synthetic", "heads"), quoted(heads), "must be a list of cameras")
         return
-    names = heads or []
-    for i, head in enumerate(names):
+    seen = {camera} if isinstance(camera, str) else set()
+    for n, head in enumerate((heads or [])[:MOST_CAMERAS]):
         if not isinstance(head, str) or head not in cameras:
-            yield _unknown_camera(toml, ("synthetic", "heads"), head)
-        elif head == camera or head in names[:i]:
-            yield toml.problem(("synthetic", "heads"), f"{head!r} again", "every camera once")
+            yield _unknown_camera(toml, ("synthetic", "heads"), head, hints=n < SHOWN)
+        elif head in seen:
+            yield toml.problem(("synthetic", "heads"), f"{quoted(head)} again", "every camera once")
+        else:
+            seen.add(head)
 
 
-def _unknown_camera(toml: Toml, keys: tuple[str, ...], name: object) -> Problem:
-    hint = did_you_mean(str(name), toml.table("cameras"))
-    return toml.problem(keys, f"{name!r}{hint}", "must be one of [cameras.…]")
+def _unknown_camera(
+    toml: Toml, keys: tuple[str, ...], name: object, *, hints: bool = True
+) -> Problem:
+    hint = did_you_mean(name, toml.table("cameras")) if hints and isinstance(name, str) else ""
+    return toml.problem(keys, f"{quoted(name)}{hint}", "must be one of [cameras.…]")
 
 
 def _stage_problems(toml: Toml) -> Iterator[Problem]:
@@ -191,8 +229,8 @@ def _stage_problems(toml: Toml) -> Iterator[Problem]:
     keys = ("stages", "mounting", "weights")
     weights = toml.get(*keys)
     if weights is not None and weights not in WEIGHTS:
-        hint = did_you_mean(str(weights), WEIGHTS)
-        yield toml.problem(keys, f"{weights!r}{hint}", "must be 'given' or 'estimated'")
+        hint = did_you_mean(weights, WEIGHTS) if isinstance(weights, str) else ""
+        yield toml.problem(keys, f"{quoted(weights)}{hint}", "must be 'given' or 'estimated'")
 
 
 def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Iterator[Problem]:
@@ -200,11 +238,14 @@ def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Ite
     if names is None:
         return
     if not isinstance(names, list):
-        yield toml.problem(keys, repr(names), f"must be a list of {', '.join(allowed)}")
+        yield toml.problem(keys, quoted(names), f"must be a list of {', '.join(allowed)}")
         return
-    for i, name in enumerate(names):
-        if name not in allowed:
-            hint = did_you_mean(str(name), allowed)
-            yield toml.problem(keys, f"{name!r}{hint}", f"must be of {', '.join(allowed)}")
-        elif name in names[:i]:
+    seen = set()
+    for name in names[:MOST_CAMERAS]:
+        if not isinstance(name, str) or name not in allowed:
+            hint = did_you_mean(name, allowed) if isinstance(name, str) else ""
+            yield toml.problem(keys, f"{quoted(name)}{hint}", f"must be of {', '.join(allowed)}")
+        elif name in seen:
             yield toml.problem(keys, f"{name!r} again", "every name once")
+        else:
+            seen.add(name)

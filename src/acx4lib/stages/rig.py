@@ -121,7 +121,7 @@ def deform(
 
 def true_heads(flight: Flight, stage: RigStage) -> tuple[Camera, ...]:
     """Return the heads as they truly are; none where the flight was not simulated."""
-    path = simulate.truth_path(flight.path.resolve())
+    path = simulate.truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
     told = json.loads(path.read_text("utf-8"))["cameras"]

@@ -1,0 +1,144 @@
+"""Where the keys of a TOML document stand, and what in it would take too long to read.
+
+A document is cut into its words, strings and brackets once; its time and memory grow with its
+length, whatever it holds. Whether it is valid TOML is for a TOML reader to say.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from acx4lib.flight.problems import Problem
+
+LONGEST_WORD = 200
+"""Characters of a number, a date or a key without quotes."""
+
+DEEPEST = 8
+"""Keys joined by dots, and brackets inside each other; flight.toml needs three and one."""
+
+# No part can match in two ways (++, *+), so that nothing is looked at twice.
+_TOKEN = re.compile(
+    r"""
+    \#[^\n]*+
+    | (?P<text> \"\"\" (?: [^"\\] | \\. | "(?!"") )*+ (?: \"{3,5} )?
+              | ''' (?: [^'] | '(?!'') )*+ (?: '{3,5} )?
+              | " (?: [^"\\\n] | \\[^\n] )*+ "?
+              | ' [^'\n]*+ '? )
+    | (?P<word> [^\s"'\#\[\]{}=,.]++ )
+    | (?P<mark> [\[\]{}=.\n] )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+@dataclass
+class _Place:
+    """Where in a document a token stands."""
+
+    line: int = 1
+    brackets: int = 0
+    dots: int = 0
+    """Joining the words before this one."""
+
+
+def too_much(text: str, file: str) -> Problem | None:
+    r"""Return what of a document is too long or too deep to be a flight's, None for nothing.
+
+    Parameters
+    ----------
+    text : str
+        Line ends as ``\n``.
+    file : str
+    """
+    for token, kind, place in _tokens(text):
+        if kind == "word" and len(token) > LONGEST_WORD:
+            what = "a number" if token[0] in "+-0123456789" else "a word"
+            found = f"{what} of {len(token)} characters"
+            expected = f"must have at most {LONGEST_WORD}"
+        elif place.dots >= DEEPEST:
+            found, expected = f"{DEEPEST + 1} keys joined by dots", f"must be at most {DEEPEST}"
+        elif place.brackets > DEEPEST:
+            found = f"{DEEPEST + 1} brackets inside each other"
+            expected = f"must be at most {DEEPEST}"
+        else:
+            continue
+        return Problem(file=file, line=place.line, column="file", found=found, expected=expected)
+    return None
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
+    """Yield words, strings and marks; the place is the same object, changed."""
+    place, after_dot = _Place(), False
+    for match in _TOKEN.finditer(text):
+        token, kind = match[0], match.lastgroup
+        if token in ("[", "{"):
+            place.brackets += 1
+        elif kind in ("word", "text"):
+            place.dots = place.dots + 1 if after_dot else 0
+        after_dot = token == "."
+        yield token, kind, place
+        if token in ("]", "}"):
+            place.brackets = max(place.brackets - 1, 0)
+        elif token == "\n":
+            place.line += 1
+        elif kind == "text":
+            place.line += token.count("\n")
+
+
+@dataclass
+class _Statement:
+    """What stands before the equals sign, or between the brackets of a table's name."""
+
+    line: int
+    is_table: bool = False
+    keys: list[str] = field(default_factory=list)
+
+
+def key_lines(text: str) -> dict[tuple[str, ...], int]:
+    r"""Return the line of every table and key that begins one.
+
+    Parameters
+    ----------
+    text : str
+        A valid document, line ends as ``\n``.
+    """
+    lines: dict[tuple[str, ...], int] = {}
+    table: tuple[str, ...] = ()
+    for statement in _statements(text):
+        keys = tuple(statement.keys)
+        if statement.is_table:
+            table, keys = keys, ()
+        whole = (*table, *keys)
+        for n in range(1, len(whole) + 1):  # a table that has no line of its own, by its first key
+            lines.setdefault(whole[:n], statement.line)
+    return lines
+
+
+def _statements(text: str) -> Iterator[_Statement]:
+    now: _Statement | None = _Statement(line=1)  # None after the equals sign
+    for token, kind, place in _tokens(text):
+        if token == "\n":
+            if place.brackets == 0:
+                now = _Statement(line=place.line + 1)
+        elif now is None:
+            continue
+        elif kind in ("word", "text"):
+            now.keys.append(_unquoted(token))
+        elif token == "[":
+            now.is_table = True
+        elif token in ("=", "]"):
+            yield now
+            now = None
+
+
+def _unquoted(token: str) -> str:
+    """Return a key without its quotes."""
+    if token[0] == '"':
+        try:
+            return str(json.loads(token))
+        except ValueError:  # TOML's own escapes; its table's line will do
+            return token.strip('"')
+    return token.strip("'") if token[0] == "'" else token
