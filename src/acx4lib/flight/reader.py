@@ -19,6 +19,7 @@ from acx4lib.flight.blocks import (
 )
 from acx4lib.flight.document import Toml, read_toml
 from acx4lib.flight.fit import fit_problems
+from acx4lib.flight.oddities import area_notes, control_notes, without_single_rows
 from acx4lib.flight.problems import Problem, lines_of
 from acx4lib.flight.setup import Setup, named_file, setup_of
 from acx4lib.flight.table_checks import (
@@ -140,10 +141,14 @@ def _flight(
     folder: Path, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
 ) -> Flight:
     """Put together what was found good."""
+    assembled = {tables.name: assemble(tables, setup) for tables in blocks}
+    notes = [*notes, *area_notes(setup.grid, assembled)]
+    for tables in blocks:
+        notes += control_notes(tables, assembled[tables.name])
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
         path=folder,
-        blocks={tables.name: assemble(tables, setup) for tables in blocks},
+        blocks=assembled,
         image_files={tables.name: _image_files(tables, folder) for tables in blocks},
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -184,7 +189,9 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
     if setup is None:
         return problems
     problems += sensor_problems(tables, setup)
-    problems = problems or [*position_problems(tables, setup.grid), *height_problems(tables)]
+    if not problems:
+        sane = without_single_rows(tables, setup.grid)
+        problems = [*position_problems(sane, setup.grid), *height_problems(sane)]
     return problems or [*fit_problems(tables, setup, toml)]
 
 
