@@ -17,12 +17,15 @@ from acx4lib.bundle import Bundle, robust_start
 from acx4lib.covariance import propagate
 from acx4lib.gross_errors import Rejection, without
 from acx4lib.intersection import intersect
-from acx4lib.network import Network
+from acx4lib.network import Network, State
 from acx4lib.ray_misfits import ASTRAY, control_misfits, medians
 from acx4lib.start_values import turned_alike
 
 DOUBTFUL = 2 * ASTRAY
 """Median angle between a control point and its rays from which one looks closer."""
+
+BESIDE = np.radians(60.0)
+"""No measurement in the image that shows a point is so far from where it should be."""
 
 THROUGH = ASTRAY / 10
 """A ray that misses a point by less passes through it: one along a wrong height nearly does."""
@@ -73,14 +76,21 @@ def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
     none = np.zeros(0, dtype=np.intp)
     if not np.any(control_misfits(network, network.start) > DOUBTFUL):
         return none
-    doubted = unlike(control_misfits(network, turned_alike(network)))
+    doubted = unlike(_misfits(network, turned_alike(network)))
     if not doubted.any():
         return none
     surveyed = network.block.control.point_idx
     rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
     state = robust_start(set_up(without(network.block, _taken_out(rows))))
-    astray = network.control.point_idx[control_misfits(network, state) > ASTRAY]
+    astray = network.control.point_idx[_misfits(network, state) > ASTRAY]
     return rows[np.isin(surveyed[rows], astray)]
+
+
+def _misfits(network: Network, state: State) -> Array:
+    """Return the median angles of control points; zero where the one ray may be the wrong one."""
+    off = control_misfits(network, state)
+    rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
 
 
 def unlike(misfits: Array) -> Mask:
