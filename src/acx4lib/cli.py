@@ -19,7 +19,7 @@ import typer
 
 from acx4lib import render_command
 from acx4lib.endings import TERMINATED, status_of
-from acx4lib.terminal import Flight, prepare_streams, refuse, say, show, stage_bars
+from acx4lib.terminal import Flight, prepare_streams, refuse, say, say_if_not_kept, show, stage_bars
 
 # What computes is imported by the commands themselves, so that `acx4 --help` is quick.
 
@@ -128,6 +128,7 @@ def run(
     for stage in chosen:
         if stage not in STAGES:
             refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    say_if_not_kept()
     with stage_bars() as tell:
         report = runner.run(
             flight,

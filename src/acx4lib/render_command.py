@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acx4lib.terminal import Flight, image_bar, refuse, say, show
+from acx4lib.terminal import Flight, image_bar, refuse, say, say_if_not_kept, show
 
 HELP = """Render the synthetic images of a flight from the images of its heads.
 
@@ -84,6 +84,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         refuse("--exposures: name at least one exposure")
+    say_if_not_kept()
     workers = Workers(processes=jobs, cluster=cluster)
     with image_bar() as tell:
         report = render_flight(

@@ -57,6 +57,16 @@ def say(*lines: str) -> None:
         abandon(sys.stderr)
 
 
+def say_if_not_kept() -> None:
+    """Say once that compiled code cannot be kept, where that is so: a run will take longer."""
+    try:
+        from acx4lib import compiling  # noqa: PLC0415 quick help
+    except ImportError:  # nothing is compiled
+        return
+    if compiling.NOT_KEPT:
+        say(compiling.NOT_KEPT)
+
+
 def show(text: object) -> None:
     """Print on standard output, line by line; end the command where nobody reads it."""
     try:
