@@ -4,9 +4,11 @@ import json
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
+import zlib
 
 import pytest
 
@@ -128,6 +130,51 @@ def test_a_folder_that_cannot_be_written_is_one_line(acx4, flight, tmp_path, not
     status, _, err = acx4("simulate", "single-head", "--out", tmp_path / "file" / "flight")
     assert status == 2
     assert len(err.splitlines()) == 1
+
+
+def png(path, *, width, height):
+    """Write the head of a PNG that claims a size, with pixels for none of it."""
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    with path.open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        for kind, data in ((b"IHDR", head), (b"IDAT", zlib.compress(b"\0" * 100))):
+            checked = zlib.crc32(kind + data)
+            file.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checked))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("text.jpg", "is not a picture that can be read; give a JPEG, PNG or TIFF"),
+        ("empty.jpg", "is not a picture that can be read; give a JPEG, PNG or TIFF"),
+        ("cut.png", "is not a picture that can be read; give a JPEG, PNG or TIFF"),
+        ("bomb.png", "is too large a picture; at most 1,073,741,824 pixels that fit into memory"),
+        ("folder", "Is a directory"),
+        ("pipe", "is no file"),
+        ("missing.png", "No such file or directory"),
+    ],
+)
+def test_a_ground_that_is_no_picture_is_one_line(capfd, tmp_path, name, said):
+    path = tmp_path / name
+    (tmp_path / "text.jpg").write_text("no picture", encoding="utf-8")
+    (tmp_path / "empty.jpg").touch()
+    png(tmp_path / "cut.png", width=2000, height=2000)
+    png(tmp_path / "bomb.png", width=60_000, height=60_000)
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    pictures = ["--images", "C1-01", "--reduce", "16", "--ground", str(path)]
+    with pytest.raises(SystemExit) as end:
+        main(["simulate", "single-head", "--out", str(tmp_path / "new"), *pictures])
+    assert end.value.code == 2
+    assert capfd.readouterr().err == f"{path}: {said}\n"  # what libraries print is not said
+    assert not (tmp_path / "new").exists()
+
+
+def test_what_a_user_typed_wrong_is_said_without_its_escapes(acx4):
+    status, out, err = acx4("check", "--\x1b[31mred", "flight")
+    assert (status, out) == (2, "")
+    assert "\x1b" not in err
+    assert "No such option" in err
 
 
 @pytest.mark.slow

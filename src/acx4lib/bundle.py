@@ -17,7 +17,7 @@ import numpy as np
 from acx4lib import adjustment
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
-from acx4lib.block import Block, SurveyedPoints, mountings
+from acx4lib.block import Block, mountings
 from acx4lib.camera import Camera
 from acx4lib.collinearity import mounted_jacobian
 from acx4lib.covariance import propagate
@@ -33,6 +33,9 @@ from acx4lib.unknowns import MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
+
+BEYOND = 300_000.0
+"""So many metres from the middle of the others no point of a block can be."""
 
 HIGH = 100.0
 """Variance factor from which one looks whether the minimum found is the right one."""
@@ -53,15 +56,15 @@ def require_control(block: Block) -> None:
     AdjustmentError
         Exteriors that no trajectory observes would have no datum.
     """
-    usable = np.isfinite(block.control.sigma_m).all(axis=1)
-    usable &= block.rays[block.control.point_idx] > 0
-    x_m = block.control.x_m[usable]
-    spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False) if len(x_m) else np.zeros(3)
+    rays = block.rays[block.control.point_idx]
+    usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
+    x_m, spread = block.control.x_m[usable], np.zeros(3)
+    if len(x_m):  # beside one that is absurd all others would seem to lie in one place
+        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
+        spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
     if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
-        msg = (
-            f"{len(x_m)} control points in images do not orient the block: "
-            "three that do not lie on one line are needed"
-        )
+        needed = "three that do not lie on one line are needed"
+        msg = f"{len(x_m)} control points in images do not orient the block: {needed}"
         raise AdjustmentError(msg)
 
 
@@ -240,29 +243,25 @@ def _chosen(network: Network, state: State) -> Network:
     block, point_idx = network.block, network.block.image_points.point_idx
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     rays_left = np.bincount(point_idx[used], minlength=len(block.points))
+    control = block.control[np.flatnonzero(np.isfinite(block.control.sigma_m).any(axis=1))]
     is_control = np.zeros(len(block.points), dtype=bool)
-    is_control[block.control.point_idx] = np.isfinite(block.control.sigma_m).any(axis=1)
+    is_control[control.point_idx] = True
     cameras = with_estimates(block.cameras, state)
     x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
     too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
     once = (rays_left == 1) & ~is_control
     rows = used[~(too_flat | once)[point_idx[used]]]
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
-    x_m[block.control.point_idx] = block.control.x_m
+    x_m[control.point_idx] = control.x_m
     reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
     return replace(
         network,
         image_points=block.image_points[rows],
         rows=rows,
-        control=block.control[_measured(block, rows, block.control)],
+        control=control[np.isin(control.point_idx, point_idx[rows])],
         start=replace(state, x_m=x_m),
         left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )
-
-
-def _measured(block: Block, rows: Index, surveyed: SurveyedPoints) -> Mask:
-    """Tell which surveyed points are measured in any of the rows."""
-    return np.isin(surveyed.point_idx, block.image_points.point_idx[rows])
 
 
 # --- adjusting -------------------------------------------------------------------------------

@@ -11,20 +11,17 @@ import logging
 import signal
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
 from acx4lib import render_command
-from acx4lib.errors import Acx4Error, FlightError
-from acx4lib.terminal import Flight, refuse, say, stage_bars
+from acx4lib.endings import TERMINATED, status_of
+from acx4lib.terminal import Flight, prepare_streams, refuse, say, say_if_not_kept, show, stage_bars
 
 # What computes is imported by the commands themselves, so that `acx4 --help` is quick.
-
-TERMINATED = 128 + signal.SIGTERM
-ENDED = {128 + signal.SIGINT: "interrupted", TERMINATED: "terminated"}
-"""Exit statuses of a command that was stopped from outside, and what is said of it."""
 
 app = typer.Typer(
     add_completion=False,
@@ -42,31 +39,21 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         In the place of the command line's.
     """
+    prepare_streams()
     logging.getLogger("papermill").addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run tidies up
-    try:
-        app(arguments, prog_name="acx4")
-    except Acx4Error as error:
-        say(*getattr(error, "__notes__", ()), *str(error).splitlines())
-        sys.exit(2 if isinstance(error, FlightError) else 1)
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else ""
-        say(f"{where}{error.strerror or error}")
-        sys.exit(2)
-    except SystemExit as end:
-        if end.code in ENDED:
-            say(ENDED[end.code])
-        raise
-    sys.exit(0)
+    given = sys.argv[1:] if arguments is None else [*arguments]
+    command = partial(app, given, prog_name="acx4", standalone_mode=False)
+    sys.exit(status_of(command, given))
 
 
 def _show_version(wanted: bool) -> None:
     if not wanted:
         return
     try:
-        typer.echo(importlib.metadata.version("acx4lib"))
+        show(importlib.metadata.version("acx4lib"))
     except importlib.metadata.PackageNotFoundError:
-        typer.echo("unknown: run from its sources, not installed")
+        show("unknown: run from its sources, not installed")
     raise typer.Exit
 
 
@@ -103,7 +90,7 @@ def check(flight: Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib import flight as flights  # noqa: PLC0415 quick help
 
-    typer.echo(flights.summary(flights.read(flight)))
+    show(flights.summary(flights.read(flight)))
 
 
 @app.command(
@@ -141,6 +128,7 @@ def run(
     for stage in chosen:
         if stage not in STAGES:
             refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    say_if_not_kept()
     with stage_bars() as tell:
         report = runner.run(
             flight,
@@ -150,8 +138,8 @@ def run(
             tell=tell,
         )
     for line in [*report.skipped, *report.left_out, *report.notes]:
-        typer.echo(line)
-    typer.echo(f"results in {results}")
+        show(line)
+    show(f"results in {results}")
     if report.not_determined:
         say(*report.not_determined)
         raise typer.Exit(1)
@@ -233,7 +221,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
             refuse(str(error))
     with stage_bars("rows") as tell, own_folder.placed(out, command="acx4 simulate") as draft:
         simulator.write(flight, draft, tell=tell)
-    typer.echo(f"{out}; its truth in {truth}")
+    show(f"{out}; its truth in {truth}")
 
 
 @app.command(
@@ -263,7 +251,7 @@ def report(
     path = out or results / "report.html"
     with stage_bars() as tell:
         calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
-    typer.echo(path)
+    show(path)
 
 
 app.command(help=render_command.HELP)(render_command.render)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba.core.config
 from numba import njit
+from numba.core.caching import FunctionCache
+
+from acx4lib.user_folders import is_writable, user_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,7 +40,6 @@ _SOURCES = (
 """Modules with compiled functions, and with what these are compiled from."""
 
 _HOW: dict[str, Any] = {
-    "cache": True,
     "nogil": True,
     "error_model": "numpy",
     # NaN and infinity stay what they are, and np.isnan finds them; np.isfinite does not, being a
@@ -70,24 +74,67 @@ def uncounted_inlined(function: F) -> F:
     return _kept(function, _nrt=False, forceinline=True, **_HOW)
 
 
-def _folder() -> Path:
-    """Return a folder of its own for every state of the sources.
+def _folder() -> Path | None:
+    """Return a folder of its own for every state of the sources; None where none can be written.
 
     A compiled function is kept under the date of its own module only, though what it calls in
     other modules is compiled into it.
     """
     sources = b"".join((_HERE / name).read_bytes() for name in _SOURCES)
-    root = Path(_CONFIG.CACHE_DIR) if _CONFIG.CACHE_DIR else _HERE / "__pycache__"
-    return root / f"compiled-{sha256(sources).hexdigest()[:16]}"
+    name = f"compiled-{sha256(sources).hexdigest()[:16]}"
+    cache = user_folder("XDG_CACHE_HOME", ".cache")
+    roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]
+    if _CONFIG.CACHE_DIR:
+        roots.insert(0, Path(_CONFIG.CACHE_DIR))
+    return next((root / name for root in roots if is_writable(root / name)), None)
 
 
 _FOLDER = _folder()
 
+NOT_KEPT = (
+    ""
+    if _FOLDER
+    else (
+        "compiled code cannot be kept: neither the package's folder nor the user's cache can be "
+        "written, so every run compiles anew; NUMBA_CACHE_DIR names another folder"
+    )
+)
+"""What a command that computes says once; empty where compiled code is kept."""
+
+_DAMAGED = (
+    *(pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError),
+    *(ImportError, MemoryError, RuntimeError, OSError),
+)
+"""What files of compiled code raise that are cut off, overwritten or not to be read."""
+
+
+class _Files(FunctionCache):
+    """Compiled code on disk; what cannot be read or written is compiled as if it were not there."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is kept for a signature, None for nothing that can be used."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except _DAMAGED:
+            with suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call] # numba has no types
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, where that is possible."""
+        with suppress(*_DAMAGED):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call] # as above
+
 
 def _kept(function: F, **how: Any) -> F:
+    dispatcher = njit(**how)(function)
     given = _CONFIG.CACHE_DIR
-    _CONFIG.CACHE_DIR = str(_FOLDER)  # read where a function is decorated; elsewhere if read-only
+    _CONFIG.CACHE_DIR = str(_FOLDER)  # read where files are looked for
     try:
-        return njit(**how)(function)
+        if _FOLDER:
+            dispatcher._cache = _Files(function)  # type: ignore[no-untyped-call] # as above
+    except RuntimeError:  # it could be written a moment ago
+        pass
     finally:
         _CONFIG.CACHE_DIR = given
+    return dispatcher

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.absurd_control import tested, without_absurd_control
 from acx4lib.block import Block
 from acx4lib.bundle import Bundle, adjust, robust_start
 from acx4lib.errors import AdjustmentError
@@ -71,6 +72,7 @@ def adjust_rejecting(
 
     Notes
     -----
+    A control point that is far from all of its rays, as the others are not, is out from the start.
     In every round the observations with the largest w of their surroundings go: a large error
     lifts the w of its point's others, and some of its image's, over the critical value, and they
     are to be judged without it. What is out comes back, once, when its residual against
@@ -81,7 +83,8 @@ def adjust_rejecting(
     if sigma0 not in ("known", "estimated"):
         msg = f"sigma0 is 'known' or 'estimated', got {sigma0!r}"
         raise ValueError(msg)
-    network = set_up(block)
+    given = block
+    block, network, absurd = without_absurd_control(given, set_up)
     observed = _observations(network)
     judge = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     search = _nothing_out(len(observed.kind))
@@ -94,7 +97,8 @@ def adjust_rejecting(
             break
         bundle, search = _following(network, bundle.state, search, following)
         verdict = judge(bundle, search.out)
-    return _removed(block, set_up, bundle, _rejections(search, observed, verdict))
+    bundle = _removed(block, set_up, bundle, _rejections(search, observed, verdict))
+    return replace(bundle, rejected=(*tested(given, bundle, absurd), *bundle.rejected))
 
 
 def _first(

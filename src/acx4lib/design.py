@@ -48,8 +48,21 @@ class Level:
 
 def ground_height(block: Block) -> float:
     """Return the mean height of the surveyed points in the mapping frame, m; NaN for none."""
-    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    surveyed = _on_the_ground(block)
     return float(surveyed[:, 2].mean()) if len(surveyed) else np.nan
+
+
+def _on_the_ground(block: Block) -> Array:
+    """Return the surveyed points but those whose height is absurd, shape (n, 3).
+
+    No relief is as high as the flight above it.
+    """
+    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    if not len(surveyed):
+        return surveyed
+    middle = np.median(surveyed[:, 2])
+    above = np.median(block.trajectory.T_m_b.r[:, 2]) - middle
+    return surveyed[np.abs(surveyed[:, 2] - middle) < above] if above > 0 else surveyed
 
 
 def flying_heights(block: Block) -> Array:
@@ -61,7 +74,7 @@ def flying_heights(block: Block) -> Array:
     -------
     ndarray, shape (n_exposures,)
     """
-    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    surveyed = _on_the_ground(block)
     ground = block.frame.to_geographic(surveyed)[:, 2].mean() if len(surveyed) else 0.0
     above: Array = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
     return above

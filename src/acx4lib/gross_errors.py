@@ -58,12 +58,17 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     rows = {
         kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
     }
-    components = [r.component for r in rejected if r.kind == "control_point"]
+    components = [
+        slice(None) if r.component < 0 else r.component
+        for r in rejected
+        if r.kind == "control_point"
+    ]
     points, control, trajectory = block.image_points, block.control, block.trajectory
     sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
     position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
     sigma_px[rows["image_point"]] = np.inf
-    sigma_m[rows["control_point"], components] = np.inf
+    for row, component in zip(rows["control_point"], components, strict=True):
+        sigma_m[row, component] = np.inf
     position[rows["gnss"]] = np.inf
     attitude[rows["attitude"]] = np.inf
     return replace(

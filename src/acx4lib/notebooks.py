@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import sys
 import tempfile
@@ -19,6 +20,10 @@ from nbclient.exceptions import CellControlSignal
 from papermill.exceptions import PapermillExecutionError
 
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
+from acx4lib.user_folders import is_writable, user_folder
+
+LONGEST = 80
+"""Bytes of a folder's path that leave room for a socket's name; the system allows 107 in all."""
 
 
 class NotebookError(Acx4Error):
@@ -165,15 +170,22 @@ def _kernel_manager(home: str) -> type[AsyncKernelManager]:
         language="python",
         env={
             **{f"{name}_NUM_THREADS": "1" for name in threads},
-            "IPYTHONDIR": home,
+            **_folders(home),
             "MPLBACKEND": "module://matplotlib_inline.backend_inline",
             "PYTHONHASHSEED": "0",
             "PYTHONSAFEPATH": "1",
         },
     )
 
+    # sockets of the file system need no network, not even the machine's own, but short paths
+    near = len(os.fsencode(home)) <= LONGEST
+    transport = {"transport": "ipc", "ip": f"{home}/kernel"} if near else {}
+
     class ThisInterpreter(AsyncKernelManager):
         """The kernel manager."""
+
+        def __init__(self, **kwargs: Any) -> None:
+            super().__init__(**kwargs, **transport, connection_file=f"{home}/kernel.json")
 
         @property
         def kernel_spec(self) -> KernelSpec:
@@ -187,6 +199,18 @@ def _kernel_manager(home: str) -> type[AsyncKernelManager]:
             await super().start_kernel(**kwargs, stdout=DEVNULL, stderr=DEVNULL)
 
     return ThisInterpreter
+
+
+def _folders(home: str) -> dict[str, str]:
+    """Return where a kernel keeps its own; matplotlib its fonts only where the user cannot."""
+    names = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR")
+    own = dict.fromkeys(names, home)
+    if "MPLCONFIGDIR" in os.environ:
+        fonts = [Path(os.environ["MPLCONFIGDIR"])]
+    else:
+        users = (("XDG_CONFIG_HOME", ".config"), ("XDG_CACHE_HOME", ".cache"))
+        fonts = [Path(user_folder(*user) or "/dev/null", "matplotlib") for user in users]
+    return own if all(map(is_writable, fonts)) else {**own, "MPLCONFIGDIR": home}
 
 
 def _read(notebook: Path) -> nbformat.NotebookNode:

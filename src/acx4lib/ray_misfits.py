@@ -49,12 +49,20 @@ def misfits(network: Network, state: State) -> Array:
     step = 1 + len(network.image_points) // (SAMPLE * n_images)
     some = np.arange(0, len(network.image_points), step)
     seen = seen_by(network, state, network.image_points[some])
-    return _medians(_angles(seen, state), seen.points.image_idx, n_images)
+    return medians(_angles(seen, state), seen.points.image_idx, n_images)
 
 
 def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
     """Tell which images look past their points by more than a limit, radians."""
     return misfits(network, state) > limit
+
+
+def control_misfits(network: Network, state: State) -> Array:
+    """Return the median angle between control points as surveyed and their rays, shape (k,)."""
+    rows = np.isin(network.image_points.point_idx, network.control.point_idx)
+    seen = seen_by(network, state, network.image_points[rows])
+    angles = _angles(seen, replace(state, x_m=with_surveyed(network, state.x_m)))
+    return medians(angles, seen.points.point_idx, network.n_points)[network.control.point_idx]
 
 
 def in_front(network: Network, state: State) -> bool:
@@ -86,7 +94,7 @@ def suspects(network: Network, state: State) -> str:
         ("images", block.images.names, points.image_idx),
         ("points", block.points, points.point_idx),
     ):
-        off = np.degrees(_medians(angles, group, len(names)))
+        off = np.degrees(medians(angles, group, len(names)))
         bad = np.flatnonzero(off > np.degrees(ASTRAY))
         worst = bad[np.argsort(-off[bad])][:MOST_NAMED]
         if len(worst):
@@ -116,7 +124,7 @@ def _angles(seen: Seen, state: State) -> Array:
     return 2 * np.arcsin(np.minimum(chords(seen, state, state.x_m) / 2, 1.0))
 
 
-def _medians(values: Array, group: Index, n_groups: int) -> Array:
+def medians(values: Array, group: Index, n_groups: int) -> Array:
     """Return the (lower) medians of groups, zero for an empty one; NaN counts as infinite."""
     order = np.lexsort((values, group))
     count = np.bincount(group, minlength=n_groups)

@@ -215,7 +215,7 @@ def rejected_table(
             point = block.points[block.image_points.point_idx[r.row]]
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
-            what = COMPONENTS["control_point"][r.component]
+            what = (*COMPONENTS["control_point"], "position")[r.component]  # the last for -1
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"

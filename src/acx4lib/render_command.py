@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acx4lib.terminal import Flight, image_bar, refuse, say
+from acx4lib.terminal import Flight, image_bar, refuse, say, say_if_not_kept, show
 
 HELP = """Render the synthetic images of a flight from the images of its heads.
 
@@ -84,6 +84,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         refuse("--exposures: name at least one exposure")
+    say_if_not_kept()
     workers = Workers(processes=jobs, cluster=cluster)
     with image_bar() as tell:
         report = render_flight(
@@ -96,10 +97,10 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
             tell=tell,
         )
     for line in report.notes:
-        typer.echo(line)
+        show(line)
     there = f", {len(report.kept)} there already" if report.kept else ""
     images = "1 image" if len(report.rendered) == 1 else f"{len(report.rendered)} images"
-    typer.echo(f"{images} rendered{there}, in {out}")
+    show(f"{images} rendered{there}, in {out}")
     if report.problems:
         say(*report.problems)
         raise typer.Exit(2)

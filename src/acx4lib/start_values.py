@@ -129,20 +129,41 @@ def recovered(network: Network) -> State:
        Crystallographica A32, 1976.
     """
     seen = seen_by(network, network.start, network.image_points)
-    state = replace(network.start, T_m_b=network.observed.T_m_b)
-    surveyed = with_surveyed(network, np.full_like(state.x_m, np.nan))
-    pose_camera = np.zeros(len(network.pose_names), dtype=np.intp)
-    pose_camera[seen.pose] = seen.camera
+    surveyed = with_surveyed(network, np.full_like(network.start.x_m, np.nan))
     each = np.arange(len(network.pose_names))
-    for group in (pose_camera, each):
-        for _ in range(ROUNDS):
-            state = _turned(seen, state, surveyed, group)
+    state = _turned_alike(seen, surveyed)
+    for _ in range(ROUNDS):
+        state = _turned(seen, state, surveyed, each)
     weights = np.ones(len(seen.points))
     for _ in range(ROUNDS):
         x_m = _intersected(seen, state, weights)
         state = _turned(seen, state, x_m, each)
         weights = NEAR / np.maximum(chords(seen, state, x_m), NEAR)
     return replace(state, x_m=_intersected(seen, state, weights))
+
+
+def turned_alike(network: Network) -> State:
+    """Return start values with cameras turned onto control, every pose of a camera alike.
+
+    Most control points decide: single ones that are far off do not pull a camera along.
+
+    Parameters
+    ----------
+    network : Network
+    """
+    rows = np.isin(network.image_points.point_idx, network.control.point_idx)
+    seen = seen_by(network, network.start, network.image_points[rows])
+    return _turned_alike(seen, with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
+
+
+def _turned_alike(seen: Seen, surveyed: Array) -> State:
+    network = seen.network
+    pose_camera = np.zeros(len(network.pose_names), dtype=np.intp)
+    pose_camera[seen.pose] = seen.camera
+    state = replace(network.start, T_m_b=network.observed.T_m_b)
+    for _ in range(ROUNDS):
+        state = _turned(seen, state, surveyed, pose_camera)
+    return state
 
 
 def _intersected(seen: Seen, state: State, weights: Array) -> Array:

@@ -6,10 +6,14 @@ Bars on a terminal, a line for what is done where nobody looks on.
 from __future__ import annotations
 
 import contextlib
+import io
+import os
+import signal
 import sys
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import IO, TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -23,10 +27,81 @@ Flight = Annotated[
 """The first argument of most commands."""
 
 
+NOBODY_READS = 128 + signal.SIGPIPE
+"""Exit status of a command whose output nobody reads to the end; of this nothing is said."""
+
+
+def printable(line: str) -> str:
+    """Return a line with everything written out that is no letter, sign or space.
+
+    Control characters, directions of writing and bytes that are no text stand as escapes: a name
+    of a file cannot colour, move or overwrite anything on a terminal.
+    """
+    return "".join(
+        c if c.isprintable() or unicodedata.category(c) == "Zs" else _written_out(c) for c in line
+    )
+
+
+def _written_out(c: str) -> str:
+    """Return a character as its escape; a byte that is no text, which Python has as a surrogate."""
+    return f"\\x{ord(c) - 0xDC00:02x}" if "\udc80" <= c <= "\udcff" else ascii(c)[1:-1]
+
+
 def say(*lines: str) -> None:
-    """Print on standard error, one line each."""
-    for line in lines:
-        typer.echo(line, err=True)
+    """Print on standard error, one line each, where there is one."""
+    try:
+        for line in lines:
+            sys.stderr.write(f"{printable(line)}\n")
+        sys.stderr.flush()
+    except OSError:  # there is nobody left to tell
+        abandon(sys.stderr)
+
+
+def say_if_not_kept() -> None:
+    """Say once that compiled code cannot be kept, where that is so: a run will take longer."""
+    try:
+        from acx4lib import compiling  # noqa: PLC0415 quick help
+    except ImportError:  # nothing is compiled
+        return
+    if compiling.NOT_KEPT:
+        say(compiling.NOT_KEPT)
+
+
+def show(text: object) -> None:
+    """Print on standard output, line by line; end the command where nobody reads it."""
+    try:
+        for line in str(text).split("\n"):
+            sys.stdout.write(f"{printable(line)}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        abandon(sys.stdout)
+        sys.exit(NOBODY_READS)
+    except OSError as error:
+        abandon(sys.stdout)
+        raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def abandon(stream: IO[str]) -> None:
+    """Send what is still to be written to a stream nowhere, so that Python ends in peace."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def prepare_streams() -> None:
+    """Make standard streams fit for any text, and closed ones lead nowhere.
+
+    A file that is opened later must not become the standard output of a library.
+    """
+    while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(free)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 to stay
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def refuse(message: str) -> NoReturn:
@@ -39,12 +114,12 @@ def refuse(message: str) -> NoReturn:
 def image_bar() -> Iterator[Tell]:
     """Show one bar over all images with the time left, or a line for each as it is done."""
     if not sys.stdout.isatty():
-        yield lambda name, done, total: typer.echo(f"{name}: done") if 0 < total == done else None
+        yield lambda name, done, total: show(f"{name}: done") if 0 < total == done else None
         return
     from rich import progress  # noqa: PLC0415 quick help
 
     columns = (
-        progress.TextColumn("{task.description}"),
+        progress.TextColumn("{task.description}", markup=False),
         progress.BarColumn(),
         progress.TaskProgressColumn(),
         progress.TimeRemainingColumn(),
@@ -67,15 +142,15 @@ def image_bar() -> Iterator[Tell]:
 def stage_bars(unit: str = "cells") -> Iterator[Tell]:
     """Show one bar per stage, or one line per stage where nobody looks on."""
     if not sys.stdout.isatty():
-        yield lambda stage, done, total: typer.echo(f"{stage}: done") if done == total else None
+        yield lambda stage, done, total: show(f"{stage}: done") if done == total else None
         return
     from rich import progress  # noqa: PLC0415 quick help
 
     columns = (
-        progress.TextColumn("{task.description:<10}"),
+        progress.TextColumn("{task.description:<10}", markup=False),
         progress.BarColumn(),
         progress.MofNCompleteColumn(),
-        progress.TextColumn(unit),
+        progress.TextColumn(unit, markup=False),
         progress.TimeElapsedColumn(),
     )
     with progress.Progress(*columns) as bars:
@@ -83,7 +158,7 @@ def stage_bars(unit: str = "cells") -> Iterator[Tell]:
 
         def tell(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
-                tasks[stage] = bars.add_task(stage, total=total)
+                tasks[stage] = bars.add_task(printable(stage), total=total)
             bars.update(tasks[stage], completed=done)
 
         yield tell

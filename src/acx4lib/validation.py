@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.absurd_control import elsewhere
 from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle import SMALLEST_ANGLE
@@ -68,6 +69,7 @@ class Validation:
     points : Differences
         One per point, from all its rays.
     rejected : tuple of Rejection
+        A control point is one of the block's check points.
     n_failed : int
         Pairs whose rays meet at less than 2 degrees, or behind the cameras.
     n_left_out : int
@@ -110,7 +112,8 @@ def validate(
     """Intersect every check point pair by pair and from all rays, and compare.
 
     A measurement that does not fit the point's other rays, three or more in all, is taken out
-    first.
+    first, and so is a check point that was surveyed nowhere near where its rays meet, while the
+    others were.
 
     Parameters
     ----------
@@ -134,6 +137,12 @@ def validate(
         for i in np.flatnonzero(~kept)
     )
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])
+    seen = measured(block, georeferenced, selected)
+    absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
+    if absurd.any():
+        rejected += _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
+        kept = ~absurd[selected.group]
+        selected = selected.select(np.flatnonzero(kept), selected.group[kept])
     pairs, n_failed = _pairs(block, georeferenced, selected)
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(measured(block, georeferenced, selected), selected)
@@ -147,7 +156,7 @@ def validate(
         points=_differences(block, georeferenced, *points, refraction),
         rejected=rejected,
         n_failed=n_failed,
-        n_left_out=int(np.sum(~met)),
+        n_left_out=int(np.sum(~met & ~absurd)),
         cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
         redundancy=fit.v.size - 3 * points[0].n_groups,
     )
@@ -191,6 +200,19 @@ def _fitting(
             return kept, statistic
         kept[testable[out]] = False
         statistic[testable[out]] = w[out]
+
+
+def _surveyed_nowhere(
+    block: Block, georeferenced: Georeferenced, selected: Rays, absurd: Mask, refraction: str
+) -> tuple[Rejection, ...]:
+    """Return the rejections of check points, each with the largest of its three w."""
+    rays, idx = _renumbered(selected, absurd)
+    found = _differences(block, georeferenced, rays, idx, refraction)
+    w = np.max(np.abs(found.d) / found.sigma, axis=1)
+    return tuple(
+        Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
+        for i, statistic in zip(idx, w, strict=True)
+    )
 
 
 def _weighted_fit(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -45,7 +46,7 @@ def of_validation(validation: Validation) -> Record:
         "rejected": rejected_table(
             "validation",
             method,
-            block,
+            replace(block, control=block.check),  # the surveyed points that it rejects
             validation.rejected,
             pose_names=block.trajectory.exposures,
         ),
@@ -102,7 +103,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
 
 def _notes(validation: Validation) -> Iterator[str]:
     """Yield what a user should know: what spoils all points is no matter of single ones."""
-    n_rejected = len(validation.rejected)
+    n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
     n_measured = n_rejected + validation.n_observations // 2
     if n_rejected > MANY * n_measured:
         yield (

@@ -24,6 +24,11 @@ SIGMA_CONTROL = (0.01, 0.01, 0.02)
 """East, north, height, m, of control points without their own."""
 
 
+NOWHERE = (0.0, 0.0, 1e6)
+"""Mapping frame, m, instead of a surveyed position that the CRS does not cover: far above the
+block, where no camera looks, so that it is rejected as a gross error."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockTables:
     """The four tables of a block, and the flight's folder that has its pictures."""
@@ -190,6 +195,7 @@ def _surveyed(
     """Return the measured surveyed points, and which of them are check points."""
     table, measured = tables.control, measured_control(tables)
     x_m = frame.from_grid(table.stack("east_m", "north_m", "height_m")[measured])
+    x_m[~np.isfinite(x_m).all(axis=1)] = NOWHERE
     role = np.array(table.text.get("role", ("control",) * len(table)), dtype=object)[measured]
     surveyed = SurveyedPoints(
         point_idx=index_of(np.array(table.text["point"], dtype=object)[measured], points),

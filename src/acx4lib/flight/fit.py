@@ -50,12 +50,13 @@ class Misfit:
         Infinite behind the camera.
     allowed_px : ndarray, shape (n,)
         A quarter of the image diagonal.
-    camera_idx : ndarray, shape (n,)
+    camera_idx, point_idx : ndarray, shape (n,)
     """
 
     distance_px: Array
     allowed_px: Array
     camera_idx: Index
+    point_idx: Index
 
     def __len__(self) -> int:
         """Count the measurements."""
@@ -67,6 +68,7 @@ class Misfit:
             distance_px=self.distance_px[keep],
             allowed_px=self.allowed_px[keep],
             camera_idx=self.camera_idx[keep],
+            point_idx=self.point_idx[keep],
         )
 
     def ratio(self, quantile: float) -> float:
@@ -99,7 +101,12 @@ def misfit(block: Block) -> Misfit:
         distance[mine] = np.hypot(*away.T) / camera.pixel_mm
         allowed[mine] = camera.diagonal_px / 4
     distance[np.isnan(distance)] = np.inf
-    return Misfit(distance_px=distance, allowed_px=allowed, camera_idx=camera_idx)
+    return Misfit(
+        distance_px=distance,
+        allowed_px=allowed,
+        camera_idx=camera_idx,
+        point_idx=points.point_idx,
+    )
 
 
 def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Problem]:

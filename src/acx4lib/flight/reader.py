@@ -21,6 +21,7 @@ from acx4lib.flight.blocks import (
 from acx4lib.flight.document import Toml, read_toml
 from acx4lib.flight.files import named_file
 from acx4lib.flight.fit import fit_problems
+from acx4lib.flight.oddities import area_notes, control_notes, without_single_rows
 from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.table_checks import (
@@ -163,6 +164,10 @@ def _flight(
     toml: Toml, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
 ) -> Flight:
     """Put together what was found good."""
+    assembled = {tables.name: assemble(tables, setup) for tables in blocks}
+    notes = [*notes, *area_notes(setup.grid, assembled)]
+    for tables in blocks:
+        notes += control_notes(tables, assembled[tables.name])
     files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
     files[toml.file] = toml.sha256
     return Flight(
@@ -170,7 +175,7 @@ def _flight(
         path=toml.folder,
         pictures=blocks[0].pictures if blocks else toml.folder,
         sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
-        blocks={tables.name: assemble(tables, setup) for tables in blocks},
+        blocks=assembled,
         image_files={tables.name: _image_files(tables) for tables in blocks},
         notes=tuple(dict.fromkeys(map(visible, notes))),
     )
@@ -226,7 +231,9 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
     if setup is None:
         return problems
     problems += sensor_problems(tables, setup)
-    problems = problems or [*position_problems(tables, setup.grid), *height_problems(tables)]
+    if not problems:
+        sane = without_single_rows(tables, setup.grid)
+        problems = [*position_problems(sane, setup.grid), *height_problems(sane)]
     return problems or [*fit_problems(tables, setup, toml)]
 
 

@@ -2,6 +2,8 @@
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,7 @@ _BRIGHTEST = 56_000.0  # DN of 255
 _COUNT = 256  # of the halved photos for one of the photo
 _DITHER = 0.29  # standard deviation of what was lost when the photo was rounded to 8 bit
 _SALT = 3
+_MOST_PIXELS = 1 << 30  # OpenCV reads no more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,17 +74,45 @@ def read_photo(path: str | Path) -> Photo:
     Raises
     ------
     OSError
-        Where it is not there or cannot be read.
+        Where it is not there, cannot be read or is too large.
     """
-    data = np.fromfile(path, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if len(data) else None
+    image = _decoded(os.fspath(path))
     if image is None or min(image.shape[:2]) < 2:
         msg = "is not a picture that can be read; give a JPEG, PNG or TIFF"
         raise OSError(errno.EINVAL, msg, os.fspath(path))
-    halves = [_half(image.astype(np.uint16) * _COUNT)]
+    counts = image.astype(np.uint16)
+    counts *= _COUNT
+    halves = [_half(counts)]
     while min(halves[-1].shape[:2]) > 64:
         halves.append(_half(halves[-1]))
     return Photo(name=Path(path).name, halves=tuple(halves))
+
+
+def _decoded(path: str) -> NDArray[np.uint8] | None:
+    """Return a picture, None where it is none; too large a one is an error of its file."""
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
+        raise OSError(errno.EINVAL, "is no file", path)
+    try:
+        data = np.fromfile(path, np.uint8)
+        with _silent():
+            image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if len(data) else None
+    except (cv2.error, MemoryError):
+        msg = f"is too large a picture; at most {_MOST_PIXELS:,} pixels that fit into memory"
+        raise OSError(errno.EFBIG, msg, path) from None
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what the picture libraries print themselves from standard error."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _half(image: Picture) -> Picture:
