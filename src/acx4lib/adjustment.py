@@ -17,6 +17,7 @@ import numpy as np
 from scipy import stats
 from threadpoolctl import ThreadpoolController
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.errors import AdjustmentError
 from acx4lib.normal_equations import (
@@ -163,6 +164,7 @@ class Solution:
 
     def group(self, kind: str) -> Group:
         """Return the residuals of one kind."""
+        expected.one_of("kind", kind, [g.kind for g in self.groups])
         return next(g for g in self.groups if g.kind == kind)
 
 
@@ -207,12 +209,16 @@ def solve(
     ------
     AdjustmentError
         Where it does not converge, or observations are fewer than unknowns.
+    ValueError
+        For no iterations, or a tolerance that is not positive.
 
     Notes
     -----
     Converged when the next full step would move the unknowns by less than `tolerance`, as far as
     the last two tell, or when rounding lets no step reduce the cost any more.
     """
+    expected.whole("max_iterations", max_iterations)
+    expected.positive_number("tolerance", tolerance)
     with on_one_thread():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         quality = at_state.quality()

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import adjustment
+from acx4lib import adjustment, expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
 from acx4lib.block import Block, SurveyedPoints, mountings
 from acx4lib.camera import Camera
-from acx4lib.collinearity import mounted_jacobian
+from acx4lib.collinearity import REFRACTION, mounted_jacobian
 from acx4lib.covariance import propagate
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
@@ -29,10 +29,13 @@ from acx4lib.observations import PoseObservations, Strips, strips_of
 from acx4lib.ray_misfits import ASTRAY, far_off, in_front, suspects, with_estimates
 from acx4lib.robust import robust_phase
 from acx4lib.start_values import recovered, start_points
-from acx4lib.unknowns import MOUNT, Layout, free_shift, layout
+from acx4lib.unknowns import GNSS, MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
+
+SMALLEST_F_MM = 1.0
+"""No camera of a block has a smaller focal length."""
 
 HIGH = 100.0
 """Variance factor from which one looks whether the minimum found is the right one."""
@@ -53,6 +56,7 @@ def require_control(block: Block) -> None:
     AdjustmentError
         Exteriors that no trajectory observes would have no datum.
     """
+    expected.instance("block", block, Block)
     usable = np.isfinite(block.control.sigma_m).all(axis=1)
     usable &= block.rays[block.control.point_idx] > 0
     x_m = block.control.x_m[usable]
@@ -89,8 +93,19 @@ def free_orientation(
     Returns
     -------
     Network
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, or positions of other images.
     """
+    expected.instance("block", block, Block)
     n_images = len(block.images)
+    if positions is not None:
+        expected.instance("positions", positions, PoseObservations)
+        if len(positions.T_m_b) != n_images:
+            msg = f"positions: expected {n_images} poses, got {len(positions.T_m_b)}"
+            raise ValueError(msg)
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
@@ -137,7 +152,11 @@ def mounted_orientation(
     ------
     AdjustmentError
         For drifts of a block without strips.
+    ValueError
+        For an unknown name.
     """
+    expected.instance("block", block, Block)
+    expected.names_of("gnss", gnss, GNSS)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
     if "drift" in gnss and not strips.names:
@@ -197,6 +216,11 @@ def _network(
     refraction: str,
 ) -> Network:
     """Put a block and its unknowns together; recover start values that are far off."""
+    expected.one_of("refraction", refraction, REFRACTION)
+    _check_focal_lengths(block.cameras)
+    if len(block.images) == 0:
+        msg = f"block {block.name!r} has no images: there is nothing to adjust"
+        raise AdjustmentError(msg)
     given = Network(
         block=block,
         pose_names=poses.names,
@@ -220,6 +244,16 @@ def _network(
         return network
     network = _chosen(given, recovered(network))
     return _chosen(given, _robust(network, network.start))
+
+
+def _check_focal_lengths(cameras: Sequence[Camera]) -> None:
+    """Raise where a focal length can only be meant in metres."""
+    for camera in cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            msg = (
+                f"{camera.name}: expected a focal length in mm, got f={camera.interior.f} (metres?)"
+            )
+            raise ValueError(msg)
 
 
 def robust_start(network: Network) -> State:
@@ -330,6 +364,7 @@ def adjust(network: Network) -> Bundle:
     AdjustmentError
         Where it does not converge, or not to where the measurements are.
     """
+    expected.instance("network", network, Network)
     if not far_off(network, network.start).any():
         with suppress(AdjustmentError):
             return _adjusted(network, network.start)

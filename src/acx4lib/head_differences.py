@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.camera import Camera, correct, correct_jacobian, xy_from_colrow
 from acx4lib.frames import rotation_from_opk, skew, transform
@@ -128,6 +129,11 @@ def frame_differences(
     FrameDifferences
         `orientation` less `other`, with the head whose border is farthest at each node.
     """
+    expected.whole("spacing_px", spacing_px)
+    if len(other.heads) != len(orientation.heads):
+        n = len(orientation.heads)
+        msg = f"other: expected the {n} heads of orientation, got {len(other.heads)}"
+        raise ValueError(msg)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.block import Block, mountings
 from acx4lib.bundle import (
@@ -69,7 +70,18 @@ class Mountings:
     failures: dict[str, str]
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome."""
+        """Return one method's outcome.
+
+        Raises
+        ------
+        AdjustmentError
+            Where the method has none; the sentence says why.
+        ValueError
+            For an unknown method.
+        """
+        expected.one_of("method", method, METHODS)
+        if method not in self.methods:
+            raise AdjustmentError(self.failures.get(method, f"{method} has no outcome"))
         return self.methods[method]
 
 
@@ -92,7 +104,10 @@ def calibrate(
     ------
     AdjustmentError
         Where no method has an outcome.
+    ValueError
+        For an unknown name, or something else than a block.
     """
+    expected.instance("block", block, Block)
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
     rejected: tuple[Rejection, ...] = ()
@@ -144,10 +159,11 @@ def single_step(
     AdjustmentError
         Where it does not converge.
     """
+    estimated = free_mount(fix)
     bundle = adjust_rejecting(
         block,
         lambda b: mounted_orientation(
-            b, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
+            b, free=free, free_mount=estimated, refraction=refraction, gnss=gnss
         ),
     )
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
@@ -176,11 +192,12 @@ def two_step(
     AdjustmentError
         Where control does not orient the block, or the bundle does not converge.
     """
+    estimated = free_mount(fix)
     cleaned = without(block, rejected)
     network = free_orientation(cleaned, free=free, refraction=refraction)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    return _averaged("two_step", bundle, free=free, estimated=free_mount(fix))
+    return _averaged("two_step", bundle, free=free, estimated=estimated)
 
 
 def two_step_gnss(
@@ -206,6 +223,7 @@ def two_step_gnss(
     AdjustmentError
         Where the bundle does not converge.
     """
+    estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
     cleaned = without(block, rejected)
     lever = mountings(block.cameras).r[block.images.camera_idx]
     T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
@@ -217,8 +235,7 @@ def two_step_gnss(
     )
     network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    held = {*fix, "lever_arm"}
-    return _averaged("two_step_gnss", bundle, free=free, estimated=free_mount(tuple(held)))
+    return _averaged("two_step_gnss", bundle, free=free, estimated=estimated)
 
 
 # --- eqs (12) and (13) -----------------------------------------------------------------------

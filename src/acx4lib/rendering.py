@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.blend_weights import Heads, Recipe, Window, room
 from acx4lib.camera import Camera
@@ -115,6 +116,8 @@ def render_plan(
     -------
     RenderPlan
     """
+    if step_px is not None:
+        expected.whole("step_px", step_px)
     step = step_px or fitting_step(orientation, synthetic)
     return RenderPlan(
         maps=tuple(
@@ -177,6 +180,10 @@ def render_rows(
     head's border, px, divided by the sum over the heads. Results are rounded to the nearest,
     never stretched. A sample between saturated pixels is saturated, whatever the response.
     """
+    expected.whole("start", start, least=0)
+    expected.whole("stop", stop, least=0)
+    if threads is not None:
+        expected.whole("threads", threads)
     if not 0 <= start <= stop <= plan.height_px:
         msg = f"rows {start} to {stop} of an image with {plan.height_px}"
         raise ValueError(msg)
@@ -214,6 +221,9 @@ def resample(
     seen : ndarray of bool, shape (rows, cols)
     """
     height, width = window[1] - window[0], window[3] - window[2]
+    if not (height > 0 and width > 0):
+        msg = f"window: expected rows and columns in order, got {window}"
+        raise ValueError(msg)
     step = fitting_step(orientation, synthetic)
     head = levelled(window_map(orientation, k, synthetic, window, step_px=step))
     plan = RenderPlan(maps=(head,), width_px=width, height_px=height)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acx4lib import expected
 from acx4lib._typing import Mask
 from acx4lib.errors import FlightError
 
@@ -80,7 +81,7 @@ class Results:
 
 
 def read(folder: str | Path) -> Results:
-    """Read a results folder; a file that is not there has no rows.
+    """Read a results folder that is there; a file that is not has no rows.
 
     Parameters
     ----------
@@ -89,9 +90,25 @@ def read(folder: str | Path) -> Results:
     Raises
     ------
     FlightError
-        Where a file is not what `replace` wrote.
+        Where there is no such folder, or a file is not what `replace` wrote.
     """
-    folder = Path(folder)
+    folder = _folder(folder)
+    if not folder.is_dir():
+        what = "not a folder" if folder.exists() else "no such folder"
+        raise FlightError([f"{folder}: {what}; expected the results of a run"])
+    return _read(folder)
+
+
+def _folder(folder: str | Path) -> Path:
+    """Return the path of a folder."""
+    if not isinstance(folder, str | Path) or folder == "":
+        msg = f"folder: expected a path, got {expected.given(folder)}"
+        raise ValueError(msg)
+    return Path(folder)
+
+
+def _read(folder: Path) -> Results:
+    """Read a results folder, one that is still to be made as well."""
     problems: list[str] = []
     tables = {name: _read_table(folder / f"{name}.csv", problems) for name in COLUMNS}
     summary = _read_summary(folder / "summary.json", problems)
@@ -129,9 +146,9 @@ def replace(
     FlightError
         Where the files in the folder cannot be read.
     """
-    folder = Path(folder)
+    folder = _folder(folder)
     _check_names(stage_methods, tables)
-    old = read(folder)
+    old = _read(folder)
     merged = {
         name: _merged(name, getattr(old, name), tables.get(name), stage_methods) for name in COLUMNS
     }
@@ -144,7 +161,21 @@ def replace(
 
 
 def has(results: Results, stage_method: str) -> bool:
-    """Tell whether a stage or a ``stage/method`` left anything."""
+    """Tell whether a stage or a ``stage/method`` left anything.
+
+    Raises
+    ------
+    ValueError
+        For an unknown stage.
+    """
+    expected.instance("results", results, Results)
+    stage = stage_method.partition("/")[0] if isinstance(stage_method, str) else stage_method
+    if stage not in STAGES:
+        msg = (
+            f"stage_method: expected a stage of {', '.join(STAGES)}, got "
+            f"{expected.given(stage_method)}"
+        )
+        raise ValueError(msg)
     known = {*results.summary, *_keys("parameters", results.parameters)}
     return any(_belongs(key, [stage_method]) for key in known)
 
@@ -163,7 +194,10 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
     ------
     FlightError
         Where the stage has not been run; a method that ran may well have no rows.
+    ValueError
+        For an unknown table or stage.
     """
+    expected.one_of("table", table, COLUMNS)
     if not has(results, stage_method):
         stage = stage_method.partition("/")[0]
         problem = f"{results.folder}: no results of {stage_method}; run stage {stage} first"
@@ -240,9 +274,7 @@ def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask
 
 
 def _check_names(stage_methods: Sequence[str], tables: Mapping[str, pd.DataFrame]) -> None:
-    if isinstance(stage_methods, str):
-        msg = f"expected a sequence of names, got the text {stage_methods!r}"
-        raise ValueError(msg)
+    expected.names("stage_methods", stage_methods)
     unknown = {name.partition("/")[0] for name in stage_methods} - set(STAGES)
     unknown |= tables.keys() - COLUMNS.keys()
     if unknown:

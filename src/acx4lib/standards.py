@@ -13,8 +13,9 @@ from functools import cache
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._data import data_path
-from acx4lib.accuracy import Accuracy, AxisTest, Triple, precision_test
+from acx4lib.accuracy import Accuracy, AxisTest, Triple, not_negative, precision_test
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
 """Check points below which a class is not stated."""
@@ -157,6 +158,7 @@ def interval_limits(interval: float) -> tuple[Limit, ...]:
     The printed table of the standard rounds them, and four of its entries differ by more than
     the rounding; `height_limits` gives the printed ones.
     """
+    expected.positive_number("interval", interval)
     shares = {"A": (0.27, 1 / 6), "B": (1 / 2, 1 / 3), "C": (3 / 5, 2 / 5), "D": (3 / 4, 1 / 2)}
     return tuple(
         Limit(letter=letter, pec=pec * interval, ep=ep * interval)
@@ -268,6 +270,7 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2014
     """
+    _check(accuracy, survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
     radius = np.sqrt(stats.chi2.ppf(0.95, 2) / 2)
     return Asprs2014(
@@ -293,6 +296,7 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2023
     """
+    _check(accuracy, survey_sigma)
     survey_h = float(np.hypot(survey_sigma[0], survey_sigma[1]))
     rmse_h = float(np.hypot(accuracy.plan_rms, survey_h))
     rmse_v = float(np.hypot(accuracy.rms[2], survey_sigma[2]))
@@ -322,6 +326,7 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
     dict
         Keys ``pec_pcd`` (by ``1:scale``), ``nssda``, ``asprs_2014``, ``asprs_2023``.
     """
+    _check(accuracy, survey_sigma)
     by_scale = {f"1:{scale}": asdict(pec_pcd(accuracy, scale)) for scale in scales()}
     return {
         "pec_pcd": by_scale,
@@ -329,6 +334,13 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
         "asprs_2014": asdict(asprs_2014(accuracy, survey_sigma=survey_sigma)),
         "asprs_2023": asdict(asprs_2023(accuracy, survey_sigma=survey_sigma)),
     }
+
+
+def _check(accuracy: Accuracy, survey_sigma: Triple) -> None:
+    """Raise for what cannot be classified."""
+    expected.instance("accuracy", accuracy, Accuracy)
+    expected.three("survey_sigma", survey_sigma)
+    not_negative("survey_sigma", survey_sigma)
 
 
 def _state(standard: str, accuracy: Accuracy, reached: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.flight.blocks import (
@@ -85,6 +86,9 @@ def read(path: str | Path) -> Flight:
     FlightError
         With everything that is wrong, one line each, files named below `path` as it was given.
     """
+    if not isinstance(path, str | Path):
+        msg = f"path: expected a path, got {expected.given(path)}"
+        raise ValueError(msg)
     folder = Path(path)
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
