@@ -262,14 +262,10 @@ def _check_cameras(cameras: tuple[Camera, ...]) -> None:
 
 def _check_surveyed(block: Block) -> None:
     """Raise where a surveyed point stands twice."""
-    for name, idx in (("control", block.control.point_idx), ("check", block.check.point_idx)):
-        point, count = np.unique(idx, return_counts=True)
-        if len(point) < len(idx):
-            twice = block.points[point[count > 1][0]]
-            msg = f"{name}.point_idx: expected every point once, got point {twice!r} twice"
-            raise ValueError(msg)
-    both = np.intersect1d(block.control.point_idx, block.check.point_idx)
-    if len(both):
+    control, check = block.control.point_idx.tolist(), block.check.point_idx.tolist()
+    expected.different("control.point_idx", control, "points")
+    expected.different("check.point_idx", check, "points")
+    if both := sorted({*control} & {*check}):
         twice = block.points[both[0]]
         msg = f"control and check: expected different points, got point {twice!r} in both"
         raise ValueError(msg)

@@ -17,15 +17,15 @@ import numpy as np
 from acx4lib import adjustment, expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
-from acx4lib.block import Block, SurveyedPoints, mountings
-from acx4lib.camera import Camera
+from acx4lib.block import Block, mountings
+from acx4lib.camera import Camera, require_millimetres
 from acx4lib.collinearity import REFRACTION, mounted_jacobian
 from acx4lib.covariance import propagate
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
 from acx4lib.gross_errors import Rejection
 from acx4lib.network import Network, State, camera_poses
-from acx4lib.observations import PoseObservations, Strips, strips_of
+from acx4lib.observations import PoseObservations, Strips, strips_of, unobserved
 from acx4lib.ray_misfits import ASTRAY, far_off, in_front, suspects, with_estimates
 from acx4lib.robust import robust_phase
 from acx4lib.start_values import recovered, start_points
@@ -33,9 +33,6 @@ from acx4lib.unknowns import GNSS, MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
-
-SMALLEST_F_MM = 1.0
-"""No camera of a block has a smaller focal length."""
 
 HIGH = 100.0
 """Variance factor from which one looks whether the minimum found is the right one."""
@@ -90,10 +87,6 @@ def free_orientation(
     refraction : str
         ``"none"`` or ``"standard"``.
 
-    Returns
-    -------
-    Network
-
     Raises
     ------
     ValueError
@@ -103,9 +96,7 @@ def free_orientation(
     n_images = len(block.images)
     if positions is not None:
         expected.instance("positions", positions, PoseObservations)
-        if len(positions.T_m_b) != n_images:
-            msg = f"positions: expected {n_images} poses, got {len(positions.T_m_b)}"
-            raise ValueError(msg)
+        expected.many("positions", positions.T_m_b, n_images, "poses")
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
@@ -114,7 +105,7 @@ def free_orientation(
         block,
         poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
         columns=layout(len(block.cameras), n_images, free=free),
-        observed=positions or _unobserved(T_m_c),
+        observed=positions or unobserved(T_m_c),
         T_b_c=identity,
         refraction=refraction,
     )
@@ -143,10 +134,6 @@ def mounted_orientation(
     gnss : sequence of str
         What GNSS positions are off by, names of `unknowns.GNSS`: a ``"shift"`` of the block, its
         height held where the lever arm's z is estimated; a ``"drift"`` along every strip.
-
-    Returns
-    -------
-    Network
 
     Raises
     ------
@@ -187,16 +174,6 @@ def mounted_orientation(
     )
 
 
-def _unobserved(T_m_b: Pose) -> PoseObservations:
-    open_sigma = np.full((len(T_m_b), 3), np.inf)
-    return PoseObservations(
-        T_m_b=T_m_b,
-        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
-        sigma_position=open_sigma,
-        sigma_attitude=open_sigma,
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Poses:
     """Start poses with their names, and which of them every image hangs on."""
@@ -217,7 +194,7 @@ def _network(
 ) -> Network:
     """Put a block and its unknowns together; recover start values that are far off."""
     expected.one_of("refraction", refraction, REFRACTION)
-    _check_focal_lengths(block.cameras)
+    require_millimetres(block.cameras)
     if len(block.images) == 0:
         msg = f"block {block.name!r} has no images: there is nothing to adjust"
         raise AdjustmentError(msg)
@@ -244,16 +221,6 @@ def _network(
         return network
     network = _chosen(given, recovered(network))
     return _chosen(given, _robust(network, network.start))
-
-
-def _check_focal_lengths(cameras: Sequence[Camera]) -> None:
-    """Raise where a focal length can only be meant in metres."""
-    for camera in cameras:
-        if camera.interior.f < SMALLEST_F_MM:
-            msg = (
-                f"{camera.name}: expected a focal length in mm, got f={camera.interior.f} (metres?)"
-            )
-            raise ValueError(msg)
 
 
 def robust_start(network: Network) -> State:
@@ -288,15 +255,10 @@ def _chosen(network: Network, state: State) -> Network:
         network,
         image_points=block.image_points[rows],
         rows=rows,
-        control=block.control[_measured(block, rows, block.control)],
+        control=block.control[np.isin(block.control.point_idx, point_idx[rows])],
         start=replace(state, x_m=x_m),
         left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )
-
-
-def _measured(block: Block, rows: Index, surveyed: SurveyedPoints) -> Mask:
-    """Tell which surveyed points are measured in any of the rows."""
-    return np.isin(surveyed.point_idx, block.image_points.point_idx[rows])
 
 
 # --- adjusting -------------------------------------------------------------------------------

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -66,6 +68,9 @@ INTERIOR = tuple(f.name for f in fields(Interior))
 LARGEST_FORMAT_MM = 1000.0
 """No sensor has such a side; pixels in micrometres make one."""
 
+SMALLEST_F_MM = 1.0
+"""No camera of a flight has a smaller focal length."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera:
@@ -112,7 +117,7 @@ class Camera:
         expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
         expected.finite("T_b_c.R", self.T_b_c.R)
         expected.finite("T_b_c.r", self.T_b_c.r)
-        expected.rotations("T_b_c.R", self.T_b_c.R)
+        expected.rotation("T_b_c.R", self.T_b_c.R)
 
     @property
     def diagonal_px(self) -> float:
@@ -121,7 +126,19 @@ class Camera:
 
     def with_interior(self, interior: Interior) -> Camera:
         """Return this camera with another interior orientation."""
-        return replace(self, interior=interior)
+        expected.instance("interior", interior, Interior)
+        camera = copy(self)  # the rest is checked
+        object.__setattr__(camera, "interior", interior)
+        return camera
+
+
+def require_millimetres(cameras: Sequence[Camera]) -> None:
+    """Raise a ValueError where a focal length can only be meant in metres."""
+    for camera in cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            f = camera.interior.f
+            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
+            raise ValueError(msg)
 
 
 def xy_from_colrow(camera: Camera, colrow: Array) -> Array:

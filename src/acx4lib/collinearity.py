@@ -135,9 +135,8 @@ def project(camera: Camera, T_m_c: Pose, x_m: Array) -> Array:
         For points of another shape, or poses that are not as many.
     """
     x_m = expected.numbers("x_m", x_m, ("n", 3))
-    if T_m_c.R.ndim != 3 or len(T_m_c) not in (1, len(x_m)):
-        msg = f"T_m_c: expected {len(x_m)} poses, got {len(T_m_c) if T_m_c.R.ndim == 3 else 'one'}"
-        raise ValueError(msg)
+    if len(T_m_c.R) != 1:  # one pose spreads over all points
+        expected.shape("T_m_c.R", T_m_c.R, (len(x_m), 3, 3))
     ideal = pinhole(camera.interior.f, to_camera(T_m_c, x_m))
     colrow = np.full((len(x_m), 2), np.nan)
     ahead = np.isfinite(ideal[:, 0])

@@ -83,9 +83,7 @@ def share_within(z: Array, level: float) -> Share:
     level : float
     """
     expected.positive_number("level", level)
-    if len(z) == 0:
-        msg = "z: expected one number at least, got none"
-        raise ValueError(msg)
+    expected.some("z", z, "number")
     test = stats.binomtest(int(np.sum(np.abs(z) <= level)), len(z))
     low, high = test.proportion_ci(CONFIDENCE)
     return Share(value=float(test.statistic), low=float(low), high=float(high))

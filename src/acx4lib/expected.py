@@ -7,8 +7,9 @@ Values are checked where they are made; what is made of checked values is not ch
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import fields
+from pathlib import Path
 from types import EllipsisType
 from typing import NoReturn, TypeVar
 
@@ -49,6 +50,13 @@ def text(name: str, value: object) -> None:
     """Raise where a value is no text."""
     if not isinstance(value, str):
         _refuse(name, "text", given(value))
+
+
+def path(name: str, value: object) -> Path:
+    """Return a value as a path; raise where it is none."""
+    if not isinstance(value, str | Path) or value == "":
+        _refuse(name, "a path", given(value))
+    return Path(value)
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:
@@ -118,8 +126,7 @@ def sequence(name: str, values: object, kind: type) -> None:
     for value in values:
         if not isinstance(value, kind):
             _refuse(name, f"a sequence of {what}", f"one with {given(value)}")
-    if len(values) == 0:
-        _refuse(name, f"one {what} at least", "none")
+    some(name, values, what)
 
 
 def names(name: str, values: object, n: int | None = None) -> None:
@@ -141,15 +148,27 @@ def names_of(name: str, values: object, known: Iterable[str]) -> None:
             _refuse(name, f"names of {', '.join(known)}", given(value))
 
 
-def different(name: str, values: Sequence[object]) -> None:
-    """Raise where one of some names stands twice."""
+def different(name: str, values: Sequence[object], what: str = "names") -> None:
+    """Raise where one of some values stands twice."""
     if len(set(values)) == len(values):
         return
     seen: set[object] = set()
     for value in values:
         if value in seen:
-            _refuse(name, "different names", f"{value!r} twice")
+            _refuse(name, f"different {what}", f"{value!r} twice")
         seen.add(value)
+
+
+def many(name: str, values: Sized, n: int, what: str) -> None:
+    """Raise where values are not n."""
+    if len(values) != n:
+        _refuse(name, f"{n} {what}", f"{len(values)}")
+
+
+def some(name: str, values: Sized, what: str) -> None:
+    """Raise where there are no values."""
+    if len(values) == 0:
+        _refuse(name, f"one {what} at least", "none")
 
 
 def three(name: str, values: object) -> None:
@@ -233,16 +252,23 @@ def radians(name: str, angles: Array) -> None:
         _refuse(name, "radians", f"{_first(angles, wrong)} (np.radians takes degrees)")
 
 
+def rotation(name: str, R: Array) -> None:
+    """Raise where a matrix, shape (3, 3), does not turn; NaN passes."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.tolist()  # no arrays: cameras are made often
+    crossed = (ay * bz - az * by - cx, az * bx - ax * bz - cy, ax * by - ay * bx - cz)
+    squares = (ax * ax + ay * ay + az * az - 1, bx * bx + by * by + bz * bz - 1)
+    for off in (*crossed, *squares, ax * bx + ay * by + az * bz):
+        if abs(off) > RIGID:
+            _refuse(name, "a rotation matrix", "one that does not turn, or mirrors")
+
+
 def rotations(name: str, R: Array) -> None:
-    """Raise where matrices, shape (..., 3, 3), turn nothing; NaN passes."""
-    off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-2, -1))
-    wrong = (off > RIGID) | (np.linalg.det(R) < 0)
-    if not wrong.any():
-        return
-    if R.ndim == 2:
-        _refuse(name, "a rotation matrix", "one whose inverse is not its transpose, or a mirror")
-    row = int(np.argwhere(wrong)[0, 0])
-    _refuse(name, "rotation matrices", f"one that is none in row {row}")
+    """Raise where one of some matrices, shape (n, 3, 3), does not turn; NaN passes."""
+    off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
+    mirrored = np.linalg.det(R) < 0
+    if off.any() or mirrored.any():
+        row = int(np.argmax(off.any(axis=(-2, -1)) | mirrored))
+        _refuse(name, "rotation matrices", f"one that does not turn, or mirrors, in row {row}")
 
 
 def square(name: str, cov: Array) -> None:
@@ -259,11 +285,15 @@ def symmetric(name: str, cov: Array) -> None:
 
 
 def _is_like(found: tuple[int, ...], like: Shape) -> bool:
-    if like and like[0] is ...:
-        found, like = found[max(len(found) - len(like) + 1, 0) :], like[1:]
-    return len(found) == len(like) and all(
-        isinstance(wanted, str) or n == wanted for n, wanted in zip(found, like, strict=True)
-    )
+    if like[0] is ...:
+        like = like[1:]
+        found = found[-len(like) :]
+    if len(found) != len(like):
+        return False
+    for n, wanted in zip(found, like, strict=True):  # plain: it runs thousands of times
+        if n != wanted and not isinstance(wanted, str):
+            return False
+    return True
 
 
 def _said(like: Shape) -> str:

@@ -97,7 +97,7 @@ def opk_from_rotation(R: Array) -> Array:
         Radians. At phi = +-90 degrees omega and kappa are not separable.
     """
     R = expected.numbers("R", R, (..., 3, 3))
-    expected.rotations("R", R)
+    expected.rotations("R", R.reshape(-1, 3, 3))
     omega = np.arctan2(-R[..., 1, 2], R[..., 2, 2])
     # atan2 instead of asin keeps full precision near a quarter turn
     phi = np.arctan2(R[..., 0, 2], np.hypot(R[..., 1, 2], R[..., 2, 2]))
@@ -228,9 +228,7 @@ def mean_rotation(R: Array, weights: Array | None = None) -> Array:
     ndarray, shape (3, 3)
     """
     expected.shape("R", R, ("n", 3, 3))
-    if len(R) == 0:
-        msg = "R: expected one rotation matrix at least, got none"
-        raise ValueError(msg)
+    expected.some("R", R, "rotation matrix")
     expected.rotations("R", R)
     mean = R[0]
     for _ in range(20):

@@ -324,9 +324,7 @@ def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
         Degrees.
     """
     lonlat = expected.numbers("lonlat", lonlat, ("n", 2))
-    if len(lonlat) == 0:
-        msg = "lonlat: expected one position at least, got none"
-        raise ValueError(msg)
+    expected.some("lonlat", lonlat, "position")
     on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
     centre = grid.ecef_from_geographic(on_ellipsoid).mean(axis=0)
     return MappingFrame(grid=grid, origin=grid.geographic_from_ecef(centre[None])[0, :2])

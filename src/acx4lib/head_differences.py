@@ -130,10 +130,7 @@ def frame_differences(
         `orientation` less `other`, with the head whose border is farthest at each node.
     """
     expected.whole("spacing_px", spacing_px)
-    if len(other.heads) != len(orientation.heads):
-        n = len(orientation.heads)
-        msg = f"other: expected the {n} heads of orientation, got {len(other.heads)}"
-        raise ValueError(msg)
+    expected.many("other", other.heads, len(orientation.heads), "heads, as of orientation")
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)

@@ -106,10 +106,7 @@ def overlap_samples(
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
-    n = len(orientation.heads)
-    if len(images) != n:
-        msg = f"images: expected {n}, one for each head, got {len(images)}"
-        raise ValueError(msg)
+    expected.many("images", images, len(orientation.heads), "images, one for each head")
     for image, head in zip(images, orientation.heads, strict=True):
         expected.shape(f"image of {head.name}", image, (head.height_px, head.width_px, "bands"))
 

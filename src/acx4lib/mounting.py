@@ -70,18 +70,10 @@ class Mountings:
     failures: dict[str, str]
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome.
-
-        Raises
-        ------
-        AdjustmentError
-            Where the method has none; the sentence says why.
-        ValueError
-            For an unknown method.
-        """
+        """Return one method's outcome; an AdjustmentError says why it has none."""
         expected.one_of("method", method, METHODS)
         if method not in self.methods:
-            raise AdjustmentError(self.failures.get(method, f"{method} has no outcome"))
+            raise AdjustmentError(self.failures[method])
         return self.methods[method]
 
 

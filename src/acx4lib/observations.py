@@ -73,6 +73,17 @@ class PoseObservations:
             expected.positive(name, getattr(self, name))
 
 
+def unobserved(T_m_b: Pose) -> PoseObservations:
+    """Return poses of which nothing is observed."""
+    open_sigma = np.full((len(T_m_b), 3), np.inf)
+    return PoseObservations(
+        T_m_b=T_m_b,
+        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )
+
+
 def strips_of(block: Block) -> Strips:
     """Return the strips of a block that have exposures at two times or more.
 

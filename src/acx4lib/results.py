@@ -92,19 +92,11 @@ def read(folder: str | Path) -> Results:
     FlightError
         Where there is no such folder, or a file is not what `replace` wrote.
     """
-    folder = _folder(folder)
+    folder = expected.path("folder", folder)
     if not folder.is_dir():
         what = "not a folder" if folder.exists() else "no such folder"
         raise FlightError([f"{folder}: {what}; expected the results of a run"])
     return _read(folder)
-
-
-def _folder(folder: str | Path) -> Path:
-    """Return the path of a folder."""
-    if not isinstance(folder, str | Path) or folder == "":
-        msg = f"folder: expected a path, got {expected.given(folder)}"
-        raise ValueError(msg)
-    return Path(folder)
 
 
 def _read(folder: Path) -> Results:
@@ -146,7 +138,7 @@ def replace(
     FlightError
         Where the files in the folder cannot be read.
     """
-    folder = _folder(folder)
+    folder = expected.path("folder", folder)
     _check_names(stage_methods, tables)
     old = _read(folder)
     merged = {
@@ -161,21 +153,9 @@ def replace(
 
 
 def has(results: Results, stage_method: str) -> bool:
-    """Tell whether a stage or a ``stage/method`` left anything.
-
-    Raises
-    ------
-    ValueError
-        For an unknown stage.
-    """
+    """Tell whether a stage or a ``stage/method`` left anything; a ValueError for no stage."""
     expected.instance("results", results, Results)
-    stage = stage_method.partition("/")[0] if isinstance(stage_method, str) else stage_method
-    if stage not in STAGES:
-        msg = (
-            f"stage_method: expected a stage of {', '.join(STAGES)}, got "
-            f"{expected.given(stage_method)}"
-        )
-        raise ValueError(msg)
+    expected.one_of("stage", str(stage_method).partition("/")[0], STAGES)
     known = {*results.summary, *_keys("parameters", results.parameters)}
     return any(_belongs(key, [stage_method]) for key in known)
 

@@ -83,7 +83,7 @@ def cameras_and_poses() -> list[Wrong]:
             lambda: frames.opk_jacobian(np.zeros((3, 4))),
             r"opk: expected shape \(..., 3\), got \(3, 4\)",
         ),
-        Wrong(lambda: frames.opk_from_rotation(np.ones((3, 3))), "R: expected a rotation matrix"),
+        Wrong(lambda: frames.opk_from_rotation(np.ones((3, 3))), "R: expected rotation matrices"),
         Wrong(
             lambda: frames.opk_from_rotation(np.ones(3)),
             r"R: expected shape \(..., 3, 3\), got \(3,\)",
@@ -134,7 +134,7 @@ def cameras_and_poses() -> list[Wrong]:
         ),
         Wrong(
             lambda: collinearity.project(CAMERA, five, np.zeros((4, 3))),
-            "T_m_c: expected 4 poses, got 5",
+            r"T_m_c.R: expected shape \(4, 3, 3\), got \(5, 3, 3\)",
         ),
         Wrong(
             lambda: collinearity.rays(CAMERA, five, np.zeros((5, 3))),

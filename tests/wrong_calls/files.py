@@ -38,7 +38,7 @@ def files() -> list[Wrong]:
         ),
         Wrong(
             lambda: results.rows(no_results(), "parameters", "mountings"),
-            "stage_method: expected a stage of heads, .*, got 'mountings'",
+            "stage: expected one of heads, .*, got 'mountings'",
         ),
         Wrong(
             lambda: results.rows(no_results(), "parameters", "mounting"),
@@ -47,7 +47,7 @@ def files() -> list[Wrong]:
         ),
         Wrong(
             lambda: results.has(no_results(), "single_step"),
-            "stage_method: expected a stage of heads, .*, got 'single_step'",
+            "stage: expected one of heads, .*, got 'single_step'",
         ),
         Wrong(
             lambda: results.has(NOWHERE, "mounting"),

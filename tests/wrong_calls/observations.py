@@ -146,7 +146,7 @@ def measured() -> list[Wrong]:
         ),
         Wrong(
             control(point_idx=spoilt(CONTROL.point_idx, 2)),
-            "control.point_idx: expected every point once, got point 'P2' twice",
+            "control.point_idx: expected different points, got 2 twice",
         ),
         Wrong(
             lambda: replace(BLOCK, check=BLOCK.control),
@@ -256,11 +256,11 @@ def blocks_and_parts() -> list[Wrong]:
         ),
         Wrong(
             trajectory(T_m_b=Pose(R=2 * POSES.R, r=POSES.r)),
-            "T_m_b.R: expected rotation matrices, got one that is none in row 0",
+            "T_m_b.R: expected rotation matrices, got one that does not turn, or mirrors, in row 0",
         ),
         Wrong(
             trajectory(R_g_m=-TRAJECTORY.R_g_m),
-            "R_g_m: expected rotation matrices, got one that is none in row 0",
+            "R_g_m: expected rotation matrices, got one that does not turn, or mirrors, in row 0",
         ),
         Wrong(
             lambda: replace(BLOCK, trajectory=POSES),

@@ -69,7 +69,7 @@ def pixels() -> list[Wrong]:
             lambda: head_differences.frame_differences(
                 HEADS, printed_camera.heads(("CAM1", "CAM2")), SYNTHETIC
             ),
-            "other: expected the 4 heads of orientation, got 2",
+            "other: expected 4 heads, as of orientation, got 2",
         ),
         Wrong(lambda: synthetic_image.reduced_camera(SYNTHETIC, 1.5), "k: expected a whole number"),
         Wrong(
@@ -186,7 +186,7 @@ def pixels() -> list[Wrong]:
         Wrong(lambda: image_ties.find_ties(pictures, HEADS, SYNTHETIC), "px with bands is needed"),
         Wrong(
             lambda: head_response.estimate_response(pictures[:2], small, synthetic, rng=rng),
-            "images: expected 4, one for each head, got 2",
+            "images: expected 4 images, one for each head, got 2",
         ),
         Wrong(
             lambda: head_response.estimate_response([PICTURE] * 4, small, synthetic, rng=rng),

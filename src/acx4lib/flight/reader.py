@@ -86,10 +86,7 @@ def read(path: str | Path) -> Flight:
     FlightError
         With everything that is wrong, one line each, files named below `path` as it was given.
     """
-    if not isinstance(path, str | Path):
-        msg = f"path: expected a path, got {expected.given(path)}"
-        raise ValueError(msg)
-    folder = Path(path)
+    folder = expected.path("path", path)
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
     toml = read_toml(folder)
