@@ -41,10 +41,9 @@ class Accuracy:
         if self.n < 0:
             msg = f"number of check points must not be negative, got n={self.n}"
             raise ValueError(msg)
-        for name in ("mean", "std", "rms", "error_90"):
-            expected.three(name, getattr(self, name))
-        for name in ("std", "rms"):
-            not_negative(name, getattr(self, name))
+        expected.three("mean", self.mean)
+        for name in ("std", "rms", "error_90"):
+            sizes(name, getattr(self, name))
 
     @property
     def plan_rms(self) -> float:
@@ -218,8 +217,9 @@ def _error_90(size: Array) -> Array:
     return found
 
 
-def not_negative(name: str, values: Triple) -> None:
-    """Raise where sizes of errors are below zero; those not known are NaN."""
+def sizes(name: str, values: Triple) -> None:
+    """Raise where values are not three sizes of errors; those not known are NaN."""
+    expected.three(name, values)
     expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
 
 

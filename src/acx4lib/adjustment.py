@@ -209,8 +209,6 @@ def solve(
     ------
     AdjustmentError
         Where it does not converge, or observations are fewer than unknowns.
-    ValueError
-        For no iterations, or a tolerance that is not positive.
 
     Notes
     -----
@@ -252,12 +250,11 @@ def _iterate(
     problem: Problem[S], state: S, max_iterations: int, tolerance: float
 ) -> tuple[S, Normals, int]:
     """Return the state of least cost, the normal equations there, and the number of steps."""
-    here, damping = normals(problem, state), 0.0
+    here, damping, before = normals(problem, state), 0.0, 0.0
     if not np.isfinite(here.cost):
         msg = "the start values leave points behind a camera or at infinity"
         raise AdjustmentError(msg)
     degrees = _degrees_of_freedom(problem, here)
-    before = 0.0
     for iteration in range(1, max_iterations + 1):
         unit = here.cost / max(degrees, 1)
         descent = _descend(problem, state, here, damping=damping, unit=unit)
@@ -304,9 +301,7 @@ def _descend(
 def _left_open(problem: Problem[S], state: S) -> str:
     """Return which unknowns the observations leave open, for a message; empty for none."""
     undetermined = normals(problem, state).quality().inverse.undetermined
-    names = [
-        name for name, is_open in zip(problem.column_names(), undetermined, strict=True) if is_open
-    ]
+    names = np.array(problem.column_names(), dtype=object)[undetermined].tolist()
     if not names:
         return ""
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""

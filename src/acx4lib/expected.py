@@ -16,6 +16,7 @@ from typing import NoReturn, TypeVar
 import numpy as np
 
 from acx4lib._typing import Array, Index, Mask
+from acx4lib.errors import FlightError
 
 T = TypeVar("T")
 
@@ -33,15 +34,7 @@ LARGEST_ANGLE = 4 * np.pi
 
 
 def instance(name: str, value: object, kind: type) -> None:
-    """Raise where a value is of another kind.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument, here and below.
-    value : object
-    kind : type
-    """
+    """Raise where a value is of another kind; `name` is the argument's, here and below."""
     if not isinstance(value, kind):
         _refuse(name, _with_article(kind.__name__), given(value))
 
@@ -57,6 +50,15 @@ def path(name: str, value: object) -> Path:
     if not isinstance(value, str | Path) or value == "":
         _refuse(name, "a path", given(value))
     return Path(value)
+
+
+def folder(name: str, value: object, what: str) -> Path:
+    """Return a value as the path of a folder; a FlightError, as it is the user's, for none."""
+    found = path(name, value)
+    if not found.is_dir():
+        is_what = "not a folder" if found.exists() else "no such folder"
+        raise FlightError([f"{found}: {is_what}; expected {what}"])
+    return found
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:

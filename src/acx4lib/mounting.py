@@ -99,7 +99,6 @@ def calibrate(
     ValueError
         For an unknown name, or something else than a block.
     """
-    expected.instance("block", block, Block)
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
     rejected: tuple[Rejection, ...] = ()
@@ -119,8 +118,8 @@ def calibrate(
             failures[name] = str(error)
     if not methods:
         raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
-    ordered = {name: methods[name] for name in METHODS if name in methods}
-    return Mountings(methods=ordered, failures=failures)
+    methods = {name: methods[name] for name in METHODS if name in methods}
+    return Mountings(methods=methods, failures=failures)
 
 
 def single_step(
@@ -151,11 +150,10 @@ def single_step(
     AdjustmentError
         Where it does not converge.
     """
-    estimated = free_mount(fix)
     bundle = adjust_rejecting(
         block,
         lambda b: mounted_orientation(
-            b, free=free, free_mount=estimated, refraction=refraction, gnss=gnss
+            b, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
         ),
     )
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
@@ -270,11 +268,7 @@ def _averaged(
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
     )
     return Mounting(
-        method=method,
-        calibration=calibration,
-        bundle=bundle,
-        per_image=T_b_c,
-        averaged=entering,
+        method=method, calibration=calibration, bundle=bundle, per_image=T_b_c, averaged=entering
     )
 
 

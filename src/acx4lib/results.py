@@ -92,11 +92,7 @@ def read(folder: str | Path) -> Results:
     FlightError
         Where there is no such folder, or a file is not what `replace` wrote.
     """
-    folder = expected.path("folder", folder)
-    if not folder.is_dir():
-        what = "not a folder" if folder.exists() else "no such folder"
-        raise FlightError([f"{folder}: {what}; expected the results of a run"])
-    return _read(folder)
+    return _read(expected.folder("folder", folder, "the results of a run"))
 
 
 def _read(folder: Path) -> Results:

@@ -15,7 +15,7 @@ from scipy import stats
 
 from acx4lib import expected
 from acx4lib._data import data_path
-from acx4lib.accuracy import Accuracy, AxisTest, Triple, not_negative, precision_test
+from acx4lib.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
 """Check points below which a class is not stated."""
@@ -205,6 +205,7 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
     -------
     PecPcd
     """
+    expected.instance("accuracy", accuracy, Accuracy)
     plan, height = plan_limits(scale), height_limits(scale)
     east_north = max(accuracy.rms[:2]), max(accuracy.error_90[:2])
     return PecPcd(
@@ -245,6 +246,7 @@ def nssda(accuracy: Accuracy) -> Nssda:
     -------
     Nssda
     """
+    expected.instance("accuracy", accuracy, Accuracy)
     east, north, height = accuracy.rms
     similar = min(east, north) >= NSSDA_AXIS_RATIO * max(east, north)
     radius = np.sqrt(stats.chi2.ppf(0.95, 2))
@@ -270,7 +272,7 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2014
     """
-    _check(accuracy, survey_sigma)
+    sizes("survey_sigma", survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
     radius = np.sqrt(stats.chi2.ppf(0.95, 2) / 2)
     return Asprs2014(
@@ -296,7 +298,7 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2023
     """
-    _check(accuracy, survey_sigma)
+    sizes("survey_sigma", survey_sigma)
     survey_h = float(np.hypot(survey_sigma[0], survey_sigma[1]))
     rmse_h = float(np.hypot(accuracy.plan_rms, survey_h))
     rmse_v = float(np.hypot(accuracy.rms[2], survey_sigma[2]))
@@ -326,7 +328,6 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
     dict
         Keys ``pec_pcd`` (by ``1:scale``), ``nssda``, ``asprs_2014``, ``asprs_2023``.
     """
-    _check(accuracy, survey_sigma)
     by_scale = {f"1:{scale}": asdict(pec_pcd(accuracy, scale)) for scale in scales()}
     return {
         "pec_pcd": by_scale,
@@ -334,13 +335,6 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
         "asprs_2014": asdict(asprs_2014(accuracy, survey_sigma=survey_sigma)),
         "asprs_2023": asdict(asprs_2023(accuracy, survey_sigma=survey_sigma)),
     }
-
-
-def _check(accuracy: Accuracy, survey_sigma: Triple) -> None:
-    """Raise for what cannot be classified."""
-    expected.instance("accuracy", accuracy, Accuracy)
-    expected.three("survey_sigma", survey_sigma)
-    not_negative("survey_sigma", survey_sigma)
 
 
 def _state(standard: str, accuracy: Accuracy, reached: str) -> str:

@@ -128,13 +128,13 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: rendering.render_rows(rendering.render_plan(small, synthetic), pictures, 9, 3),
-            "rows 9 to 3 of an image",
+            "start: expected a whole number from 0 to 3, got 9",
         ),
         Wrong(
             lambda: rendering.render_rows(
                 rendering.render_plan(small, synthetic), pictures, 0, 2.5
             ),
-            "stop: expected a whole number",
+            "stop: expected a whole number from 0 to 253, got 2.5",
         ),
         Wrong(
             lambda: rendering.render(rendering.render_plan(small, synthetic), pictures, threads=0),
@@ -142,7 +142,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: rendering.resample(pictures[0], small, 0, synthetic, (9, 3, 0, 9)),
-            r"window: expected rows and columns in order, got \(9, 3, 0, 9\)",
+            "height and width of window: expected positive numbers, got -6 in row 0",
         ),
         Wrong(
             lambda: render_exposure.RenderOptions(blend="multiband"),
