@@ -157,7 +157,7 @@ def test_correct_jacobian(interior, xy):
 
 @pytest.mark.parametrize("f", [0.0, -74.0, np.nan, np.inf])
 def test_a_focal_length_must_be_positive(f):
-    with pytest.raises(ValueError, match=f"got f={f}"):
+    with pytest.raises(ValueError, match=f"^f.*got (f=)?{f}"):
         Interior(f=f)
 
 

@@ -233,5 +233,5 @@ def test_tau_needs_ratios_of_sigmas_only(noisy_block):
 
 
 def test_another_word_for_sigma0_is_refused(noisy_block):
-    with pytest.raises(ValueError, match="'known' or 'estimated', got 'guessed'"):
+    with pytest.raises(ValueError, match="one of known, estimated, got 'guessed'"):
         rejections(noisy_block, sigma0="guessed")

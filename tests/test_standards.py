@@ -75,7 +75,7 @@ def test_too_few_points_give_nan_and_no_class(n):
 
 
 def test_bad_differences_are_refused():
-    with pytest.raises(ValueError, match=r"shape \(3,\)"):
+    with pytest.raises(ValueError, match=r"shape \(n, 3\), got \(3,\)"):
         accuracy.from_differences(np.zeros(3))
     with pytest.raises(ValueError, match="finite"):
         accuracy.from_differences(np.full((2, 3), np.nan))

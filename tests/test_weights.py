@@ -58,7 +58,7 @@ def test_given_sigma_stay_as_they_are(block):
     same, none = weights.weighted(block, weights="given", free=FREE)
     assert same is block
     assert none == {}
-    with pytest.raises(ValueError, match="'given' or 'estimated', got 'both'"):
+    with pytest.raises(ValueError, match="one of given, estimated, got 'both'"):
         weights.weighted(block, weights="both", free=FREE)
 
 

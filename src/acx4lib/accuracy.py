@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._typing import Array
 
 Triple = tuple[float, float, float]
@@ -40,6 +41,9 @@ class Accuracy:
         if self.n < 0:
             msg = f"number of check points must not be negative, got n={self.n}"
             raise ValueError(msg)
+        expected.three("mean", self.mean)
+        for name in ("std", "rms", "error_90"):
+            sizes(name, getattr(self, name))
 
     @property
     def plan_rms(self) -> float:
@@ -84,10 +88,8 @@ def from_differences(differences: Array) -> Accuracy:
     Accuracy
         With the observed 90 % errors. NaN where n is too small.
     """
-    d = np.asarray(differences, dtype=float)
-    if d.ndim != 2 or d.shape[1] != 3 or not np.all(np.isfinite(d)):
-        msg = f"differences must be finite, of shape (n, 3), got shape {d.shape}"
-        raise ValueError(msg)
+    d = expected.numbers("differences", differences, ("n", 3))
+    expected.finite("differences", d)
     n = len(d)
     nothing = np.full(3, np.nan)
     return Accuracy(
@@ -117,6 +119,7 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
     -------
     Accuracy
     """
+    expected.three("rms", rms)
     axis = np.sqrt(stats.chi2.ppf(0.9, 1)) * np.asarray(rms)
     plan = np.sqrt(stats.chi2.ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
     return Accuracy(n=n, mean=mean, std=std, rms=rms, error_90=triple(axis), plan_90=float(plan))
@@ -138,6 +141,8 @@ def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     AxisTest
         t = mean sqrt(n) / std with n - 1 degrees of freedom.
     """
+    expected.instance("accuracy", accuracy, Accuracy)
+    expected.probability("probability", probability)
     if accuracy.n < 2:
         return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
     mean, std = np.array(accuracy.mean), np.array(accuracy.std)
@@ -165,6 +170,10 @@ def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 
     AxisTest
         chi-square = (n - 1) std^2 / sigma_0^2 with n - 1 degrees of freedom.
     """
+    expected.instance("accuracy", accuracy, Accuracy)
+    expected.three("sigma_0", sigma_0)
+    expected.positive("sigma_0", np.asarray(sigma_0))
+    expected.probability("probability", probability)
     if accuracy.n < 2:
         return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
     dof = accuracy.n - 1
@@ -191,6 +200,9 @@ def rms_interval(rms: float, n: int, *, probability: float = 0.95) -> tuple[floa
     lower, upper : float
         In the unit of `rms`; NaN for n = 0.
     """
+    expected.size("rms", rms)
+    expected.whole("n", n, least=0)
+    expected.probability("probability", probability)
     if n < 1:
         return np.nan, np.nan
     tail = (1 - probability) / 2
@@ -203,6 +215,12 @@ def _error_90(size: Array) -> Array:
     rank = int(np.ceil(0.9 * len(size) - 1e-9))
     found: Array = np.sort(size, axis=0)[rank - 1]
     return found
+
+
+def sizes(name: str, values: Triple) -> None:
+    """Raise where values are not three sizes of errors; those not known are NaN."""
+    expected.three(name, values)
+    expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
 
 
 def triple(values: Iterable[float]) -> Triple:

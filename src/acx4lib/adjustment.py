@@ -17,6 +17,7 @@ import numpy as np
 from scipy import stats
 from threadpoolctl import ThreadpoolController
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.errors import AdjustmentError
 from acx4lib.normal_equations import (
@@ -163,6 +164,7 @@ class Solution:
 
     def group(self, kind: str) -> Group:
         """Return the residuals of one kind."""
+        expected.one_of("kind", kind, [g.kind for g in self.groups])
         return next(g for g in self.groups if g.kind == kind)
 
 
@@ -213,6 +215,8 @@ def solve(
     Converged when the next full step would move the unknowns by less than `tolerance`, as far as
     the last two tell, or when rounding lets no step reduce the cost any more.
     """
+    expected.whole("max_iterations", max_iterations)
+    expected.positive_number("tolerance", tolerance)
     with on_one_thread():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         quality = at_state.quality()
@@ -246,12 +250,11 @@ def _iterate(
     problem: Problem[S], state: S, max_iterations: int, tolerance: float
 ) -> tuple[S, Normals, int]:
     """Return the state of least cost, the normal equations there, and the number of steps."""
-    here, damping = normals(problem, state), 0.0
+    here, damping, before = normals(problem, state), 0.0, 0.0
     if not np.isfinite(here.cost):
         msg = "the start values leave points behind a camera or at infinity"
         raise AdjustmentError(msg)
     degrees = _degrees_of_freedom(problem, here)
-    before = 0.0
     for iteration in range(1, max_iterations + 1):
         unit = here.cost / max(degrees, 1)
         descent = _descend(problem, state, here, damping=damping, unit=unit)
@@ -298,9 +301,7 @@ def _descend(
 def _left_open(problem: Problem[S], state: S) -> str:
     """Return which unknowns the observations leave open, for a message; empty for none."""
     undetermined = normals(problem, state).quality().inverse.undetermined
-    names = [
-        name for name, is_open in zip(problem.column_names(), undetermined, strict=True) if is_open
-    ]
+    names = np.array(problem.column_names(), dtype=object)[undetermined].tolist()
     if not names:
         return ""
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""

@@ -14,22 +14,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import adjustment
+from acx4lib import adjustment, expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import Solution
 from acx4lib.block import Block, mountings
-from acx4lib.camera import Camera
-from acx4lib.collinearity import mounted_jacobian
+from acx4lib.camera import Camera, require_millimetres
+from acx4lib.collinearity import REFRACTION, mounted_jacobian
 from acx4lib.covariance import propagate
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
 from acx4lib.gross_errors import Rejection
 from acx4lib.network import Network, State, camera_poses
-from acx4lib.observations import PoseObservations, Strips, strips_of
+from acx4lib.observations import PoseObservations, Strips, strips_of, unobserved
 from acx4lib.ray_misfits import ASTRAY, far_off, in_front, suspects, with_estimates
 from acx4lib.robust import robust_phase
 from acx4lib.start_values import recovered, start_points
-from acx4lib.unknowns import MOUNT, Layout, free_shift, layout
+from acx4lib.unknowns import GNSS, MOUNT, Layout, free_shift, layout
 
 SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
@@ -56,6 +56,7 @@ def require_control(block: Block) -> None:
     AdjustmentError
         Exteriors that no trajectory observes would have no datum.
     """
+    expected.instance("block", block, Block)
     rays = block.rays[block.control.point_idx]
     usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
     x_m, spread = block.control.x_m[usable], np.zeros(3)
@@ -89,11 +90,16 @@ def free_orientation(
     refraction : str
         ``"none"`` or ``"standard"``.
 
-    Returns
-    -------
-    Network
+    Raises
+    ------
+    ValueError
+        For an unknown name, or positions of other images.
     """
+    expected.instance("block", block, Block)
     n_images = len(block.images)
+    if positions is not None:
+        expected.instance("positions", positions, PoseObservations)
+        expected.many("positions", positions.T_m_b, n_images, "poses")
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
@@ -102,7 +108,7 @@ def free_orientation(
         block,
         poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
         columns=layout(len(block.cameras), n_images, free=free),
-        observed=positions or _unobserved(T_m_c),
+        observed=positions or unobserved(T_m_c),
         T_b_c=identity,
         refraction=refraction,
     )
@@ -132,15 +138,15 @@ def mounted_orientation(
         What GNSS positions are off by, names of `unknowns.GNSS`: a ``"shift"`` of the block, its
         height held where the lever arm's z is estimated; a ``"drift"`` along every strip.
 
-    Returns
-    -------
-    Network
-
     Raises
     ------
     AdjustmentError
         For drifts of a block without strips.
+    ValueError
+        For an unknown name.
     """
+    expected.instance("block", block, Block)
+    expected.names_of("gnss", gnss, GNSS)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
     if "drift" in gnss and not strips.names:
@@ -171,16 +177,6 @@ def mounted_orientation(
     )
 
 
-def _unobserved(T_m_b: Pose) -> PoseObservations:
-    open_sigma = np.full((len(T_m_b), 3), np.inf)
-    return PoseObservations(
-        T_m_b=T_m_b,
-        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
-        sigma_position=open_sigma,
-        sigma_attitude=open_sigma,
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Poses:
     """Start poses with their names, and which of them every image hangs on."""
@@ -200,6 +196,11 @@ def _network(
     refraction: str,
 ) -> Network:
     """Put a block and its unknowns together; recover start values that are far off."""
+    expected.one_of("refraction", refraction, REFRACTION)
+    require_millimetres(block.cameras)
+    if len(block.images) == 0:
+        msg = f"block {block.name!r} has no images: there is nothing to adjust"
+        raise AdjustmentError(msg)
     given = Network(
         block=block,
         pose_names=poses.names,
@@ -329,6 +330,7 @@ def adjust(network: Network) -> Bundle:
     AdjustmentError
         Where it does not converge, or not to where the measurements are.
     """
+    expected.instance("network", network, Network)
     if not far_off(network, network.start).any():
         with suppress(AdjustmentError):
             return _adjusted(network, network.start)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.bundle import Bundle
 from acx4lib.camera import INTERIOR, Camera
@@ -85,6 +86,13 @@ class Calibration:
     sigma0_sq: float
     open_columns: Mask
 
+    def __post_init__(self) -> None:
+        expected.sequence("cameras", self.cameras, Camera)
+        n = self.layout.n_columns
+        expected.shape("cov", self.cov, (n, n))
+        expected.symmetric("cov", self.cov)
+        expected.size("sigma0_sq", self.sigma0_sq)
+
     @property
     def n_columns(self) -> int:
         """Number of estimated parameters."""
@@ -129,6 +137,7 @@ def from_bundle(bundle: Bundle) -> Calibration:
 
 def given(cameras: Sequence[Camera]) -> Calibration:
     """Return cameras taken as they are: nothing estimated, no covariance."""
+    expected.sequence("cameras", cameras, Camera)
     return Calibration(
         cameras=tuple(cameras),
         layout=layout(len(cameras), 0, free=()),
@@ -140,6 +149,7 @@ def given(cameras: Sequence[Camera]) -> Calibration:
 
 def parameters(calibration: Calibration) -> list[Parameter]:
     """Return every estimated parameter with its a posteriori standard deviation."""
+    expected.instance("calibration", calibration, Calibration)
     sigma = sigmas(reported_covariance(calibration))
     open_columns = _open_reported(calibration)
     out = []

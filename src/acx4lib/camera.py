@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.frames import Pose, transform
 
@@ -24,6 +27,11 @@ class Interior:
         Decentring coefficients, mm^-1.
     b1 : float
         Scale of x against y less one, dimensionless.
+
+    Raises
+    ------
+    ValueError
+        Where f is not positive, or a number is not finite.
     """
 
     f: float
@@ -37,7 +45,9 @@ class Interior:
     b1: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.f > 0 and np.isfinite(self.f)):
+        for name in INTERIOR:
+            expected.number(name, getattr(self, name))
+        if not self.f > 0:
             msg = f"focal length must be positive, got f={self.f} mm"
             raise ValueError(msg)
 
@@ -48,11 +58,18 @@ class Interior:
     @classmethod
     def from_array(cls, values: Array) -> Interior:
         """Make an interior orientation from nine values in the order of `INTERIOR`."""
+        values = expected.numbers("values", values, (len(INTERIOR),))
         return cls(**dict(zip(INTERIOR, map(float, values), strict=True)))
 
 
 INTERIOR = tuple(f.name for f in fields(Interior))
 """Names of the interior parameters, in the order of every column block."""
+
+LARGEST_FORMAT_MM = 1000.0
+"""No sensor has such a side; pixels in micrometres make one."""
+
+SMALLEST_F_MM = 1.0
+"""No camera of a flight has a smaller focal length."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +86,11 @@ class Camera:
         Given, or the approximation from which it is estimated.
     T_b_c : Pose
         Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), given or approximate.
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive, or the mounting is no single finite pose.
     """
 
     name: str
@@ -78,6 +100,25 @@ class Camera:
     interior: Interior
     T_b_c: Pose = field(default_factory=lambda: Pose(R=np.eye(3), r=np.zeros(3)))
 
+    def __post_init__(self) -> None:
+        expected.text("name", self.name)
+        expected.whole("width_px", self.width_px)
+        expected.whole("height_px", self.height_px)
+        expected.positive_number("pixel_mm", self.pixel_mm)
+        side_mm = max(self.width_px, self.height_px) * self.pixel_mm
+        if not (self.pixel_mm <= 1 or side_mm <= LARGEST_FORMAT_MM):
+            msg = (
+                f"pixel_mm: expected mm, got {self.pixel_mm}, which makes a sensor of "
+                f"{side_mm / 1000:.1f} m (micrometres?)"
+            )
+            raise ValueError(msg)
+        expected.instance("interior", self.interior, Interior)
+        expected.instance("T_b_c", self.T_b_c, Pose)
+        expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
+        expected.finite("T_b_c.R", self.T_b_c.R)
+        expected.finite("T_b_c.r", self.T_b_c.r)
+        expected.rotation("T_b_c.R", self.T_b_c.R)
+
     @property
     def diagonal_px(self) -> float:
         """Length of the image diagonal, px."""
@@ -85,7 +126,19 @@ class Camera:
 
     def with_interior(self, interior: Interior) -> Camera:
         """Return this camera with another interior orientation."""
-        return replace(self, interior=interior)
+        expected.instance("interior", interior, Interior)
+        camera = copy(self)  # the rest is checked
+        object.__setattr__(camera, "interior", interior)
+        return camera
+
+
+def require_millimetres(cameras: Sequence[Camera]) -> None:
+    """Raise a ValueError where a focal length can only be meant in metres."""
+    for camera in cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            f = camera.interior.f
+            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
+            raise ValueError(msg)
 
 
 def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
@@ -102,12 +155,16 @@ def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
     xy : ndarray, shape (..., 2)
         mm from the middle of the image, x right, y up.
     """
+    expected.instance("camera", camera, Camera)
+    colrow = expected.numbers("colrow", colrow, (..., 2))
     centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
     return (colrow - centre) * np.array([camera.pixel_mm, -camera.pixel_mm])
 
 
 def colrow_from_xy(camera: Camera, xy: Array) -> Array:
     """Return pixel coordinates of image coordinates; inverse of `xy_from_colrow`."""
+    expected.instance("camera", camera, Camera)
+    xy = expected.numbers("xy", xy, (..., 2))
     centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
     return xy / np.array([camera.pixel_mm, -camera.pixel_mm]) + centre
 
@@ -143,7 +200,8 @@ def distortion(interior: Interior, xy: Array) -> Array:
     .. [1] D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37(8),
        1971.
     """
-    xy = reduced(interior, xy)
+    expected.instance("interior", interior, Interior)
+    xy = reduced(interior, expected.numbers("xy", xy, (..., 2)))
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
     radial = r2 * (interior.k1 + r2 * (interior.k2 + r2 * interior.k3))
@@ -235,6 +293,8 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     xy : ndarray, shape (n, 2)
         Measured, mm from the middle of the image.
     """
+    ideal = expected.numbers("ideal", ideal, ("n", 2))
+    expected.whole("steps", steps)
     unscale = np.array([1 / (1 + interior.b1), 1.0])
     xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
     for _ in range(steps):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.camera import (
     INTERIOR,
@@ -127,7 +128,15 @@ def project(camera: Camera, T_m_c: Pose, x_m: Array) -> Array:
     -------
     colrow : ndarray, shape (n, 2)
         Pixels, also outside the sensor; NaN behind the camera or outside the lens model.
+
+    Raises
+    ------
+    ValueError
+        For points of another shape, or poses that are not as many.
     """
+    x_m = expected.numbers("x_m", x_m, ("n", 3))
+    if len(T_m_c.R) != 1:  # one pose spreads over all points
+        expected.shape("T_m_c.R", T_m_c.R, (len(x_m), 3, 3))
     ideal = pinhole(camera.interior.f, to_camera(T_m_c, x_m))
     colrow = np.full((len(x_m), 2), np.nan)
     ahead = np.isfinite(ideal[:, 0])
@@ -150,6 +159,7 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
     -------
     ndarray, shape (n, 3)
     """
+    colrow = expected.numbers("colrow", colrow, ("n", 2))
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
     ray_c = np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)])
     return transform(T_m_c.R, ray_c / np.linalg.norm(ray_c, axis=1, keepdims=True))
@@ -157,6 +167,9 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
 
 LAPSE, DENSITY = 0.0065 / 288.15, 4.2559
 """Standard atmosphere: decrease of temperature with height as a share, 1/m, and the exponent."""
+
+REFRACTION = ("none", "standard")
+"""What rays may be taken to do: go straight, or bend in the standard atmosphere."""
 
 REFRACTIVITY = 2.78e-4
 """n - 1 of visible light in air at sea level, 15 degrees Celsius and 1013.25 hPa."""
@@ -305,9 +318,7 @@ def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
     ValueError
         For another kind of refraction.
     """
+    expected.one_of("refraction", refraction, REFRACTION)
     if refraction == "none":
         return x_m
-    if refraction == "standard":
-        return x_m + refraction_lift(r_m_c, x_m)[:, None] * np.array([0.0, 0.0, 1.0])
-    msg = f"refraction is 'none' or 'standard', got {refraction!r}"
-    raise ValueError(msg)
+    return x_m + refraction_lift(r_m_c, x_m)[:, None] * np.array([0.0, 0.0, 1.0])

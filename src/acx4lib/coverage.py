@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.adjustment import two_sided_p
 
@@ -41,6 +42,7 @@ class Share:
 
 def nominal(level: float) -> float:
     """Return the probability that a normal error stays within some sigma."""
+    expected.positive_number("level", level)
     return float(stats.norm.cdf(level) - stats.norm.cdf(-level))
 
 
@@ -60,11 +62,13 @@ def spread_p(z: Array) -> float:
 
 def sum_p(chi_squares: Array, dof: int) -> float:
     """Return the two-sided p value of the sum of chi-squares of one number of freedoms each."""
+    expected.whole("dof", dof)
     return two_sided_p(float(np.sum(chi_squares)), dof * len(chi_squares))
 
 
 def distribution_p(chi_squares: Array, dof: int) -> float:
     """Return the p value of all chi-squares as a sample: Kolmogorov's and Smirnov's test."""
+    expected.whole("dof", dof)
     return float(stats.kstest(chi_squares, stats.chi2(dof).cdf).pvalue)
 
 
@@ -78,6 +82,8 @@ def share_within(z: Array, level: float) -> Share:
     z : ndarray, shape (n,)
     level : float
     """
+    expected.positive_number("level", level)
+    expected.some("z", z, "number")
     test = stats.binomtest(int(np.sum(np.abs(z) <= level)), len(z))
     low, high = test.proportion_ci(CONFIDENCE)
     return Share(value=float(test.statistic), low=float(low), high=float(high))
@@ -150,6 +156,11 @@ def holm(p: Array) -> Array:
 
     Those below alpha are rejected jointly: none is by chance, with probability 1 - alpha.
     """
+    beyond = ~((np.asarray(p) >= 0) & (np.asarray(p) <= 1))
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        msg = f"p: expected probabilities between 0 and 1, got {p[row]} in row {row}"
+        raise ValueError(msg)
     order = np.argsort(p)
     factors = np.arange(len(p), 0, -1)
     adjusted = np.empty(len(p))

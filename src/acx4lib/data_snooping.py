@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.absurd_control import tested, without_absurd_control
 from acx4lib.block import Block
@@ -68,7 +69,7 @@ def adjust_rejecting(
     AdjustmentError
         Where an adjustment does not converge.
     ValueError
-        For another `sigma0`.
+        For another `sigma0`, or a critical value that is not positive.
 
     Notes
     -----
@@ -80,8 +81,11 @@ def adjust_rejecting(
     the prediction. Where the spread of a kind's w says that its a priori sigma is too small, w
     counts in units of that spread: a wrong weight is no gross error.
     """
-    if sigma0 not in ("known", "estimated"):
-        msg = f"sigma0 is 'known' or 'estimated', got {sigma0!r}"
+    expected.instance("block", block, Block)
+    expected.positive_number("critical", critical)
+    expected.one_of("sigma0", sigma0, ("known", "estimated"))
+    if not callable(set_up):
+        msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
         raise ValueError(msg)
     given = block
     block, network, absurd = without_absurd_control(given, set_up)

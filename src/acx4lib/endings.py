@@ -17,7 +17,7 @@ from pathlib import Path
 
 import typer
 
-from acx4lib.errors import Acx4Error, FlightError
+from acx4lib.errors import Acx4Error, FlightError, OutputError
 from acx4lib.terminal import NOBODY_READS, abandon, say
 
 TERMINATED = 128 + signal.SIGTERM
@@ -58,7 +58,7 @@ def _guarded(command: Command, arguments: Sequence[str]) -> int:
         status = end.code
     except Acx4Error as error:
         say(*getattr(error, "__notes__", ()), *str(error).splitlines())
-        status = 2 if isinstance(error, FlightError) else 1
+        status = 2 if isinstance(error, FlightError | OutputError) else 1
     except OSError as error:
         say(_said_of_file(error))
         status = 2

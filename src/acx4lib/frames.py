@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 
 
@@ -25,7 +26,7 @@ def skew(a: Array) -> Array:
     -------
     ndarray, shape (..., 3, 3)
     """
-    a = np.asarray(a, dtype=float)
+    a = expected.numbers("a", a, (..., 3))
     out = np.zeros((*a.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -a[..., 2], a[..., 1], -a[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = a[..., 2], -a[..., 1], a[..., 0]
@@ -48,6 +49,7 @@ def turn(axis: int, angle: Array | float) -> Array:
     -------
     ndarray, shape (..., 3, 3)
     """
+    expected.one_of("axis", axis, (0, 1, 2))
     angle = np.asarray(angle, dtype=float)
     j, k = (axis + 1) % 3, (axis + 2) % 3
     out = np.zeros((*angle.shape, 3, 3))
@@ -77,7 +79,8 @@ def rotation_from_opk(opk: Array) -> Array:
     -----
     M = R3(kappa) R2(phi) R1(omega), hence M^T = Rx(omega) Ry(phi) Rz(kappa).
     """
-    opk = np.asarray(opk, dtype=float)
+    opk = expected.numbers("opk", opk, (..., 3))
+    expected.radians("opk", opk)
     return turn(0, opk[..., 0]) @ turn(1, opk[..., 1]) @ turn(2, opk[..., 2])
 
 
@@ -93,6 +96,8 @@ def opk_from_rotation(R: Array) -> Array:
     ndarray, shape (..., 3)
         Radians. At phi = +-90 degrees omega and kappa are not separable.
     """
+    R = expected.numbers("R", R, (..., 3, 3))
+    expected.rotations("R", R.reshape(-1, 3, 3))
     omega = np.arctan2(-R[..., 1, 2], R[..., 2, 2])
     # atan2 instead of asin keeps full precision near a quarter turn
     phi = np.arctan2(R[..., 0, 2], np.hypot(R[..., 1, 2], R[..., 2, 2]))
@@ -112,6 +117,7 @@ def opk_jacobian(opk: Array) -> Array:
     -------
     ndarray, shape (..., 3, 3)
     """
+    opk = expected.numbers("opk", opk, (..., 3))
     phi, kappa = opk[..., 1], opk[..., 2]
     out = np.zeros((*opk.shape, 3))
     out[..., 0, 0] = np.cos(kappa) / np.cos(phi)
@@ -137,7 +143,8 @@ def rotation_from_rph(rph: Array) -> Array:
     ndarray, shape (..., 3, 3)
         Forward-right-down to north-east-down.
     """
-    rph = np.asarray(rph, dtype=float)
+    rph = expected.numbers("rph", rph, (..., 3))
+    expected.radians("rph", rph)
     return turn(2, rph[..., 2]) @ turn(1, rph[..., 1]) @ turn(0, rph[..., 0])
 
 
@@ -153,7 +160,7 @@ def exp(delta: Array) -> Array:
     -------
     ndarray, shape (..., 3, 3)
     """
-    delta = np.asarray(delta, dtype=float)
+    delta = expected.numbers("delta", delta, (..., 3))
     angle = np.linalg.norm(delta, axis=-1)[..., None, None]
     K = skew(delta)
     # np.sinc(x) = sin(pi x) / (pi x), without a special case at zero
@@ -175,6 +182,7 @@ def log(R: Array) -> Array:
     ndarray, shape (..., 3)
         Radians.
     """
+    R = expected.numbers("R", R, (..., 3, 3))
     twice_sine = np.stack(
         [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]],
         axis=-1,
@@ -197,6 +205,7 @@ def log_jacobian(delta: Array) -> Array:
     -------
     ndarray, shape (..., 3, 3)
     """
+    delta = expected.numbers("delta", delta, (..., 3))
     angle = np.linalg.norm(delta, axis=-1)[..., None, None]
     half = np.maximum(angle, 1e-4) / 2  # at 1e-4 the series' next term is below rounding
     K = skew(delta)
@@ -218,6 +227,9 @@ def mean_rotation(R: Array, weights: Array | None = None) -> Array:
     -------
     ndarray, shape (3, 3)
     """
+    expected.shape("R", R, ("n", 3, 3))
+    expected.some("R", R, "rotation matrix")
+    expected.rotations("R", R)
     mean = R[0]
     for _ in range(20):
         apart = log(mean.T @ R)
@@ -238,10 +250,26 @@ class Pose:
         R_a_b.
     r : ndarray, shape (..., 3)
         Origin of b in a, m.
+
+    Raises
+    ------
+    ValueError
+        For other shapes. Whether R turns is checked where poses are kept: in `Camera`,
+        `Trajectory` and the like.
     """
 
     R: Array
     r: Array
+
+    def __post_init__(self) -> None:
+        R, r = getattr(self.R, "shape", ()), getattr(self.r, "shape", ())
+        if R[-2:] == (3, 3) and r[-1:] == (3,) and R[:-2] == r[:-1]:
+            return  # in a microsecond: poses are made everywhere
+        expected.shape("R", self.R, (..., 3, 3))
+        expected.shape("r", self.r, (..., 3))
+        if not _spread(R[:-2], r[:-1]):
+            msg = f"R and r: expected as many of either, got {R[:-2]} and {r[:-1]}"
+            raise ValueError(msg)
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain: ``T_a_c = T_a_b @ T_b_c``."""
@@ -265,6 +293,12 @@ class Pose:
     def opk(self) -> Array:
         """omega, phi, kappa in radians, shape (..., 3)."""
         return opk_from_rotation(self.R)
+
+
+def _spread(a: tuple[int, ...], b: tuple[int, ...]) -> bool:
+    """Tell whether two arrays of these shapes spread over each other."""
+    pairs = zip(reversed(a), reversed(b), strict=False)
+    return all(m == n or 1 in (m, n) for m, n in pairs)
 
 
 def transform(R: Array, x: Array) -> Array:

@@ -17,6 +17,7 @@ from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # public, but not marked so
 
+from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.crs_text import crs_fault, is_code_or_wkt
 from acx4lib.frames import Pose, rotation_from_opk, rotation_from_rph, turn
@@ -52,6 +53,8 @@ class GridSystem:
     heights: str = "ellipsoidal"
 
     def __post_init__(self) -> None:
+        expected.text("crs", self.crs)
+        expected.text("heights", self.heights)
         set_network_enabled(active=False)  # results must not depend on a server
         given = self.crs if len(self.crs) <= SHOWN else f"{self.crs[:SHOWN]}…"
         fault = crs_fault(self.crs)
@@ -226,6 +229,11 @@ class MappingFrame:
         What the outside world counts in.
     origin : ndarray, shape (2,)
         Longitude and latitude, degrees.
+
+    Raises
+    ------
+    ValueError
+        Where the origin is not on the earth. Its functions raise for other shapes.
     """
 
     grid: GridSystem
@@ -234,7 +242,11 @@ class MappingFrame:
     _r_e_m: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        origin = np.asarray(self.origin, dtype=float).reshape(1, 2)
+        lon, lat = expected.numbers("origin", self.origin, (2,))
+        if not (abs(lon) <= 360 and abs(lat) <= 90):
+            msg = f"origin: expected longitude and latitude in degrees, got {lon}, {lat}"
+            raise ValueError(msg)
+        origin = np.array([[lon, lat]])
         object.__setattr__(self, "_R_e_m", rotation_enu_to_ecef(origin)[0])
         object.__setattr__(
             self, "_r_e_m", self.grid.ecef_from_geographic(np.append(origin, [[0.0]], axis=1))[0]
@@ -242,10 +254,12 @@ class MappingFrame:
 
     def from_geographic(self, lonlath: Array) -> Array:
         """Return mapping coordinates of longitude, latitude (deg), ellipsoidal height (m)."""
+        lonlath = _lonlath(lonlath)
         return (self.grid.ecef_from_geographic(lonlath) - self._r_e_m) @ self._R_e_m
 
     def to_geographic(self, x_m: Array) -> Array:
         """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
+        x_m = expected.numbers("x_m", x_m, ("n", 3))
         return self.grid.geographic_from_ecef(x_m @ self._R_e_m.T + self._r_e_m)
 
     def from_grid(self, enh: Array) -> Array:
@@ -260,6 +274,7 @@ class MappingFrame:
         x_m : ndarray, shape (n, 3)
             m; not finite where the point lies outside the CRS or the geoid grid.
         """
+        enh = expected.numbers("enh", enh, ("n", 3))
         lonlat = self.grid.lonlat_from_grid(enh[:, :2])
         height = enh[:, 2] + self.grid.undulation(lonlat)
         return self.from_geographic(np.column_stack([lonlat, height]))
@@ -295,6 +310,8 @@ class MappingFrame:
         opk : ndarray, shape (n, 3)
             omega, phi, kappa against grid east, grid north and the ellipsoid normal, radians.
         """
+        enh = expected.numbers("enh", enh, ("n", 3))
+        opk = expected.numbers("opk", opk, (len(enh), 3))
         r_m = self.from_grid(enh)
         return Pose(R=np.swapaxes(self.grid_axes(r_m), -1, -2) @ rotation_from_opk(opk), r=r_m)
 
@@ -318,11 +335,23 @@ class MappingFrame:
         Pose
             Of the body frame forward-left-up.
         """
-        lonlath = np.array(lonlath, dtype=float)
+        lonlath = _lonlath(lonlath).copy()
+        rph = expected.numbers("rph", rph, (len(lonlath), 3))
         lonlath[:, 2] += self.grid.undulation(lonlath[:, :2])
         R_t_b = R_ENU_NED @ rotation_from_rph(rph) @ R_FRD_FLU
         R_m_t = self._R_e_m.T @ rotation_enu_to_ecef(lonlath[:, :2])
         return Pose(R=R_m_t @ R_t_b, r=self.from_geographic(lonlath))
+
+
+def _lonlath(lonlath: Array) -> Array:
+    """Return longitudes, latitudes and heights as they are given, if they are on the earth."""
+    lonlath = expected.numbers("lonlath", lonlath, ("n", 3))
+    beyond = (np.abs(lonlath[:, 1]) > 90) & np.isfinite(lonlath[:, 1])  # off the CRS is infinite
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        msg = f"lonlath: expected latitudes within 90 degrees, got {lonlath[row, 1]} in row {row}"
+        raise ValueError(msg)
+    return lonlath
 
 
 def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
@@ -334,6 +363,8 @@ def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
     lonlat : ndarray, shape (n, 2)
         Degrees.
     """
+    lonlat = expected.numbers("lonlat", lonlat, ("n", 2))
+    expected.some("lonlat", lonlat, "position")
     on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
     centre = grid.ecef_from_geographic(on_ellipsoid).mean(axis=0)
     return MappingFrame(grid=grid, origin=grid.geographic_from_ecef(centre[None])[0, :2])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block, mountings
 from acx4lib.calibration import Calibration
@@ -66,6 +67,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     ValueError
         Where the calibration lacks a camera.
     """
+    expected.instance("block", block, Block)
+    expected.instance("calibration", calibration, Calibration)
     names = [camera.name for camera in calibration.cameras]
     missing = [camera.name for camera in block.cameras if camera.name not in names]
     if missing:
@@ -116,6 +119,17 @@ class Rays:
     group: Index
     colrow: Array
     sigma_px: Array
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("image_idx", self.image_idx)
+        n = len(self.image_idx)
+        expected.whole_numbers("group", self.group, (n,))
+        expected.shape("colrow", self.colrow, (n, 2))
+        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.positive("sigma_px", self.sigma_px)
+        if n and (self.group[0] < 0 or np.any(np.diff(self.group) < 0)):
+            msg = f"group: expected ascending numbers from zero, got {self.group.tolist()[:10]} ..."
+            raise ValueError(msg)
 
     @property
     def n_groups(self) -> int:
@@ -194,7 +208,15 @@ def intersect_rays(
     -------
     Intersections
         NaN where rays do not meet in front of the cameras.
+
+    Raises
+    ------
+    ValueError
+        For images that the block does not have, or weights of another shape.
     """
+    expected.places("selected.image_idx", selected.image_idx, len(block.images))
+    if weights is not None:
+        expected.shape("weights", weights, (len(selected.group), 2, 2))
     seen = measured(block, georeferenced, selected)
     P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
     x_m = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)

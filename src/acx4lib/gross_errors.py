@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib.block import Block
 
 CRITICAL = 3.9
@@ -40,6 +41,9 @@ class Rejection:
     statistic: float
     limit: float = CRITICAL
 
+    def __post_init__(self) -> None:
+        expected.one_of("kind", self.kind, KINDS)
+
 
 def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     """Return the block without observations.
@@ -54,10 +58,18 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     -------
     Block
         Image points are dropped; control components and trajectory rows get an infinite sigma.
+
+    Raises
+    ------
+    ValueError
+        Where the block has no such row.
     """
+    expected.instance("block", block, Block)
     rows = {
         kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
     }
+    for kind, n in zip(KINDS, _numbers_of_rows(block), strict=True):
+        expected.places(f"rejected: {kind} rows", rows[kind], n)
     components = [
         slice(None) if r.component < 0 else r.component
         for r in rejected
@@ -77,3 +89,9 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
         control=replace(control, sigma_m=sigma_m),
         trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
     )
+
+
+def _numbers_of_rows(block: Block) -> tuple[int, int, int, int]:
+    """Return how many observations a block has, by `KINDS`."""
+    n = len(block.trajectory)
+    return len(block.image_points), len(block.control), n, n

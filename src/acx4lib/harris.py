@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 
 BLOCK, SOBEL, K = 5, 3, 0.04  # of Harris' response: side of the sum, of the derivative; trace
@@ -29,6 +30,7 @@ def response(grey: Array) -> Array:
     .. [1] C. Harris, M. Stephens, "A combined corner and edge detector", Alvey Vision
        Conference, 1988.
     """
+    expected.shape("grey", grey, ("rows", "cols"))
     return np.asarray(cv2.cornerHarris(np.asarray(grey, np.float32), BLOCK, SOBEL, K), np.float32)
 
 
@@ -50,6 +52,11 @@ def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
     n_cells : int
         Cells in which a place may be, with a corner or without.
     """
+    expected.shape("values", values, ("rows", "cols"))
+    expected.whole("cell", cell)
+    if allowed.shape != values.shape:
+        msg = f"allowed: expected shape {values.shape}, got {allowed.shape}"
+        raise ValueError(msg)
     rows, cols = (-(-n // cell) for n in values.shape)
     padded = np.zeros((rows * cell, cols * cell), np.float32)
     padded[: values.shape[0], : values.shape[1]] = np.where(allowed, values, 0)
@@ -97,6 +104,7 @@ def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
     .. [1] J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image
        Understanding 64(2), 1996.
     """
+    expected.shape("image", image, ("rows", "cols", "bands"))
     rows, cols = image.shape[:2]
     side = min(_PATCH, rows, cols)
     ratios = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.camera import Camera, correct, correct_jacobian, xy_from_colrow
 from acx4lib.frames import rotation_from_opk, skew, transform
@@ -128,6 +129,8 @@ def frame_differences(
     FrameDifferences
         `orientation` less `other`, with the head whose border is farthest at each node.
     """
+    expected.whole("spacing_px", spacing_px)
+    expected.many("other", other.heads, len(orientation.heads), "heads, as of orientation")
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)

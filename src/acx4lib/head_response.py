@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.camera import Camera
 from acx4lib.covariance import sigmas
@@ -46,6 +47,9 @@ class Response:
     """
 
     coefficients: Array
+
+    def __post_init__(self) -> None:
+        expected.shape("coefficients", self.coefficients, ("n_heads", "n_bands", 3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,6 +167,8 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
     -------
     ResponseFit
     """
+    expected.whole("n_heads", n_heads)
+    expected.whole("n_bands", n_bands)
     coefficients, sigma = np.zeros((2, n_heads, n_bands, 3))
     for band in range(n_bands):
         A, y = _equations(samples, n_heads, band)

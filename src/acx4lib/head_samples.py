@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.camera import Camera, xy_from_colrow
 from acx4lib.mapped_pixels import forget
@@ -81,8 +82,16 @@ def overlap_samples(
     """Return grey values of the same ground for all pairs of heads that overlap.
 
     Parameters are those of `estimate_response`.
+
+    Raises
+    ------
+    ValueError
+        Where the images are not those of the heads.
     """
+    expected.instance("rng", rng, np.random.Generator)
+    expected.whole("n_points", n_points)
     images = [with_bands(image) for image in images]
+    _check_images(images, orientation)
     # patches of reduced images cover more ground already
     patch = 5 if max(images[0].shape) >= 4000 else 3
     out = []
@@ -94,6 +103,12 @@ def overlap_samples(
         for k in (a, b):
             forget(images[k])
     return out
+
+
+def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
+    expected.many("images", images, len(orientation.heads), "images, one for each head")
+    for image, head in zip(images, orientation.heads, strict=True):
+        expected.shape(f"image of {head.name}", image, (head.height_px, head.width_px, "bands"))
 
 
 def with_bands(image: Image) -> Image:

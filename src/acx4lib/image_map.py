@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.camera import Camera, inside, xy_from_colrow
 from acx4lib.relative_orientation import RelativeOrientation
@@ -141,6 +142,8 @@ def window_map(
     step_px : int
         Synthetic pixels from node to node.
     """
+    expected.place("k", k, len(orientation.heads))
+    expected.whole("step_px", step_px)
     row_0, row_1, col_0, col_1 = window
     rows = row_0 + step_px * np.arange(_n_nodes(row_1 - row_0, step_px))
     cols = col_0 + step_px * np.arange(_n_nodes(col_1 - col_0, step_px))

@@ -5,12 +5,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.camera import Camera, correct, xy_from_colrow
 from acx4lib.frames import Pose
 
 R_C_CV = np.diag([1.0, -1.0, -1.0])
 """OpenCV's camera looks along +z with y down."""
+
+NEARLY = 1e-6
+"""How far the squared length of a unit vector may be off."""
 
 
 def intersect(
@@ -36,8 +40,19 @@ def intersect(
     Returns
     -------
     ndarray, shape (n_points, 3)
-        NaN where fewer than two rays meet or all are parallel.
+        NaN where fewer than two rays meet or all are parallel, or one has no direction.
+
+    Raises
+    ------
+    ValueError
+        For directions that are no unit vectors, or a point that is none of n_points.
     """
+    expected.shape("directions", directions, ("n", 3))
+    expected.shape("origins", origins, (len(directions), 3))
+    expected.whole_numbers("point_idx", point_idx, (len(directions),))
+    expected.places("point_idx", point_idx, n_points)
+    length_sq = np.einsum("ni,ni->n", directions, directions)
+    _check_lengths(length_sq)
     middle = origins.mean(axis=0) if len(origins) else np.zeros(3)  # large numbers cost digits
     from_middle = origins - middle
     along = np.sum(from_middle * directions, axis=1)
@@ -52,7 +67,18 @@ def intersect(
     meets = np.linalg.det(normal) > 1e-9  # about 0.003 degrees between two rays
     out = np.full((n_points, 3), np.nan)
     out[meets] = np.linalg.solve(normal[meets], right[meets][..., None])[..., 0] + middle
+    out[point_idx[length_sq == 0]] = np.nan
     return out
+
+
+def _check_lengths(length_sq: Array) -> None:
+    """Raise for directions that are neither unit vectors nor none."""
+    wrong = (np.abs(length_sq - 1) > NEARLY) & (length_sq != 0)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        length = np.sqrt(length_sq[row])
+        msg = f"directions: expected unit vectors, got one of length {length:.3g} in row {row}"
+        raise ValueError(msg)
 
 
 def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
@@ -104,8 +130,12 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     Raises
     ------
     ValueError
-        Where fewer than three points are given or no pose is found.
+        Where fewer than three points are given, one is not finite, or no pose is found.
     """
+    colrow = expected.numbers("colrow", colrow, ("n", 2))
+    x_m = expected.numbers("x_m", x_m, (len(colrow), 3))
+    expected.finite("colrow", colrow)
+    expected.finite("x_m", x_m)
     if len(colrow) < 3:
         msg = f"a resection needs three points or more, got {len(colrow)}"
         raise ValueError(msg)

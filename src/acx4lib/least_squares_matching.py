@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.correlation_kernel import correlate_points
 from acx4lib.matching_kernel import match_points
@@ -59,6 +60,7 @@ def spline_coefficients(image: Array) -> Array:
     .. [1] M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal
        Processing Magazine 16(6), 1999.
     """
+    expected.shape("image", image, ("rows", "cols"))
     taps = POLE ** np.abs(np.arange(-REACH, REACH + 1))
     taps = (taps / taps.sum()).astype(np.float32)
     # small numbers keep their digits
@@ -91,6 +93,8 @@ def noise_correlation(scale: float, *, reach: int = 4) -> Array:
     The autocorrelation of the cardinal spline: a cubic B-spline, twice through the filter of
     `spline_coefficients`, correlated with itself.
     """
+    expected.positive_number("scale", scale)
+    expected.whole("reach", reach, least=0)
     step = 1 / 64
     at = np.arange(-16, 16, step)
     cardinal = sum(POLE ** abs(k) * _b_spline(at - k) for k in range(-REACH, REACH + 1))
@@ -132,6 +136,9 @@ def correlate(
     coefficient : ndarray, shape (n,)
         At the maximum.
     """
+    _check(a, b, at, near)
+    expected.whole("half", half)
+    expected.whole("search", search, least=0)
     return correlate_points(a, b, at.astype(np.int64), np.rint(near).astype(np.int64), half, search)
 
 
@@ -167,6 +174,8 @@ def match(
        technique", South African Journal of Photogrammetry, Remote Sensing and Cartography
        14(3), 1985.
     """
+    _check(a, b, at, near)
+    expected.whole("half", half)
     white = np.array([1.0])
     colrow, sigma, grey = match_points(
         a,
@@ -177,6 +186,14 @@ def match(
         white if correlation is None else correlation,
     )
     return Matches(colrow=colrow, sigma_px=sigma, gain=grey[:, 0], noise=grey[:, 1])
+
+
+def _check(a: Array, b: Array, at: Index, near: Array) -> None:
+    """Raise a ValueError for what are no two images and places in them."""
+    expected.shape("a", a, ("rows", "cols"))
+    expected.shape("b", b, ("rows", "cols"))
+    expected.whole_numbers("at", at, ("n", 2))
+    expected.shape("near", near, (len(at), 2))
 
 
 def _spline_of_seen(image: Array) -> Array:

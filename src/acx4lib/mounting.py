@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.block import Block, mountings
 from acx4lib.bundle import (
@@ -69,7 +70,10 @@ class Mountings:
     failures: dict[str, str]
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome."""
+        """Return one method's outcome; an AdjustmentError says why it has none."""
+        expected.one_of("method", method, METHODS)
+        if method not in self.methods:
+            raise AdjustmentError(self.failures[method])
         return self.methods[method]
 
 
@@ -92,6 +96,8 @@ def calibrate(
     ------
     AdjustmentError
         Where no method has an outcome.
+    ValueError
+        For an unknown name, or something else than a block.
     """
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
@@ -112,8 +118,8 @@ def calibrate(
             failures[name] = str(error)
     if not methods:
         raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
-    ordered = {name: methods[name] for name in METHODS if name in methods}
-    return Mountings(methods=ordered, failures=failures)
+    methods = {name: methods[name] for name in METHODS if name in methods}
+    return Mountings(methods=methods, failures=failures)
 
 
 def single_step(
@@ -176,11 +182,12 @@ def two_step(
     AdjustmentError
         Where control does not orient the block, or the bundle does not converge.
     """
+    estimated = free_mount(fix)
     cleaned = without(block, rejected)
     network = free_orientation(cleaned, free=free, refraction=refraction)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    return _averaged("two_step", bundle, free=free, estimated=free_mount(fix))
+    return _averaged("two_step", bundle, free=free, estimated=estimated)
 
 
 def two_step_gnss(
@@ -206,6 +213,7 @@ def two_step_gnss(
     AdjustmentError
         Where the bundle does not converge.
     """
+    estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
     cleaned = without(block, rejected)
     lever = mountings(block.cameras).r[block.images.camera_idx]
     T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
@@ -217,8 +225,7 @@ def two_step_gnss(
     )
     network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    held = {*fix, "lever_arm"}
-    return _averaged("two_step_gnss", bundle, free=free, estimated=free_mount(tuple(held)))
+    return _averaged("two_step_gnss", bundle, free=free, estimated=estimated)
 
 
 # --- eqs (12) and (13) -----------------------------------------------------------------------
@@ -261,11 +268,7 @@ def _averaged(
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
     )
     return Mounting(
-        method=method,
-        calibration=calibration,
-        bundle=bundle,
-        per_image=T_b_c,
-        averaged=entering,
+        method=method, calibration=calibration, bundle=bundle, per_image=T_b_c, averaged=entering
     )
 
 

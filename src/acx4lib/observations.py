@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.frames import Pose, log, log_jacobian, transform
@@ -51,6 +52,11 @@ class PoseObservations:
         About the pose's own axes, radians; infinite where an attitude is no observation.
     strips : Strips
         Along which positions drift; none by default.
+
+    Raises
+    ------
+    ValueError
+        Where a part has another shape, or a sigma is not positive.
     """
 
     T_m_b: Pose
@@ -58,6 +64,24 @@ class PoseObservations:
     sigma_position: Array
     sigma_attitude: Array
     strips: Strips = field(default_factory=Strips)
+
+    def __post_init__(self) -> None:
+        n = len(self.T_m_b)
+        expected.shape("R_g_m", self.R_g_m, (n, 3, 3))
+        for name in ("sigma_position", "sigma_attitude"):
+            expected.shape(name, getattr(self, name), (n, 3))
+            expected.positive(name, getattr(self, name))
+
+
+def unobserved(T_m_b: Pose) -> PoseObservations:
+    """Return poses of which nothing is observed."""
+    open_sigma = np.full((len(T_m_b), 3), np.inf)
+    return PoseObservations(
+        T_m_b=T_m_b,
+        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )
 
 
 def strips_of(block: Block) -> Strips:

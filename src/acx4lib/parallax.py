@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.block import Block
 from acx4lib.camera import Camera
@@ -96,8 +97,15 @@ def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array)
     Parallax
         NaN where a height is not above the ground, or not above its relief.
     """
-    base_m, height_m = np.broadcast_arrays(np.asarray(base_m, float), np.asarray(height_m, float))
-    relief_m = np.asarray(relief_m, float)
+    base_m, height_m = np.asarray(base_m, float), np.asarray(height_m, float)
+    if base_m.shape != height_m.shape and 1 not in (base_m.size, height_m.size):
+        msg = (
+            "base_m and height_m: expected as many of either, got "
+            f"{base_m.shape} and {height_m.shape}"
+        )
+        raise ValueError(msg)
+    base_m, height_m = np.broadcast_arrays(base_m, height_m)
+    relief_m = expected.numbers("relief_m", relief_m, ("m",))
     height_m = np.where(height_m > 0, height_m, np.nan)
     clear_m = height_m[:, None] - relief_m
     shift = synthetic.interior.f / synthetic.pixel_mm * base_m / height_m

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.camera import INTERIOR
 from acx4lib.covariance import propagate
@@ -26,7 +27,7 @@ from acx4lib.reduced_system import Dense
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.robust import HUBER_WIDTH, SUSPECT, sizes, spread
 from acx4lib.synthetic_image import synthetic_from_head
-from acx4lib.tie_points import TiePoints
+from acx4lib.tie_points import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
@@ -106,10 +107,11 @@ def refine_by_rotations(
     ------
     AdjustmentError
         Where groups of heads share no tie points, or too few.
+    ValueError
+        For tie points of other heads, or another word for `free`.
     """
-    if free not in FREE:
-        msg = f"free is {' or '.join(FREE)}, got {free!r}"
-        raise ValueError(msg)
+    expected.one_of("free", free, FREE)
+    check_ties(ties, orientation)
     sigma = _sigma_mm(orientation, ties)
     used: Mask = np.isfinite(sigma)
     now = orientation

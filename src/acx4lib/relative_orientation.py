@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.adjustment import cross_covariance
 from acx4lib.block import Block, select_camera
@@ -59,6 +60,14 @@ class RelativeOrientation:
     cov_joint: Array
     n_exposures: int
 
+    def __post_init__(self) -> None:
+        expected.sequence("heads", self.heads, Camera)
+        n = len(self.heads)
+        for name in ("xyz_mm", "opk"):
+            expected.shape(name, getattr(self, name), (n, 3))
+            expected.finite(name, getattr(self, name))
+        expected.shape("cov_joint", self.cov_joint, (15 * n, 15 * n))
+
     @property
     def cov(self) -> Array:
         """Covariance of Xc, Yc, Zc (mm), omega, phi, kappa (rad), (6 n_heads, 6 n_heads)."""
@@ -90,7 +99,14 @@ def calibrate_heads(
     -------
     Heads
         A head that cannot be adjusted stands in `failures`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
     """
+    expected.instance("block", block, Block)
+    expected.names("heads", heads)
     bundles, failures = {}, {}
     for name in heads:
         alone = select_camera(block, name)
@@ -123,6 +139,8 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     ------
     AdjustmentError
         Where the heads share no oriented exposure.
+    ValueError
+        For no bundles.
 
     Notes
     -----
@@ -130,7 +148,12 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     heads share, and from the trajectory; all exposures share a head's interior orientation, so
     their scatter would claim too little.
     """
+    if not isinstance(bundles, Mapping):
+        msg = f"bundles: expected a mapping of Bundle, got {expected.given(bundles)}"
+        raise ValueError(msg)
     fits = list(bundles.values())
+    expected.sequence("bundles", fits, Bundle)
+    expected.instance("synthetic", synthetic, Camera)
     images, exposures = _common(fits)
     T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
     T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]

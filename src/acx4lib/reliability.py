@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.bundle import Bundle
 from acx4lib.gross_errors import CRITICAL
@@ -60,7 +61,14 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
         Of the test of w.
     power : float
         The far side of the two-sided test is left out: it has less than 1e-16 of the probability.
+
+    Raises
+    ------
+    ValueError
+        Where `critical` is not positive or `power` is no probability.
     """
+    expected.positive_number("critical", critical)
+    expected.probability("power", power)
     return critical + float(stats.norm.ppf(power))
 
 
@@ -79,6 +87,7 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
     Minimal detectable bias delta_0 sigma / sqrt(r), external reliability
     delta_0 sqrt((1 - r) / r).
     """
+    expected.instance("group", group, Group)
     delta_0 = noncentrality(critical=critical, power=power)
     known = np.isfinite(group.redundancy)
     r = np.where(known, np.clip(group.redundancy, 0.0, 1.0), np.nan)
@@ -106,6 +115,8 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         takes it up.
     """
     network, solution = bundle.network, bundle.solution
+    expected.whole_numbers("columns", columns)
+    expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)
     found = gains(equations, solution.inverse, network.free_points, columns)
     sigma = np.sqrt(solution.inverse.at(columns, columns))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Raster
 from acx4lib.camera import Camera
 from acx4lib.errors import AdjustmentError, FlightError
@@ -83,6 +84,7 @@ class RenderOptions:
             if getattr(self, name) not in known:
                 msg = f"{name} {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise ValueError(msg)
+        expected.size("feather_px", self.feather_px)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

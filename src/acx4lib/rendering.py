@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.blend_weights import Heads, Recipe, Window, room
 from acx4lib.camera import Camera
@@ -66,9 +67,7 @@ class RenderPlan:
         if not self.maps or not self.feather_px >= 0:
             msg = f"{len(self.maps)} heads, feather_px={self.feather_px}; 1 and 0 are the least"
             raise ValueError(msg)
-        if self.interpolation not in ("bilinear", "cubic"):
-            msg = f"interpolation={self.interpolation!r}; must be 'bilinear' or 'cubic'"
-            raise ValueError(msg)
+        expected.one_of("interpolation", self.interpolation, ("bilinear", "cubic"))
         if len({(m.step_px, m.nodes.shape) for m in self.maps}) > 1:
             msg = "the maps of the heads must have their nodes at the same pixels"
             raise ValueError(msg)
@@ -115,6 +114,7 @@ def render_plan(
     -------
     RenderPlan
     """
+    expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)
     return RenderPlan(
         maps=tuple(
@@ -177,9 +177,9 @@ def render_rows(
     head's border, px, divided by the sum over the heads. Results are rounded to the nearest,
     never stretched. A sample between saturated pixels is saturated, whatever the response.
     """
-    if not 0 <= start <= stop <= plan.height_px:
-        msg = f"rows {start} to {stop} of an image with {plan.height_px}"
-        raise ValueError(msg)
+    expected.place("stop", stop, plan.height_px + 1)
+    expected.place("start", start, stop + 1)
+    expected.whole("threads", 1 if threads is None else threads)
     _require_images(plan, images)
     first = images[0]
     out = np.empty((stop - start, plan.width_px, first.shape[2]), first.dtype)
@@ -214,6 +214,7 @@ def resample(
     seen : ndarray of bool, shape (rows, cols)
     """
     height, width = window[1] - window[0], window[3] - window[2]
+    expected.positive("height and width of window", np.array([height, width]))
     step = fitting_step(orientation, synthetic)
     head = levelled(window_map(orientation, k, synthetic, window, step_px=step))
     plan = RenderPlan(maps=(head,), width_px=width, height_px=height)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acx4lib import expected
 from acx4lib._typing import Mask
 from acx4lib.errors import FlightError
 from acx4lib.folder_marks import SCRATCH
@@ -81,7 +82,7 @@ class Results:
 
 
 def read(folder: str | Path) -> Results:
-    """Read a results folder; a file that is not there has no rows.
+    """Read a results folder that is there; a file that is not has no rows.
 
     Parameters
     ----------
@@ -90,9 +91,13 @@ def read(folder: str | Path) -> Results:
     Raises
     ------
     FlightError
-        Where a file is not what `replace` wrote.
+        Where there is no such folder, or a file is not what `replace` wrote.
     """
-    folder = Path(folder)
+    return _read(expected.folder("folder", folder, "the results of a run"))
+
+
+def _read(folder: Path) -> Results:
+    """Read a results folder, one that is still to be made as well."""
     problems: list[str] = []
     tables = {name: _read_table(folder / f"{name}.csv", problems) for name in COLUMNS}
     summary = _read_summary(folder / "summary.json", problems)
@@ -130,9 +135,9 @@ def replace(
     FlightError
         Where the files in the folder cannot be read.
     """
-    folder = Path(folder)
+    folder = expected.path("folder", folder)
     _check_names(stage_methods, tables)
-    old = read(folder)
+    old = _read(folder)
     merged = {
         name: _merged(name, getattr(old, name), tables.get(name), stage_methods) for name in COLUMNS
     }
@@ -145,7 +150,9 @@ def replace(
 
 
 def has(results: Results, stage_method: str) -> bool:
-    """Tell whether a stage or a ``stage/method`` left anything."""
+    """Tell whether a stage or a ``stage/method`` left anything; a ValueError for no stage."""
+    expected.instance("results", results, Results)
+    expected.one_of("stage", str(stage_method).partition("/")[0], STAGES)
     known = {*results.summary, *_keys("parameters", results.parameters)}
     return any(_belongs(key, [stage_method]) for key in known)
 
@@ -164,7 +171,10 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
     ------
     FlightError
         Where the stage has not been run; a method that ran may well have no rows.
+    ValueError
+        For an unknown table or stage.
     """
+    expected.one_of("table", table, COLUMNS)
     if not has(results, stage_method):
         stage = stage_method.partition("/")[0]
         problem = f"{results.folder}: no results of {stage_method}; run stage {stage} first"
@@ -241,9 +251,7 @@ def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask
 
 
 def _check_names(stage_methods: Sequence[str], tables: Mapping[str, pd.DataFrame]) -> None:
-    if isinstance(stage_methods, str):
-        msg = f"expected a sequence of names, got the text {stage_methods!r}"
-        raise ValueError(msg)
+    expected.names("stage_methods", stage_methods)
     unknown = {name.partition("/")[0] for name in stage_methods} - set(STAGES)
     unknown |= tables.keys() - COLUMNS.keys()
     if unknown:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block, SurveyedPoints, mountings
 from acx4lib.bundle import Bundle
@@ -50,7 +51,10 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
     ------
     AdjustmentError
         Where it does not converge.
+    ValueError
+        For an unknown name.
     """
+    expected.names_of("free", free, INTERIOR)
     rig = _adjusted(block, free=("f", *free), refraction=refraction)
     if "f" in free or not not_determined(rig.calibration):
         return rig
@@ -183,6 +187,7 @@ def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientatio
     AdjustmentError
         Where the heads share no exposure.
     """
+    expected.instance("synthetic", synthetic, Camera)
     calibration = rig.calibration
     heads, n = calibration.cameras, len(calibration.cameras)
     images = _first_images(rig.bundle)

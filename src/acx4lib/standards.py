@@ -13,8 +13,9 @@ from functools import cache
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._data import data_path
-from acx4lib.accuracy import Accuracy, AxisTest, Triple, precision_test
+from acx4lib.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
 """Check points below which a class is not stated."""
@@ -157,6 +158,7 @@ def interval_limits(interval: float) -> tuple[Limit, ...]:
     The printed table of the standard rounds them, and four of its entries differ by more than
     the rounding; `height_limits` gives the printed ones.
     """
+    expected.positive_number("interval", interval)
     shares = {"A": (0.27, 1 / 6), "B": (1 / 2, 1 / 3), "C": (3 / 5, 2 / 5), "D": (3 / 4, 1 / 2)}
     return tuple(
         Limit(letter=letter, pec=pec * interval, ep=ep * interval)
@@ -203,6 +205,7 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
     -------
     PecPcd
     """
+    expected.instance("accuracy", accuracy, Accuracy)
     plan, height = plan_limits(scale), height_limits(scale)
     east_north = max(accuracy.rms[:2]), max(accuracy.error_90[:2])
     return PecPcd(
@@ -243,6 +246,7 @@ def nssda(accuracy: Accuracy) -> Nssda:
     -------
     Nssda
     """
+    expected.instance("accuracy", accuracy, Accuracy)
     east, north, height = accuracy.rms
     similar = min(east, north) >= NSSDA_AXIS_RATIO * max(east, north)
     radius = np.sqrt(stats.chi2.ppf(0.95, 2))
@@ -268,6 +272,7 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2014
     """
+    sizes("survey_sigma", survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
     radius = np.sqrt(stats.chi2.ppf(0.95, 2) / 2)
     return Asprs2014(
@@ -293,6 +298,7 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2023
     """
+    sizes("survey_sigma", survey_sigma)
     survey_h = float(np.hypot(survey_sigma[0], survey_sigma[1]))
     rmse_h = float(np.hypot(accuracy.plan_rms, survey_h))
     rmse_v = float(np.hypot(accuracy.rms[2], survey_sigma[2]))

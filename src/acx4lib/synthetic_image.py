@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.camera import (
     Camera,
@@ -46,6 +47,7 @@ class Coverage:
 
 def head_pose(orientation: RelativeOrientation, k: int) -> Pose:
     """Return T_s_h of a head, mm."""
+    expected.place("k", k, len(orientation.heads))
     return Pose(R=rotation_from_opk(orientation.opk[k]), r=orientation.xyz_mm[k])
 
 
@@ -64,7 +66,13 @@ def head_from_synthetic(orientation: RelativeOrientation, k: int, xy: Array) -> 
     -------
     colrow : ndarray, shape (n, 2)
         Pixels of the head, also outside its sensor; NaN outside the lens model.
+
+    Raises
+    ------
+    ValueError
+        For a head that is not there, or points of another shape.
     """
+    xy = expected.numbers("xy", xy, ("n", 2))
     T, camera = head_pose(orientation, k), orientation.heads[k]
     x_s = np.column_stack([xy, np.zeros(len(xy))])
     poses = Pose(R=np.broadcast_to(T.R, (len(xy), 3, 3)), r=T.r)
@@ -77,6 +85,7 @@ def head_from_synthetic(orientation: RelativeOrientation, k: int, xy: Array) -> 
 
 def synthetic_from_head(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
     """Return the synthetic image points of a head's measurements, shape (n, 2), mm."""
+    colrow = expected.numbers("colrow", colrow, ("n", 2))
     T, camera = head_pose(orientation, k), orientation.heads[k]
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
     ray_s = transform(T.R, np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)]))
@@ -88,6 +97,8 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 
     Outer pixel edges, from the head's upper-left corner clockwise, closed.
     """
+    expected.place("k", k, len(orientation.heads))
+    expected.whole("per_side", per_side)
     camera = orientation.heads[k]
     w, h = camera.width_px, camera.height_px
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [0, 0]]) - 0.5
@@ -100,6 +111,7 @@ def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:
     """Return which heads see the nodes of a grid over the synthetic image, borders included."""
+    expected.whole("spacing_px", spacing_px)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(0, w - 1, max(w // spacing_px, 1) + 1)
     rows = np.linspace(0, h - 1, max(h // spacing_px, 1) + 1)
@@ -134,10 +146,12 @@ def reduced_camera(camera: Camera, k: int) -> Camera:
     Raises
     ------
     ValueError
-        Where `k` is not positive, or larger than the image.
+        Where `k` is not positive, no whole number, or larger than the image.
     """
-    width, height = camera.width_px // max(k, 1), camera.height_px // max(k, 1)
-    if k < 1 or not (width and height):
+    expected.instance("camera", camera, Camera)
+    expected.whole("k", k)
+    width, height = camera.width_px // k, camera.height_px // k
+    if not (width and height):
         msg = f"{camera.name}: an image of {camera.width_px} x {camera.height_px} px has no 1/{k}"
         raise ValueError(msg)
     return replace(camera, width_px=width, height_px=height, pixel_mm=k * camera.pixel_mm)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial import KDTree
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import Bundle, adjust, free_orientation, require_control
@@ -152,6 +153,7 @@ def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
     ndarray of bool
         False where a point stands out by more than `robust.SUSPECT` spreads of all points.
     """
+    expected.whole("neighbours", neighbours)
     if len(found) == 0:
         return np.zeros(0, dtype=bool)
     _, near = KDTree(found.ideal).query(found.ideal, k=min(neighbours, len(found)))

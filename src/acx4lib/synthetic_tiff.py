@@ -21,6 +21,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from acx4lib import expected
 from acx4lib._typing import Raster
 from acx4lib.errors import FlightError
 from acx4lib.pyramid import Pyramid, level_sizes
@@ -74,6 +75,9 @@ class Format:
         if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= 4:
             msg = f"1 to 4 bands of uint8 or uint16 are written, not {self.bands} of {self.dtype}"
             raise ValueError(msg)
+        expected.whole("height", self.height)
+        expected.whole("width", self.width)
+        expected.positive_number("pixel_mm", self.pixel_mm)
 
 
 def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.camera import Camera
 from acx4lib.correlation_kernel import weakest_gradients
@@ -71,6 +72,16 @@ class TieOptions:
             if side < 5 or side % 2 == 0:
                 msg = f"{name} must be odd and at least 5, got {side}"
                 raise ValueError(msg)
+        for name in ("cell_px", "cells", "search_px", "coarse_search_px"):
+            expected.whole(name, getattr(self, name))
+        for name in ("least_texture", "largest_sigma_px", "consensus_px"):
+            expected.size(name, getattr(self, name))
+        if not -1 <= self.least_correlation <= 1:
+            msg = (
+                "least_correlation: expected a number from -1 to 1, got "
+                f"{expected.given(self.least_correlation)}"
+            )
+            raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

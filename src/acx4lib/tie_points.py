@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.covariance import sigmas
+from acx4lib.errors import AdjustmentError
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import synthetic_from_head
 
@@ -25,7 +27,12 @@ class TiePoints:
     exposure_idx, point_idx : ndarray, shape (n,)
     colrow_a, colrow_b : ndarray, shape (n, 2)
     sigma_px : ndarray, shape (n,)
-        Of a measurement, the larger of the two.
+        Of a measurement, the larger of the two; infinite where it takes no part.
+
+    Raises
+    ------
+    ValueError
+        Where a part has another shape, or head_a is not before head_b.
     """
 
     head_a: Index
@@ -36,13 +43,30 @@ class TiePoints:
     colrow_b: Array
     sigma_px: Array
 
+    def __post_init__(self) -> None:
+        expected.whole_numbers("head_a", self.head_a)
+        n = len(self.head_a)
+        for name in ("head_b", "exposure_idx", "point_idx"):
+            expected.whole_numbers(name, getattr(self, name), (n,))
+        for name in ("colrow_a", "colrow_b"):
+            expected.shape(name, getattr(self, name), (n, 2))
+        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.positive("sigma_px", self.sigma_px)
+        if np.any(self.head_a >= self.head_b):
+            row = int(np.argmax(self.head_a >= self.head_b))
+            msg = (
+                f"head_b: expected a head behind head_a, got {self.head_b[row]} and "
+                f"{self.head_a[row]} in row {row}"
+            )
+            raise ValueError(msg)
+
     def __len__(self) -> int:
         """Count the tie points."""
         return len(self.head_a)
 
     def __getitem__(self, keep: Index | Mask) -> TiePoints:
         """Select tie points."""
-        return TiePoints(**{one.name: getattr(self, one.name)[keep] for one in fields(self)})
+        return expected.part_of(self, keep)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,8 +107,15 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
         Of the heads; measurements with an infinite sigma are left out.
     orientation : RelativeOrientation
         Says which cameras are heads and in which order.
+
+    Raises
+    ------
+    ValueError
+        Where the block lacks a head.
     """
+    expected.instance("block", block, Block)
     names = [camera.name for camera in block.cameras]
+    expected.names_of("heads", [camera.name for camera in orientation.heads], names)
     head_of = np.full(len(names), -1)
     for k, camera in enumerate(orientation.heads):
         head_of[names.index(camera.name)] = k
@@ -110,8 +141,16 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
     )
 
 
+def check_ties(ties: TiePoints, orientation: RelativeOrientation) -> None:
+    """Raise a ValueError where tie points are of other heads."""
+    expected.instance("ties", ties, TiePoints)
+    expected.places("ties.head_a", ties.head_a, len(orientation.heads))
+    expected.places("ties.head_b", ties.head_b, len(orientation.heads))
+
+
 def overlaps(ties: TiePoints, orientation: RelativeOrientation) -> list[Overlap]:
     """Return the differences of all pairs of heads that share tie points."""
+    check_ties(ties, orientation)
     out = []
     n_heads = len(orientation.heads)
     for a in range(n_heads):
@@ -142,7 +181,15 @@ def refine_by_mean_differences(
     RelativeOrientation
         Its covariance has what the tie points repair of the heads' errors, interior
         orientations included, and their noise.
+
+    Raises
+    ------
+    AdjustmentError
+        Where a head's angles are not known to half a turn.
+    ValueError
+        For tie points of other heads.
     """
+    check_ties(ties, orientation)
     if len(ties) == 0:
         return orientation
     shifts, gain, counts = _shifts(orientation, ties)
@@ -150,6 +197,10 @@ def refine_by_mean_differences(
     xyz[:, :2] += shifts
     n = 6 * len(orientation.heads)
     sigma = sigmas(orientation.cov_joint)
+    largest = np.degrees(orientation.sigma[:, 3:].max())
+    if largest > 180:
+        msg = f"a head's angles have a standard deviation of {largest:.0f} degrees: not determined"
+        raise AdjustmentError(msg)
     J = np.eye(len(sigma))
     for i in map(int, np.flatnonzero(sigma)):
         ahead, _, _ = _shifts(varied(orientation, i, sigma[i]), ties)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Index
 from acx4lib.camera import INTERIOR
 
@@ -82,11 +83,11 @@ def layout(
     ValueError
         For an unknown name.
     """
-    known = ((free, INTERIOR), (free_mount, MOUNT), (free_shift, AXES))
-    unknown = sorted({name for names, all_names in known for name in {*names} - {*all_names}})
-    if unknown:
-        msg = f"no such parameter: {', '.join(unknown)}"
-        raise ValueError(msg)
+    for name, n in (("n_cameras", n_cameras), ("n_poses", n_poses), ("n_drifts", n_drifts)):
+        expected.whole(name, n, least=0)
+    expected.names_of("free", free, INTERIOR)
+    expected.names_of("free_mount", free_mount, MOUNT)
+    expected.names_of("free_shift", free_shift, AXES)
     is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
     per_camera = np.tile(is_free, (n_cameras, 1))
     columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
@@ -104,7 +105,19 @@ def layout(
 
 
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
-    """Return what of the mounting is estimated, given ``"lever_arm"``, ``"boresight"`` held."""
+    """Return what of the mounting is estimated, given what is held.
+
+    Parameters
+    ----------
+    fix : sequence of str
+        Of ``"lever_arm"`` and ``"boresight"``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    expected.names_of("fix", fix, ("lever_arm", "boresight"))
     return tuple(
         name
         for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
@@ -131,9 +144,7 @@ def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...
     ValueError
         For an unknown name.
     """
-    if unknown := sorted(set(gnss) - set(GNSS)):
-        msg = f"gnss is of {', '.join(GNSS)}, got {', '.join(unknown)}"
-        raise ValueError(msg)
+    expected.names_of("gnss", gnss, GNSS)
     if "shift" not in gnss:
         return ()
     return AXES[:2] if "lever_z" in free_mount else AXES

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index, Mask
 from acx4lib.absurd_control import elsewhere
 from acx4lib.adjustment import two_sided_p
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle import SMALLEST_ANGLE
 from acx4lib.calibration import Calibration
-from acx4lib.collinearity import Measurement, directions
+from acx4lib.collinearity import REFRACTION, Measurement, directions
 from acx4lib.covariance import propagate
 from acx4lib.georeferencing import (
     Georeferenced,
@@ -121,14 +122,24 @@ def validate(
         Its check points are compared.
     calibration : Calibration
     method : str
-        Name of the calibration.
+        Name of the calibration in the results; it chooses nothing.
     refraction : str
         ``"none"`` or ``"standard"``.
 
     Returns
     -------
     Validation
+
+    Raises
+    ------
+    ValueError
+        Where the calibration lacks a camera, or for a name that results cannot hold.
     """
+    expected.one_of("refraction", refraction, REFRACTION)
+    expected.text("method", method)
+    if not method or "/" in method:
+        msg = f"method: expected a name without '/', got {method!r}"
+        raise ValueError(msg)
     georeferenced = georeference(block, calibration)
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
@@ -323,6 +334,10 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     d, sigma : ndarray, shape (n, 3)
         East, north, height in the flight's CRS, m; sigma has the survey's part.
     """
+    x_m = expected.numbers("x_m", x_m, ("n", 3))
+    expected.shape("cov", cov, (len(x_m), 3, 3))
+    expected.whole_numbers("check_idx", check_idx, (len(x_m),))
+    expected.places("check_idx", check_idx, len(block.check))
     check: SurveyedPoints = block.check[check_idx]
     met = np.isfinite(x_m).all(axis=1)
     d = np.full((len(x_m), 3), np.nan)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._typing import Array, Index
 from acx4lib.adjustment import cross_covariance
 from acx4lib.block import Block
@@ -133,6 +134,11 @@ def components(
     tuple of Component
         Of groups that took part.
 
+    Raises
+    ------
+    ValueError
+        For an unknown group.
+
     Notes
     -----
     Helmert's estimate: with W = P Q_vv, Q_vv the residuals' covariance, the expectation of
@@ -151,6 +157,8 @@ def components(
     .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
        edition, 1999, chapter 3.6.
     """
+    expected.instance("bundle", bundle, Bundle)
+    expected.names_of("applied", applied or {}, group_names(bundle.network.block))
     groups = [g for g in _groups(bundle) if len(g["sigma"])]
     shares = _shares(bundle, groups)
     inverse = np.linalg.pinv(shares, rcond=1e-8, hermitian=True)
@@ -263,6 +271,11 @@ def image_groups(block: Block) -> tuple[str, ...]:
     if len(block.cameras) == 1:
         return ("image points",)
     return tuple(f"image points {camera.name}" for camera in block.cameras)
+
+
+def group_names(block: Block) -> tuple[str, ...]:
+    """Return the names of all groups."""
+    return (*image_groups(block), *(name for name, _, _ in PARTS))
 
 
 def sentences(found: Sequence[Component]) -> list[str]:

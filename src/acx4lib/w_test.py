@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.normal_equations import Group
 
@@ -105,6 +106,7 @@ def critical_tau(critical: float, redundancy: float) -> float:
     -----
     Pope (1976): tau^2 = r t^2 / (r - 1 + t^2), t of Student's distribution with r - 1.
     """
+    expected.positive_number("critical", critical)
     if redundancy <= 1:
         return np.inf
     t = float(stats.t.isf(stats.norm.sf(critical), redundancy - 1))

@@ -7,12 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.block import Block
 from acx4lib.bundle import Bundle
 from acx4lib.errors import AdjustmentError
 from acx4lib.mounting import single_step
-from acx4lib.variance_components import PARTS, Component, components, image_groups
+from acx4lib.variance_components import (
+    PARTS,
+    Component,
+    components,
+    group_names,
+    image_groups,
+)
 
 CONVERGED = 1e-3
 MAX_ITERATIONS = 30
@@ -45,11 +52,10 @@ def weighted(
     ValueError
         For other weights.
     """
+    expected.instance("block", block, Block)
+    expected.one_of("weights", weights, ("given", "estimated"))
     if weights == "given":
         return block, {}
-    if weights != "estimated":
-        msg = f"weights are 'given' or 'estimated', got {weights!r}"
-        raise ValueError(msg)
     factors = estimated(
         block,
         lambda b: single_step(b, free=free, fix=fix, refraction=refraction, gnss=gnss).bundle,
@@ -104,7 +110,15 @@ def scaled(block: Block, factors: Mapping[str, float]) -> Block:
     block : Block
     factors : mapping of str to float
         By group; groups not named keep their sigma.
+
+    Raises
+    ------
+    ValueError
+        For an unknown group, or a factor that is not positive.
     """
+    expected.names_of("factors", factors, group_names(block))
+    for name, factor in factors.items():
+        expected.positive_number(name, factor)
     by_camera = np.array([factors.get(name, 1.0) for name in image_groups(block)])
     points, trajectory = block.image_points, block.trajectory
     camera_idx = block.images.camera_idx[points.image_idx]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from acx4lib import expected
 from acx4lib._typing import Array, Mask
 from acx4lib.block import Block, SurveyedPoints, select_images
 from acx4lib.calibration import Calibration, parameters, reported_covariance
@@ -15,7 +16,7 @@ from acx4lib.covariance import correlation, propagate, sigmas
 from acx4lib.design import flying_heights
 from acx4lib.errors import AdjustmentError
 from acx4lib.frames import Pose
-from acx4lib.mounting import Mounting, Mountings, single_step
+from acx4lib.mounting import METHODS, Mounting, Mountings, single_step
 
 SHOWN = ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m")
 
@@ -191,6 +192,7 @@ def _seen_by_camera(
 
 def correlations(mountings: Mountings, method: str = "single_step") -> pd.DataFrame:
     """Return the correlation matrix of a method's reported parameters; empty without it."""
+    expected.one_of("method", method, METHODS)
     if method not in mountings.methods:
         return pd.DataFrame()
     calibration = mountings[method].calibration

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError, visible
 from acx4lib.flight.blocks import (
@@ -96,7 +97,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     FlightError
         With everything that is wrong, one line each, files named below `path` as it was given.
     """
-    folder = Path(path)
+    folder = expected.path("path", path)
     if not _is_folder(folder):
         raise FlightError(lines_of([_no_folder(folder)]))
     try:

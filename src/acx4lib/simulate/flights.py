@@ -55,8 +55,12 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
     Raises
     ------
     ValueError
-        On a negative seed, a block that the plan does not have, or more tie points than it sees.
+        On a seed that is negative or no whole number, a block that the plan does not have, or
+        more tie points than it sees.
     """
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool):
+        msg = f"seed must be a whole number, got {seed!r}"
+        raise ValueError(msg)
     if seed < 0:
         msg = f"seed must be zero or positive, got {seed}"
         raise ValueError(msg)
@@ -124,10 +128,14 @@ def photograph(
     Raises
     ------
     ValueError
-        Where the flight has no such exposure, or no exposure is named, or `reduce` leaves no pixel.
+        Where the flight has no such exposure, none is named or a text is given for their names,
+        or `reduce` leaves no pixel.
     OSError
         Where the photo is not there or cannot be read.
     """
+    if isinstance(exposures, str):
+        msg = f"exposures must be a sequence of names, got {exposures!r}"
+        raise ValueError(msg)
     ordered = order(flight.plan, flight.seed, exposures, reduce, photo)
     return replace(
         flight,

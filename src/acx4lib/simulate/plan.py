@@ -46,6 +46,10 @@ class GrossErrors:
         if not 0 < self.image_px[0] <= self.image_px[1] < np.inf:
             msg = f"image_px must be two positive bounds, the lower first, got {self.image_px}"
             raise ValueError(msg)
+        for name in ("control_m", "gnss_m", "heading_deg"):
+            if not np.isfinite(getattr(self, name)):
+                msg = f"{name} must be a finite number, got {getattr(self, name)}"
+                raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,17 +125,36 @@ class Options:
 
     def __post_init__(self) -> None:
         for name in ("image_noise", "control_noise", "gnss_noise", "attitude_noise"):
-            factor = getattr(self, name)
-            if not 0 <= factor < np.inf:
-                msg = f"{name} must be zero or positive, got {factor}"
-                raise ValueError(msg)
+            _check_factor(name, getattr(self, name))
         if self.refraction not in ("none", "standard"):
             msg = f"refraction is 'none' or 'standard', got {self.refraction!r}"
             raise ValueError(msg)
+        for name in ("gnss_shift_m", "gnss_drift_m_per_min", "gnss_strip_drift_m_per_min"):
+            _check_three(name, getattr(self, name))
+        if isinstance(self.blocks, str):
+            msg = f"blocks must be a tuple of names, got {self.blocks!r}"
+            raise ValueError(msg)
         for block, n_points in self.tie_points.items():
-            if block not in BLOCKS or n_points < 0:
+            if block not in BLOCKS or not isinstance(n_points, int) or n_points < 0:
                 msg = f"tie_points: block {block!r} with {n_points} points; known are {BLOCKS}"
                 raise ValueError(msg)
+
+
+def _check_factor(name: str, factor: object) -> None:
+    """Raise a ValueError where a factor on noise is no number from zero on."""
+    if not isinstance(factor, int | float):
+        msg = f"{name} must be a number, got {factor!r}"
+        raise ValueError(msg)
+    if not 0 <= factor < np.inf:
+        msg = f"{name} must be zero or positive, got {factor}"
+        raise ValueError(msg)
+
+
+def _check_three(name: str, values: object) -> None:
+    """Raise a ValueError where values are not three finite numbers."""
+    if np.shape(values) != (3,) or not np.all(np.isfinite(values)):  # type: ignore[call-overload]
+        msg = f"{name} must be three numbers, got {values!r}"
+        raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True)

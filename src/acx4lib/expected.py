@@ -1,0 +1,341 @@
+"""What a function expects of its arguments, checked at its door.
+
+A wrong argument is a `ValueError` of one sentence: its name, what was expected, what was given.
+Values are checked where they are made; what is made of checked values is not checked again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence, Sized
+from dataclasses import fields
+from pathlib import Path
+from types import EllipsisType
+from typing import NoReturn, TypeVar
+
+import numpy as np
+
+from acx4lib._typing import Array, Index, Mask
+from acx4lib.errors import FlightError
+
+T = TypeVar("T")
+
+Shape = tuple[int | str | EllipsisType, ...]
+"""Lengths of axes: a name where any will do, ``...`` first where there may be more of them."""
+
+RIGID = 1e-5
+"""How far products of a rotation matrix's columns may be off; five printed digits are enough."""
+
+LARGEST_ANGLE = 4 * np.pi
+"""Radians; what is beyond was meant in degrees."""
+
+
+# --- single values ---------------------------------------------------------------------------
+
+
+def instance(name: str, value: object, kind: type) -> None:
+    """Raise where a value is of another kind; `name` is the argument's, here and below."""
+    if not isinstance(value, kind):
+        _refuse(name, _with_article(kind.__name__), given(value))
+
+
+def text(name: str, value: object) -> None:
+    """Raise where a value is no text."""
+    if not isinstance(value, str):
+        _refuse(name, "text", given(value))
+
+
+def path(name: str, value: object) -> Path:
+    """Return a value as a path; raise where it is none."""
+    if not isinstance(value, str | Path) or value == "":
+        _refuse(name, "a path", given(value))
+    return Path(value)
+
+
+def folder(name: str, value: object, what: str) -> Path:
+    """Return a value as the path of a folder; a FlightError, as it is the user's, for none."""
+    found = path(name, value)
+    if not found.is_dir():
+        is_what = "not a folder" if found.exists() else "no such folder"
+        raise FlightError([f"{found}: {is_what}; expected {what}"])
+    return found
+
+
+def one_of(name: str, value: object, known: Iterable[object]) -> None:
+    """Raise where a value is none of those known."""
+    known = tuple(known)
+    if not _is_of(value, known):
+        _refuse(name, f"one of {', '.join(map(str, known))}", given(value))
+
+
+def whole(name: str, value: object, *, least: int = 1) -> None:
+    """Raise where a value is no whole number, or smaller than the least."""
+    if not _is_whole(value) or value < least:  # type: ignore[operator]  # a number by now
+        _refuse(name, f"a whole number of {least} or more", given(value))
+
+
+def place(name: str, value: object, n: int) -> None:
+    """Raise where a value does not count one of n, from zero."""
+    if not _is_whole(value) or not 0 <= value < n:  # type: ignore[operator]  # a number by now
+        _refuse(name, f"a whole number from 0 to {n - 1}", given(value))
+
+
+def number(name: str, value: object) -> None:
+    """Raise where a value is no finite number."""
+    if not (_is_number(value) and math.isfinite(value)):  # type: ignore[arg-type]  # by now
+        _refuse(name, "a finite number", given(value))
+
+
+def positive_number(name: str, value: object) -> None:
+    """Raise where a value is not a number above zero."""
+    if not (_is_number(value) and value > 0):  # type: ignore[operator]  # a number by now
+        _refuse(name, "a positive number", given(value))
+
+
+def size(name: str, value: object) -> None:
+    """Raise where a value is no number from zero on."""
+    if not (_is_number(value) and value >= 0):  # type: ignore[operator]  # a number by now
+        _refuse(name, "zero or a positive number", given(value))
+
+
+def probability(name: str, value: object) -> None:
+    """Raise where a value is not strictly between zero and one."""
+    if not (_is_number(value) and 0 < value < 1):  # type: ignore[operator]  # a number by now
+        percent = " (per cent?)" if _is_number(value) and 1 < value <= 100 else ""  # type: ignore[operator]
+        _refuse(name, "a probability between 0 and 1", given(value) + percent)
+
+
+def _is_of(value: object, known: Sequence[object]) -> bool:
+    return not isinstance(value, np.ndarray) and value in known
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+# --- several values --------------------------------------------------------------------------
+
+
+def sequence(name: str, values: object, kind: type) -> None:
+    """Raise where values are no sequence of one kind, or there are none."""
+    what = kind.__name__
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        _refuse(name, f"a sequence of {what}", given(values))
+    for value in values:
+        if not isinstance(value, kind):
+            _refuse(name, f"a sequence of {what}", f"one with {given(value)}")
+    some(name, values, what)
+
+
+def names(name: str, values: object, n: int | None = None) -> None:
+    """Raise where values are no sequence of names, or not n of them."""
+    if isinstance(values, str):
+        _refuse(name, "a sequence of names", f"the text {values!r}")
+    if not isinstance(values, Iterable):
+        _refuse(name, "a sequence of names", given(values))
+    if n is not None and len(values) != n:  # type: ignore[arg-type]  # of a value's fields
+        _refuse(name, f"{n} names", f"{len(values)}")  # type: ignore[arg-type]
+
+
+def names_of(name: str, values: object, known: Iterable[str]) -> None:
+    """Raise where values are no sequence of known names."""
+    names(name, values)
+    known = tuple(known)
+    for value in values:  # type: ignore[attr-defined]  # a sequence by now
+        if not _is_of(value, known):
+            _refuse(name, f"names of {', '.join(known)}", given(value))
+
+
+def different(name: str, values: Sequence[object], what: str = "names") -> None:
+    """Raise where one of some values stands twice."""
+    if len(set(values)) == len(values):
+        return
+    seen: set[object] = set()
+    for value in values:
+        if value in seen:
+            _refuse(name, f"different {what}", f"{value!r} twice")
+        seen.add(value)
+
+
+def many(name: str, values: Sized, n: int, what: str) -> None:
+    """Raise where values are not n."""
+    if len(values) != n:
+        _refuse(name, f"{n} {what}", f"{len(values)}")
+
+
+def some(name: str, values: Sized, what: str) -> None:
+    """Raise where there are no values."""
+    if len(values) == 0:
+        _refuse(name, f"one {what} at least", "none")
+
+
+def three(name: str, values: object) -> None:
+    """Raise where values are no three numbers."""
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str):
+        _refuse(name, "three numbers", given(values))
+    if len(values) != 3:
+        _refuse(name, "three numbers", f"{len(values)}")
+
+
+# --- arrays ----------------------------------------------------------------------------------
+
+
+def numbers(name: str, values: object, like: Shape) -> Array:
+    """Return numbers, such as a list of them, as an array of a shape; raise for others."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        _refuse(name, f"numbers of shape {_said(like)}", given(values))
+    shape(name, array, like)
+    return array
+
+
+def shape(name: str, values: object, like: Shape) -> None:
+    """Raise where values are no array of numbers of a shape."""
+    if not isinstance(values, np.ndarray):
+        _refuse(name, f"an array of shape {_said(like)}", given(values))
+    if not _is_like(values.shape, like):
+        _refuse(name, f"shape {_said(like)}", _said(values.shape))
+    if values.dtype.kind not in "fiu":
+        _refuse(name, "numbers", f"an array of {values.dtype}")
+
+
+def whole_numbers(name: str, values: object, like: Shape = ("n",)) -> None:
+    """Raise where values are no array of whole numbers of a shape."""
+    if isinstance(values, np.ndarray) and values.dtype.kind not in "iu":
+        _refuse(name, "whole numbers", f"an array of {values.dtype}")
+    shape(name, values, like)
+
+
+def places(name: str, values: Index, n: int) -> None:
+    """Raise where whole numbers do not all count one of n, from zero."""
+    if len(values) and not (values.min() >= 0 and values.max() < n):
+        wrong = (values < 0) | (values >= n)
+        _refuse(name, f"whole numbers from 0 to {n - 1}", _first(values, wrong))
+
+
+def mask(name: str, values: object, n: int) -> None:
+    """Raise where values are no mask of a length."""
+    what = f"a mask of {n} True or False"
+    if not isinstance(values, np.ndarray):
+        _refuse(name, what, given(values))
+    if values.dtype != bool:
+        _refuse(name, what, f"an array of {values.dtype}")
+    if values.shape != (n,):
+        _refuse(name, what, f"{len(values)}" if values.ndim == 1 else f"shape {values.shape}")
+
+
+def finite(name: str, values: Array) -> None:
+    """Raise where numbers are not finite."""
+    if not np.isfinite(values).all():
+        _refuse(name, "finite numbers", _first(values, ~np.isfinite(values)))
+
+
+def positive(name: str, values: Array) -> None:
+    """Raise where numbers, of which some may be infinite, are not above zero."""
+    if not (values > 0).all():
+        _refuse(name, "positive numbers", _first(values, ~(values > 0)))
+
+
+def not_negative(name: str, values: Array) -> None:
+    """Raise where numbers are below zero, or not known."""
+    if not (values >= 0).all():
+        _refuse(name, "zero or positive numbers", _first(values, ~(values >= 0)))
+
+
+def radians(name: str, angles: Array) -> None:
+    """Raise where angles can only be meant in degrees."""
+    wrong = np.abs(angles) > LARGEST_ANGLE
+    if wrong.any():
+        _refuse(name, "radians", f"{_first(angles, wrong)} (np.radians takes degrees)")
+
+
+def rotation(name: str, R: Array) -> None:
+    """Raise where a matrix, shape (3, 3), does not turn; NaN passes."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.tolist()  # no arrays: cameras are made often
+    crossed = (ay * bz - az * by - cx, az * bx - ax * bz - cy, ax * by - ay * bx - cz)
+    squares = (ax * ax + ay * ay + az * az - 1, bx * bx + by * by + bz * bz - 1)
+    for off in (*crossed, *squares, ax * bx + ay * by + az * bz):
+        if abs(off) > RIGID:
+            _refuse(name, "a rotation matrix", "one that does not turn, or mirrors")
+
+
+def rotations(name: str, R: Array) -> None:
+    """Raise where one of some matrices, shape (n, 3, 3), does not turn; NaN passes."""
+    off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
+    mirrored = np.linalg.det(R) < 0
+    if off.any() or mirrored.any():
+        row = int(np.argmax(off.any(axis=(-2, -1)) | mirrored))
+        _refuse(name, "rotation matrices", f"one that does not turn, or mirrors, in row {row}")
+
+
+def square(name: str, cov: Array) -> None:
+    """Raise where an array does not hold square matrices."""
+    shape(name, cov, (..., "n", "n"))
+    if cov.shape[-1] != cov.shape[-2]:
+        _refuse(name, "shape (..., n, n)", _said(cov.shape))
+
+
+def symmetric(name: str, cov: Array) -> None:
+    """Raise where a square matrix is not symmetric."""
+    if cov.size and np.abs(cov - cov.T).max() > 1e-6 * np.abs(cov).max():
+        _refuse(name, "a symmetric matrix", "one that is not")
+
+
+def _is_like(found: tuple[int, ...], like: Shape) -> bool:
+    if like[0] is ...:
+        like = like[1:]
+        found = found[-len(like) :]
+    if len(found) != len(like):
+        return False
+    for n, wanted in zip(found, like, strict=True):  # plain: it runs thousands of times
+        if n != wanted and not isinstance(wanted, str):
+            return False
+    return True
+
+
+def _said(like: Shape) -> str:
+    axes = ["..." if axis is ... else str(axis) for axis in like]
+    return f"({axes[0]},)" if len(axes) == 1 else f"({', '.join(axes)})"
+
+
+def _first(values: Array | Index, wrong: Mask) -> str:
+    """Return the first of the wrong values, and its row."""
+    at = tuple(np.argwhere(wrong)[0])
+    return f"{values[at].item()!r}" + (f" in row {at[0]}" if at else "")
+
+
+# --- parts -----------------------------------------------------------------------------------
+
+
+def part_of(whole: T, keep: Index | Mask | slice) -> T:
+    """Return rows of a value all of whose fields are arrays; they were checked with the whole."""
+    part: T = object.__new__(type(whole))
+    for one in fields(whole):  # type: ignore[arg-type]  # a dataclass
+        object.__setattr__(part, one.name, getattr(whole, one.name)[keep])
+    return part
+
+
+# --- sentences -------------------------------------------------------------------------------
+
+
+def given(value: object) -> str:
+    """Return what a value is, in a few words."""
+    if value is None or isinstance(value, str | bool | int | float | np.generic):
+        return repr(value.item() if isinstance(value, np.generic) else value)
+    if isinstance(value, np.ndarray):
+        return "an array" if value.ndim else repr(value.item())
+    return _with_article(type(value).__name__)
+
+
+def _with_article(noun: str) -> str:
+    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+
+
+def _refuse(name: str, what: str, got: str) -> NoReturn:
+    msg = f"{name}: expected {what}, got {got}"
+    raise ValueError(msg)

@@ -1,0 +1,1 @@
+"""Calls that a stranger makes, and the sentences that answer them, for `test_misuse`."""
