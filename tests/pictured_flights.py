@@ -11,7 +11,7 @@ import tifffile
 
 import flights
 from acx4lib import flight as flown
-from acx4lib import provenance, records, results
+from acx4lib import own_folder, provenance, records, results, runner
 from acx4lib.frames import Pose
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_from_head
@@ -97,10 +97,13 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    results.replace(folder, [], tables={}, summary={})
-    provenance.keep(folder, flight, flown.table_files(flown.read(flight)))
-    found = [records.of_relative_orientation("heads", "relative_orientation", orientation())]
-    records.write(folder, "heads", found)
-    bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}
-    results.replace(folder, ["heads/bundle"], tables={}, summary=bundles)
+    with own_folder.claim(folder, command=runner.COMMAND) as own:
+        own.expect([*results.FILES, provenance.FILE])
+        results.replace(folder, [], tables={}, summary={})
+        provenance.keep(own, flown.read(flight))
+        found = [records.of_relative_orientation("heads", "relative_orientation", orientation())]
+        records.write(folder, "heads", found)
+        bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}
+        results.replace(folder, ["heads/bundle"], tables={}, summary=bundles)
+        own.seal()
     return folder

@@ -5,10 +5,12 @@ from pathlib import Path
 from acx4lib import (
     flight,
     mounting,
+    own_folder,
     provenance,
     records,
     restored,
     results,
+    runner,
     simulate,
     validation,
     validation_records,
@@ -20,8 +22,16 @@ def leave_results(folder, *, design="single-head", seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     simulate.write(simulate.DESIGNS[design](seed=seed), at)
     flown = flight.read(at)
-    results.replace(kept, [], tables={}, summary={})
-    provenance.keep(kept, at, flight.table_files(flown))
+    with own_folder.claim(kept, command=runner.COMMAND) as own:
+        own.expect([*results.FILES, provenance.FILE])
+        results.replace(kept, [], tables={}, summary={})
+        provenance.keep(own, flown)
+        _compute(flown, kept)
+        own.seal()
+    return at, kept
+
+
+def _compute(flown, kept):
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
     records.write(kept, "mounting", records.of_mountings(found))
     provenance.stamp(kept, "mounting")
@@ -32,4 +42,3 @@ def leave_results(folder, *, design="single-head", seed=2):
     ]
     records.write(kept, "validation", validation_records.of_validations(validated))
     provenance.stamp(kept, "validation")
-    return at, kept

@@ -14,10 +14,11 @@ import pytest
 
 from acx4lib import provenance, results, runner
 from acx4lib.cli import main
+from acx4lib.folder_marks import MARK
 from small_notebooks import write
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
-LEFT = {*results.FILES, provenance.FILE, provenance.KEPT}
+LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
 

@@ -2,11 +2,11 @@
 
 import hashlib
 import json
-from pathlib import Path
+import shutil
 
 import pytest
 
-from acx4lib import flight, provenance, simulate
+from acx4lib import flight, own_folder, provenance, simulate
 from acx4lib.errors import FlightError
 
 
@@ -15,10 +15,14 @@ def kept(tmp_path):
     """A flight with a geoid-free layout, kept in a results folder by one stage."""
     at, folder = tmp_path / "flight", tmp_path / "results"
     simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
-    folder.mkdir()
-    provenance.keep(folder, at, flight.table_files(flight.read(at)))
+    keep(folder, at)
     provenance.stamp(folder, "mounting")
     return at, folder
+
+
+def keep(folder, at):
+    with own_folder.claim(folder, command="acx4 run") as own:
+        provenance.keep(own, flight.read(at))
 
 
 def test_the_tables_are_kept_byte_for_byte_with_their_checksums(kept):
@@ -51,7 +55,7 @@ def test_a_changed_flight_changes_the_digest_but_not_that_of_older_stages(kept):
     before = provenance.read(folder).digest
     with (at / "flight.toml").open("a") as file:
         file.write("\n# one more line\n")
-    provenance.keep(folder, at, flight.table_files(flight.read(at)))
+    keep(folder, at)
     provenance.stamp(folder, "validation")
     said = provenance.read(folder)
     assert said.digest != before
@@ -63,8 +67,13 @@ def test_a_changed_flight_changes_the_digest_but_not_that_of_older_stages(kept):
 
 def test_tables_of_a_block_that_is_gone_are_not_kept(kept):
     at, folder = kept
-    provenance.keep(folder, at, [Path("flight.toml")])
-    assert [p.name for p in (folder / "flight").rglob("*")] == ["flight.toml"]
+    assert (folder / "flight" / "validation").is_dir()
+    shutil.rmtree(at / "validation")
+    keep(folder, at)
+    assert not (folder / "flight" / "validation").exists()
+    assert set(provenance.read(folder).files) == {
+        str(p.relative_to(folder / "flight")) for p in (folder / "flight").rglob("*") if p.is_file()
+    }
 
 
 @pytest.mark.parametrize(
@@ -100,9 +109,8 @@ def test_a_kept_flight_is_the_flight_without_its_pixels(tmp_path):
     (at / "calibration/one.tif").write_bytes(b"pixels")
     rows = [f"{images[0]},file", f"{images[1]},one.tif", *(f"{line}," for line in images[2:])]
     (at / "calibration/images.csv").write_text("\n".join(rows) + "\n")
-    folder.mkdir()
     read = flight.read(at)
-    provenance.keep(folder, at, flight.table_files(read))
+    keep(folder, at)
     again = flight.read_kept(folder / "flight")
     assert again.name == read.name
     assert again.notes == read.notes

@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 
 import flights
-from acx4lib import provenance, results, runner, simulate
-from acx4lib.errors import FlightError
+from acx4lib import own_folder, provenance, results, runner, simulate
+from acx4lib.errors import OutputError
+from acx4lib.folder_marks import MARK, SCRATCH
 from acx4lib.notebooks import NotebookError
 from small_notebooks import write
 
@@ -58,17 +59,21 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
     told = []
     for name in ("one", "two"):
         folder = tmp_path / name / "results"
-        results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
+        with own_folder.claim(folder, command=runner.COMMAND) as own:
+            own.expect(results.FILES)
+            results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
+            own.seal()
         report = runner.run(
             flight_path, folder, notebooks_path=notebooks_path, tell=lambda *step: told.append(step)
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
-        [f"results/{name}" for name in (*results.FILES, provenance.FILE)]
+        [f"results/{name}" for name in (*results.FILES, provenance.FILE, MARK)]
         + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
         + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
     )
-    # The folder's own name stands in the cell of the parameters.
+    # The folder's own name stands in the cell of the parameters, and so in its checksum.
+    del one[f"results/{MARK}"], two[f"results/{MARK}"]
     assert one == {k: v.replace(b"/two/", b"/one/") for k, v in two.items()}
     assert report.ran == ("mounting", "validation")
     assert report.skipped == (
@@ -117,7 +122,8 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     assert caught.value.__notes__ == undetermined["not_determined"]
     after = contents(folder)
     assert b"division by zero" in after.pop(f"failed/{name}")
-    assert after == before
+    assert after.pop(MARK) != before[MARK]
+    assert after == {name: content for name, content in before.items() if name != MARK}
     (notebooks_path / name).write_bytes(good)
     report = runner.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
     assert contents(folder) == before
@@ -157,10 +163,14 @@ def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebook
     assert not folder.exists()
 
 
-def test_results_that_cannot_be_read_stop_the_run(tmp_path, flight_path, notebooks_path):
-    pd.DataFrame({"stage": ["heads"]}).to_csv(tmp_path / "parameters.csv")
-    with pytest.raises(FlightError, match=r"parameters\.csv: not a results table"):
-        runner.run(flight_path, tmp_path, notebooks_path=notebooks_path)
+def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, notebooks_path):
+    folder = tmp_path / "results"
+    folder.mkdir()
+    pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
+    before = contents(folder)
+    with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
+        runner.run(flight_path, folder, notebooks_path=notebooks_path)
+    assert contents(folder) == before
 
 
 @pytest.mark.slow
@@ -215,10 +225,10 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
 
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
-    (tmp_path / "results" / ".running-x" / "notebooks").mkdir(parents=True)
+    (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
     runner.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
-        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks")
+        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
     }
 
 

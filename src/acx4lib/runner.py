@@ -17,7 +17,7 @@ from typing import Any
 
 from acx4lib import flight as flights
 from acx4lib import notebooks, own_folder, provenance, results, write_places
-from acx4lib.errors import Acx4Error, AdjustmentError
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.folder_marks import SCRATCH, changes
 from acx4lib.own_folder import OwnFolder
 
@@ -192,9 +192,10 @@ def _prepare(
         ]
     )
     read = (*results.FILES, provenance.FILE)
-    if not whole:
-        own_folder.verify(own.path, read, cure="run all stages again")
-    elif changes(own.path, read):
+    changed = changes(own.path, read)
+    if changed and not whole:
+        raise FlightError([f"{line}; run all stages again" for line in changed])
+    if changed:
         own.remove(read)
     provenance.keep(own, flight)
     removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
