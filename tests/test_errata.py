@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib import errata, paper
 from acx4lib.errata import figures, heads, mounting, text, validation
+from acx4lib.errors import FlightError
 
 
 @pytest.fixture(scope="module")
@@ -179,12 +180,16 @@ def test_correlations_are_read_from_a_run(tmp_path):
     assert "0.85 (CAM1 xp_mm/omega_deg)" in errata.audit(found)[10].computed
 
 
-@pytest.mark.parametrize("path", ["", "no/such/folder"])
-def test_without_a_run_the_correlations_stay_open(path):
-    assert errata.largest_correlations(path) == {}
-    finding = errata.audit(errata.largest_correlations(path))[10]
+def test_without_a_run_the_correlations_stay_open():
+    assert errata.largest_correlations("") == {}
+    finding = errata.audit(errata.largest_correlations(""))[10]
     assert finding.printed.endswith("below 10 %")
     assert finding.verdict.startswith("Open")
+
+
+def test_a_run_that_is_not_there_is_named():
+    with pytest.raises(FlightError, match=r"no/such/folder: no such folder; expected the results"):
+        errata.largest_correlations("no/such/folder")
 
 
 # --- mounting ------------------------------------------------------------------------------

@@ -298,5 +298,5 @@ def test_too_few_ties_name_the_head(exact, n, free):
 
 
 def test_what_is_free_is_one_of_two(exact):
-    with pytest.raises(ValueError, match="rotations or six"):
+    with pytest.raises(ValueError, match="one of rotations, six, got"):
         refine_by_rotations(ORIENTATION, exact, free="all")

@@ -73,9 +73,7 @@ class RenderPlan:
             raise ValueError(msg)
         cells = np.array(self.maps[0].nodes.shape[:2]) - 1
         if np.any(cells * self.step_px < [self.height_px, self.width_px]):
-            msg = (
-                f"maps of {cells[1]} x {cells[0]} cells of {self.step_px} px do not cover the image"
-            )
+            msg = f"{cells[1]} x {cells[0]} cells of {self.step_px} px do not cover the image"
             raise ValueError(msg)
         if self.coefficients is not None and len(self.coefficients) != len(self.maps):
             msg = f"a response of {len(self.coefficients)} heads for {len(self.maps)}"

@@ -117,6 +117,11 @@ def largest_correlations(results_path: str | Path) -> dict[str, float]:
     dict
         ``CAM1 xp_mm/omega_deg`` and the like, from the optional object ``largest_correlations``
         of ``heads/bundle/...`` in summary.json. Empty where the run has none.
+
+    Raises
+    ------
+    FlightError
+        Where there is no such folder.
     """
     if not str(results_path):
         return {}
