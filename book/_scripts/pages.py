@@ -16,6 +16,8 @@ import nbformat
 from acx4lib import (
     flight,
     notebooks,
+    own_folder,
+    provenance,
     results,
     runner,
     scorecard_page,
@@ -36,6 +38,7 @@ ALWAYS = (
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:
     """Fill ``_executed``; write scorecard.md, simulation.md, geometry.md into ``_generated``."""
+    own_folder.verify(results_path, cure="run acx4 run again")
     executed, generated = book / "_executed", book / "_generated"
     for name in runner.NOTEBOOKS.values():
         done, source = (
@@ -53,7 +56,8 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
         notebooks.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         notebooks.scrub(executed / source.name)
         fold(executed / source.name, executed / source.name)
-    flown, found = flight.read(flight_path), results.read(results_path)
+    flown = flight.read_kept(results_path / provenance.KEPT)
+    found = results.read(results_path)
     truth_path = simulate.truth_path(flight_path)
     truth = json.loads(truth_path.read_text("utf-8")) if truth_path.is_file() else None
     for name, text in (

@@ -62,7 +62,7 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
         whose = said["made_by"]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         whose, files = None, {}
-    if not isinstance(whose, str) or not all(map(_is_below, files)):
+    if not isinstance(whose, str) or not all(map(is_below, files)):
         msg = f"{path}: is damaged; choose another folder"
         raise OutputError(msg)
     return whose, files
@@ -138,7 +138,7 @@ def _entry(entry: Mapping[str, object]) -> Written:
     return Written(size=size, sha256=sha256)
 
 
-def _is_below(name: str) -> bool:
-    """Tell whether a name stays inside its folder."""
+def is_below(name: str) -> bool:
+    """Tell whether the name of a file stays inside its folder."""
     parts = PurePosixPath(name).parts
     return bool(parts) and not name.startswith("/") and ".." not in parts and "\0" not in name

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.flight import Flight, table_files
-from acx4lib.folder_marks import SCRATCH
+from acx4lib.folder_marks import SCRATCH, is_below
 from acx4lib.own_folder import OwnFolder
 
 KEPT = "flight"
@@ -149,9 +149,23 @@ def _read(folder: Path) -> Provenance:
         return Provenance(files={}, stages={})
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
-        return Provenance(files=dict(said["files"]), stages=dict(said["stages"]))
-    except (ValueError, KeyError, TypeError):
-        raise FlightError([f"{path}: not what a run wrote; remove it and run again"]) from None
+        found = Provenance(files=dict(said["files"]), stages=dict(said["stages"]))
+    except (ValueError, KeyError, TypeError, RecursionError):
+        found = None
+    if found is None or not _is_sound(found):
+        raise FlightError([f"{path}: not what a run wrote; remove it and run again"])
+    return found
+
+
+def _is_sound(found: Provenance) -> bool:
+    """Tell whether names stay below the folder, and everything has its kind."""
+    texts: list[object] = [*found.files.values()]
+    for stage in found.stages.values():
+        versions = stage.get("versions") if isinstance(stage, dict) else None
+        if not isinstance(versions, dict):
+            return False
+        texts += [stage.get("flight"), *versions.values()]
+    return all(isinstance(text, str) for text in texts) and all(map(is_below, found.files))
 
 
 def _write(folder: Path, provenance: Provenance) -> None:

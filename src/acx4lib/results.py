@@ -19,6 +19,7 @@ from acx4lib import expected
 from acx4lib._typing import Mask
 from acx4lib.errors import FlightError
 from acx4lib.folder_marks import SCRATCH
+from acx4lib.summary_entries import read_summary
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
@@ -100,7 +101,7 @@ def _read(folder: Path) -> Results:
     """Read a results folder, one that is still to be made as well."""
     problems: list[str] = []
     tables = {name: _read_table(folder / f"{name}.csv", problems) for name in COLUMNS}
-    summary = _read_summary(folder / "summary.json", problems)
+    summary = read_summary(folder / "summary.json", problems)
     if problems:
         raise FlightError(problems)
     return Results(folder=folder, summary=summary, **tables)
@@ -299,7 +300,9 @@ def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
 def _read_table(path: Path, problems: list[str]) -> pd.DataFrame:
     expected = COLUMNS[path.stem]
     empty = _typed(path.stem, pd.DataFrame(columns=list(expected), dtype=object))
-    if not path.exists():
+    if not path.is_file():  # of a pipe, reading would wait
+        if path.exists():
+            problems.append(f"{path}: is no regular file; remove it and run again")
         return empty
     try:
         frame = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8")
@@ -310,20 +313,6 @@ def _read_table(path: Path, problems: list[str]) -> pd.DataFrame:
         reason = str(error).strip().splitlines()[0]
         problems.append(f"{path}: not a results table ({reason}); remove it and run again")
     return empty
-
-
-def _read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
-    if not path.exists():
-        return {}
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        problems.append(f"{path}: not JSON ({error}); remove it and run again")
-        return {}
-    if isinstance(summary, dict) and all(isinstance(v, dict) for v in summary.values()):
-        return summary
-    problems.append(f"{path}: not one object per stage/method; remove it and run again")
-    return {}
 
 
 def _write(

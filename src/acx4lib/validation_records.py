@@ -46,7 +46,7 @@ def of_validation(validation: Validation) -> Record:
         "rejected": rejected_table(
             "validation",
             method,
-            replace(block, control=block.check),  # the surveyed points that it rejects
+            replace(block, control=block.check, check=block.control),  # it rejects surveyed points
             validation.rejected,
             pose_names=block.trajectory.exposures,
         ),

@@ -1,0 +1,157 @@
+"""What summary.json may say of a stage or method, and what it must: checked when it is read."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+Test = Callable[[Any], bool]
+
+
+def _number(value: object) -> bool:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and -1e300 < value < 1e300  # type: ignore[operator] # compared as numbers only
+
+
+def _or_null(test: Test) -> Test:
+    return lambda value: value is None or test(value)
+
+
+def _sentences(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(line, str) for line in value)
+
+
+def _three(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(_or_null(_number), value))
+
+
+def _pairs(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list) and len(one) == 3 and _sentences(one[:2]) and _number(one[2])
+        for one in value
+    )
+
+
+def _by_name(test: Test) -> Test:
+    return lambda value: isinstance(value, dict) and all(map(test, value.values()))
+
+
+_WORDS: Mapping[str, tuple[str, ...]] = {
+    "nssda": ("statement",),
+    "asprs_2014": ("horizontal", "vertical"),
+    "asprs_2023": ("horizontal", "vertical", "three_d"),
+}
+
+
+def _classes(value: Any) -> bool:
+    """Tell whether every standard has its classes as words."""
+    if not _by_name(_is_object)(value):
+        return False
+    of_scales = value.get("pec_pcd", {}).values()
+    return all(_has_words(one, ("plan", "height")) for one in of_scales) and all(
+        _has_words(value[name], keys) for name, keys in _WORDS.items() if name in value
+    )
+
+
+def _is_object(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
+    return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
+
+
+def _points(value: object) -> bool:
+    return (
+        isinstance(value, dict)
+        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms"))
+        and _classes(value.get("classes", {}))
+    )
+
+
+_COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
+_OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
+
+TESTS: Mapping[str, tuple[Test, str]] = {
+    "converged": (lambda value: isinstance(value, bool), "true or false"),
+    **dict.fromkeys(
+        (*_COUNT, *_OF_PAIRS, "n_exposures", "sigma0_squared", "chi_square_p", "condition"),
+        (_or_null(_number), "a number or null"),
+    ),
+    **dict.fromkeys(("left_out", "not_determined", "notes"), (_sentences, "a list of sentences")),
+    "correlated": (_pairs, "a list of two parameters and a number each"),
+    **dict.fromkeys(
+        ("weakest", "largest_correlations"), (_by_name(_or_null(_number)), "numbers by name")
+    ),
+    "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
+    **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
+    "points": (_points, "mean, std, rms and classes over the points"),
+}
+"""What is known by name; whatever else is there is not read."""
+
+_ADJUSTED = ("n_observations", "n_unknowns", "redundancy", "n_rejected", "chi_square_p")
+_VALIDATED = (*_OF_PAIRS, "mean", "std", "rms", "points")
+
+
+def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
+    """Read summary.json, of which nothing is there where it is not.
+
+    Parameters
+    ----------
+    path : Path
+    problems : list of str
+        Gets a line for each thing that is wrong.
+    """
+    if not path.is_file():
+        if path.exists():
+            problems.append(f"{path}: is no regular file; remove it and run again")
+        return {}
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        problems.append(f"{path}: not JSON ({error}); remove it and run again")
+        return {}
+    if not isinstance(summary, dict):
+        problems.append(f"{path}: not one object per stage/method; remove it and run again")
+        return {}
+    wrong = [f"{path}: {line}; remove the results and run again" for line in wrong_entries(summary)]
+    problems += wrong
+    return {} if wrong else summary
+
+
+def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:
+    """Yield what is wrong with the objects of a summary, a line for each.
+
+    Parameters
+    ----------
+    summary : mapping
+        As it was read from JSON, by ``stage/method``.
+    """
+    for name, entry in summary.items():
+        if not isinstance(entry, dict):
+            yield f"{name}: {_quoted(entry)}; must be an object"
+            continue
+        for key, (test, expected) in TESTS.items():
+            if key in entry and not test(entry[key]):
+                yield f"{name}: {key}: {_quoted(entry[key])}; must be {expected}"
+        for key in _required(name, entry):
+            if entry.get(key) is None:
+                yield f"{name}: {key}: missing; an adjustment has it"
+
+
+def _required(name: str, entry: Mapping[str, object]) -> tuple[str, ...]:
+    """Return what an object must have: an adjustment by its variance, a validation by its pairs."""
+    if name.startswith("validation/") and "n_points" in entry:
+        return _VALIDATED
+    sigma0_sq = entry.get("sigma0_squared")
+    adjusted = name.startswith(("heads/bundle", "mounting/"))
+    is_number = isinstance(sigma0_sq, int | float) and math.isfinite(sigma0_sq)
+    return _ADJUSTED if adjusted and is_number else ()
+
+
+def _quoted(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"
