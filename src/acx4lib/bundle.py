@@ -197,10 +197,13 @@ def _network(
 ) -> Network:
     """Put a block and its unknowns together; recover start values that are far off."""
     expected.one_of("refraction", refraction, REFRACTION)
+    # at this door: the reader of flights also tries frames in which they are not finite
+    expected.finite("trajectory.T_m_b.R", block.trajectory.T_m_b.R)
+    expected.finite("trajectory.T_m_b.r", block.trajectory.T_m_b.r)
+    expected.finite("control.x_m", block.control.x_m)
     require_millimetres(block.cameras)
     if len(block.images) == 0:
-        msg = f"block {block.name!r} has no images: there is nothing to adjust"
-        raise AdjustmentError(msg)
+        raise AdjustmentError(f"block {block.name!r} has no images: there is nothing to adjust")
     given = Network(
         block=block,
         pose_names=poses.names,

@@ -26,9 +26,6 @@ Shape = tuple[int | str | EllipsisType, ...]
 RIGID = 1e-5
 """How far products of a rotation matrix's columns may be off; five printed digits are enough."""
 
-LARGEST_ANGLE = 4 * np.pi
-"""Radians; what is beyond was meant in degrees."""
-
 
 # --- single values ---------------------------------------------------------------------------
 
@@ -245,13 +242,6 @@ def not_negative(name: str, values: Array) -> None:
     """Raise where numbers are below zero, or not known."""
     if not (values >= 0).all():
         _refuse(name, "zero or positive numbers", _first(values, ~(values >= 0)))
-
-
-def radians(name: str, angles: Array) -> None:
-    """Raise where angles can only be meant in degrees."""
-    wrong = np.abs(angles) > LARGEST_ANGLE
-    if wrong.any():
-        _refuse(name, "radians", f"{_first(angles, wrong)} (np.radians takes degrees)")
 
 
 def rotation(name: str, R: Array) -> None:

@@ -80,7 +80,6 @@ def rotation_from_opk(opk: Array) -> Array:
     M = R3(kappa) R2(phi) R1(omega), hence M^T = Rx(omega) Ry(phi) Rz(kappa).
     """
     opk = expected.numbers("opk", opk, (..., 3))
-    expected.radians("opk", opk)
     return turn(0, opk[..., 0]) @ turn(1, opk[..., 1]) @ turn(2, opk[..., 2])
 
 
@@ -144,7 +143,6 @@ def rotation_from_rph(rph: Array) -> Array:
         Forward-right-down to north-east-down.
     """
     rph = expected.numbers("rph", rph, (..., 3))
-    expected.radians("rph", rph)
     return turn(2, rph[..., 2]) @ turn(1, rph[..., 1]) @ turn(0, rph[..., 0])
 
 

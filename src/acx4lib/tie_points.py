@@ -11,7 +11,6 @@ from acx4lib._typing import Array, Index, Mask
 from acx4lib.block import Block
 from acx4lib.camera import INTERIOR, Interior
 from acx4lib.covariance import sigmas
-from acx4lib.errors import AdjustmentError
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.synthetic_image import synthetic_from_head
 
@@ -184,8 +183,6 @@ def refine_by_mean_differences(
 
     Raises
     ------
-    AdjustmentError
-        Where a head's angles are not known to half a turn.
     ValueError
         For tie points of other heads.
     """
@@ -197,10 +194,6 @@ def refine_by_mean_differences(
     xyz[:, :2] += shifts
     n = 6 * len(orientation.heads)
     sigma = sigmas(orientation.cov_joint)
-    largest = np.degrees(orientation.sigma[:, 3:].max())
-    if largest > 180:
-        msg = f"a head's angles have a standard deviation of {largest:.0f} degrees: not determined"
-        raise AdjustmentError(msg)
     J = np.eye(len(sigma))
     for i in map(int, np.flatnonzero(sigma)):
         ahead, _, _ = _shifts(varied(orientation, i, sigma[i]), ties)

@@ -68,14 +68,6 @@ def cameras_and_poses() -> list[Wrong]:
             r"R and r: expected as many of either, got \(5,\) and \(4,\)",
         ),
         Wrong(
-            lambda: rotation_from_opk(np.array([0.5, -0.8, 90.0])),
-            "opk: expected radians, got 90.0",
-        ),
-        Wrong(
-            lambda: frames.rotation_from_rph(np.array([0.5, -0.8, 270.0])),
-            "rph: expected radians, got 270.0",
-        ),
-        Wrong(
             lambda: rotation_from_opk(np.zeros((4, 2))),
             r"opk: expected shape \(..., 3\), got \(4, 2\)",
         ),

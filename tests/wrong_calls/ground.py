@@ -52,22 +52,8 @@ def ground() -> list[Wrong]:
         Wrong(lambda: FRAME.to_grid(np.zeros(3)), r"x_m: expected shape \(n, 3\), got \(3,\)"),
         Wrong(lambda: FRAME.grid_axes(np.zeros(3)), r"x_m: expected shape \(n, 3\), got \(3,\)"),
         Wrong(
-            lambda: FRAME.pose_from_grid(enh, np.array([[0.5, -0.8, 90.0]])),
-            "opk: expected radians, got 90.0 in row 0",
-        ),
-        Wrong(
             lambda: FRAME.pose_from_grid(np.repeat(enh, 2, axis=0), np.zeros((1, 3))),
             r"opk: expected shape \(2, 3\), got \(1, 3\)",
-        ),
-        Wrong(
-            lambda: FRAME.pose_from_geographic(
-                np.array([[-49.3, -25.4, 900.0]]), np.array([[0.0, 0.0, 180.0]])
-            ),
-            "rph: expected radians, got 180.0 in row 0",
-        ),
-        Wrong(
-            lambda: FRAME.from_geographic(np.array([[-25.4, -149.3, 900.0]])),
-            "lonlath: expected latitudes within 90 degrees, got -149.3 in row 0",
         ),
         Wrong(
             lambda: geodesy.mean_origin(FRAME.grid, np.zeros((0, 2))),

@@ -46,6 +46,10 @@ def trajectory(**wrong):
     return lambda: replace(BLOCK, trajectory=replace(TRAJECTORY, **wrong))
 
 
+def adjusting(make):
+    return lambda: mounting.single_step(make(), free=FREE)
+
+
 def rays(**wrong):
     right = {
         "image_idx": np.array([0, 1, 2, 3]),
@@ -130,8 +134,8 @@ def measured() -> list[Wrong]:
             "image_points.point_idx: expected whole numbers from 0 to .*, got -1 in row 3",
         ),
         Wrong(
-            control(x_m=spoilt(CONTROL.x_m, np.nan)),
-            "x_m: expected finite numbers, got nan in row 3",
+            adjusting(control(x_m=spoilt(CONTROL.x_m, np.nan))),
+            "control.x_m: expected finite numbers, got nan in row 3",
         ),
         Wrong(control(x_m=CONTROL.x_m.T), r"x_m: expected shape \(9, 3\), got \(3, 9\)"),
         Wrong(control(sigma_m=0.01), r"sigma_m: expected an array of shape \(9, 3\), got 0.01"),
@@ -251,7 +255,7 @@ def blocks_and_parts() -> list[Wrong]:
         ),
         Wrong(trajectory(time_s=np.arange(11.0)), r"time_s: expected shape \(12,\), got \(11,\)"),
         Wrong(
-            trajectory(T_m_b=Pose(R=POSES.R, r=spoilt(POSES.r, np.nan))),
+            adjusting(trajectory(T_m_b=Pose(R=POSES.R, r=spoilt(POSES.r, np.nan)))),
             "T_m_b.r: expected finite numbers, got nan in row 3",
         ),
         Wrong(

@@ -85,10 +85,6 @@ def pixels() -> list[Wrong]:
             "xyz_mm: expected finite numbers, got nan in row 3",
         ),
         Wrong(
-            lambda: synthetic_image.footprint(replace(HEADS, opk=np.degrees(HEADS.opk)), 0),
-            "opk: expected radians",
-        ),
-        Wrong(
             lambda: replace(HEADS, cov_joint=np.eye(24)),
             r"cov_joint: expected shape \(60, 60\), got \(24, 24\)",
         ),
