@@ -10,15 +10,33 @@ REDUCE  ?= 4
 N       ?= 1000
 SEED    ?= 1
 
+# FLIGHT is a name and nothing else: make expands nothing in it, and refuses what it or a shell would read.
+override FLIGHT := $(value FLIGHT)
+export FLIGHT
+UNSAFE := $$ ; & | < > ( ) * ? [ ] { } ! ~ ' " ` \ \# % : =
+unsafe = $(strip $(foreach c,$(UNSAFE),$(findstring $c,$1)))
 $(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
+$(if $(call unsafe,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with $(call unsafe,$(FLIGHT)) in its name))
 
 BIN       := .venv/bin
 # One folder of results per flight, however it is called: by the path from here, / written as -.
-RESULTS   := build/results/$(shell (cd '$(FLIGHT)' 2>/dev/null && pwd || echo '$(FLIGHT)') \
-               | sed "s|^$$PWD/||; s|[^A-Za-z0-9._-]|-|g")
+RESULTS   := build/results/$(shell (cd -- '$(FLIGHT)' 2>/dev/null && pwd || printf '%s\n' '$(FLIGHT)') \
+               | sed "s|^$$PWD/||; s|/|-|g")
+RAN       := build/stamps/$(notdir $(RESULTS))
 PIP       := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.lock
 NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
+
+# Make removes only what bears a mark: of acx4, which lists its files, or of make.
+CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.own_folder
+BOOK      := book/_build book/_executed book/_generated
+define REMOVE_BOOK
+for made in $(BOOK); do \
+  test ! -e $$made || test -e $$made/.made-by-make || \
+    { echo "$$made: was not made by make; move it away" >&2; exit 2; }; \
+  rm -rf $$made; \
+done
+endef
 
 # The matrices are small: more threads cost more than they bring.
 export OMP_NUM_THREADS := 1
@@ -85,27 +103,27 @@ coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma,
 
 # The flight that ships is simulated: the same seed, the same bytes.
 data/flights/acx4/flight.toml: $(wildcard src/acx4lib/simulate/*.py) | .venv/.stamp
-	@rm -rf $(@D)
-	@$(BIN)/acx4 simulate acx4 --out $(@D) --images $(IMAGES) --reduce $(REDUCE)
+	@$(CLEAR) $(@D)
+	@$(BIN)/acx4 simulate acx4 --out $(@D) --images '$(IMAGES)' --reduce '$(REDUCE)'
 	@echo $(@D)
 
-FLIGHT_FILES := $(if $(filter data/flights/acx4,$(FLIGHT)),data/flights/acx4/flight.toml,\
-                  $(wildcard $(FLIGHT)/*.* $(FLIGHT)/*/*.csv))
+FLIGHT_FILES := $(if $(filter data/flights/acx4,$(FLIGHT)),data/flights/acx4/flight.toml,$(wildcard \
+                  $(foreach f,$(wildcard $(FLIGHT)/*.* $(FLIGHT)/*/*.csv),$(if $(call unsafe,$f),,$f))))
 
-$(RESULTS)/.stamp: $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
-	@rm -rf $(@D)
-	@$(BIN)/acx4 run $(FLIGHT) --results $(@D)
-	@touch $@
-	@echo $(@D)
+$(RAN): $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
+	@$(BIN)/acx4 run --results '$(RESULTS)' -- "$$FLIGHT"
+	@mkdir -p $(@D) && touch '$@'
+	@echo '$(RESULTS)'
 
-notebooks: $(RESULTS)/.stamp ## run the notebooks on FLIGHT
+notebooks: $(RAN) ## run the notebooks on FLIGHT
 
 # --- the book ------------------------------------------------------------------------------
 
 book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
-	@rm -rf book/_build book/_executed book/_generated && mkdir -p book/_executed book/_generated
-	@$(BIN)/python book/_scripts/pages.py $(FLIGHT) $(RESULTS) book
-	@$(BIN)/python book/_scripts/provenance.py $(FLIGHT) $(RESULTS) book/_generated/provenance.md
+	@$(REMOVE_BOOK)
+	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
+	@$(BIN)/python book/_scripts/pages.py "$$FLIGHT" '$(RESULTS)' book
+	@$(BIN)/python book/_scripts/provenance.py "$$FLIGHT" '$(RESULTS)' book/_generated/provenance.md
 	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
 	@$(BIN)/python book/_figures/frames.py book/_generated
 	@$(BIN)/python book/_scripts/speed.py data/benchmarks book/_generated
@@ -125,5 +143,8 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 	@$(BIN)/python -m acx4lib.checked && echo data/reference/results
 
 clean: ## remove all that was made, except .venv and the reference data
-	@rm -rf build book/_build book/_executed book/_generated data/flights
+	@$(REMOVE_BOOK)
+	@$(CLEAR) data/flights/acx4 data/flights/acx4.truth.json build/results/* || true
+	@rm -rf build/stamps
+	@rmdir build/results build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -20,6 +20,7 @@ from acx4lib.folder_marks import (
     MARK,
     SCRATCH,
     Written,
+    bears,
     changes,
     mark_all,
     read_mark,
@@ -179,13 +180,16 @@ def verify(folder: Path, names: Iterable[str] | None = None, *, cure: str) -> No
 
 
 def clear(path: Path) -> None:
-    """Remove what commands wrote: the files that a folder's mark lists, or a marked file.
+    """Remove what commands wrote: the files that a folder's mark lists, or a truth beside it.
 
     Raises
     ------
     OutputError
         Where it bears no mark, somebody is writing there, or a file was changed since.
     """
+    if path.is_file() and not path.is_symlink() and bears(path, b'"made_by": "acx4 '):
+        path.unlink()
+        return
     whose, _ = read_mark(path)
     if not whose:
         msg = f"{path}: bears no mark of acx4; remove it yourself if it is not needed"
