@@ -68,7 +68,7 @@ def test_what_nobody_foresaw_is_a_line_that_can_be_reported(capsys, monkeypatch,
     monkeypatch.delenv("ACX4_TRACEBACK", raising=False)
     assert status_of(raising(error), ["check", "my flight"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"this is a mistake in acx4, not in your data: {type(error).__name__}: ")
+    assert line.startswith(f"this is a mistake in acx4: {type(error).__name__}: ")
     assert "acx4 check 'my flight'" in line
     assert "\x1b" not in line
 

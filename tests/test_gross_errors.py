@@ -20,3 +20,10 @@ def test_rejected_observations_are_taken_out_of_the_block(exact_block):
         assert np.flatnonzero(out.any(axis=1)).tolist() == [row]
         assert out[row].sum() == {"image_point": 2, "control_point": 1}.get(kind, 3)
         assert np.isfinite(blocks.observed_sigmas(exact_block)[kind]).all()  # unharmed
+
+
+def test_a_control_point_without_a_component_goes_as_a_whole(exact_block):
+    whole = Rejection(kind="control_point", row=2, component=-1, statistic=9.0)
+    out = np.isinf(without(exact_block, [whole]).control.sigma_m)
+    assert np.flatnonzero(out.any(axis=1)).tolist() == [2]
+    assert out[2].all()

@@ -226,6 +226,18 @@ def test_without_any_cache_it_compiles_and_can_say_so(tmp_path):
     assert twice(tmp_path, env).startswith("compiled code cannot be kept: ")
 
 
+@pytest.mark.slow
+def test_a_run_without_any_cache_says_so_once(flight, tmp_path):
+    env = {"NUMBA_CACHE_DIR": "", "HOME": NOWHERE, "XDG_CACHE_HOME": "", **bare_package(tmp_path)}
+    for name in ("notebooks", "data"):
+        (tmp_path / name).symlink_to(SOURCES.parent / name)
+    arguments = ["run", flight, "--results", tmp_path / "r", "--stages", "validation"]
+    done = run(*arguments, env=env, timeout=500)
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(b"compiled code cannot be kept: ")
+
+
 def bare_package(folder):
     """Copy the sources so that nothing can be kept beside them; return the environment."""
     copy = folder / "src"
@@ -294,3 +306,15 @@ def test_a_temporary_folder_with_a_long_name_is_no_matter_to_a_kernel(tmp_path):
     long = tmp_path / ("a" * 120)
     long.mkdir()
     assert kernel(tmp_path, env={"TMPDIR": str(long)}) == "7 matplotlib.pyplot\n"
+
+
+@pytest.mark.slow
+def test_a_run_that_nobody_listens_to_ends_and_leaves_nothing_half_done(flight, tmp_path):
+    """As behind `| head`: the first line that cannot be written ends it."""
+    read, write = os.pipe()
+    os.close(read)
+    arguments = ["run", flight, "--results", tmp_path / "r", "--stages", "validation"]
+    done = run(*arguments, stdout=write)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, b"")
+    assert not list((tmp_path / "r").glob(".running-*"))

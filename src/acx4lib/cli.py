@@ -128,7 +128,6 @@ def run(
     for stage in chosen:
         if stage not in STAGES:
             refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    say_if_not_kept()
     with stage_bars() as tell:
         report = runner.run(
             flight,
@@ -137,6 +136,7 @@ def run(
             notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
             tell=tell,
         )
+    say_if_not_kept()
     for line in [*report.skipped, *report.left_out, *report.notes]:
         show(line)
     show(f"results in {results}")

@@ -94,7 +94,7 @@ def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
     said = f"{type(error).__name__}: {_one_line(error)}"
     typed = shlex.join(["acx4", *arguments])
     say(
-        f"this is a mistake in acx4, not in your data: {said}; please report it with the command "
+        f"this is a mistake in acx4: {said}; please report it with the command "
         f"{typed} and what it shows with {TRACEBACK}=1"
     )
     return 1

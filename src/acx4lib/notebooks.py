@@ -105,7 +105,8 @@ def execute(
     """
     executed.parent.mkdir(exist_ok=True)
     total = len(_read(notebook).cells) + 1
-    with tempfile.TemporaryDirectory() as home:
+    # a kernel that ends may still be writing there
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home:
         try:
             papermill.execute_notebook(
                 _literal(notebook),

@@ -84,7 +84,6 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         refuse("--exposures: name at least one exposure")
-    say_if_not_kept()
     workers = Workers(processes=jobs, cluster=cluster)
     with image_bar() as tell:
         report = render_flight(
@@ -96,6 +95,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
             workers=workers,
             tell=tell,
         )
+    say_if_not_kept()
     for line in report.notes:
         show(line)
     there = f", {len(report.kept)} there already" if report.kept else ""

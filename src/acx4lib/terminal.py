@@ -58,7 +58,7 @@ def say(*lines: str) -> None:
 
 
 def say_if_not_kept() -> None:
-    """Say once that compiled code cannot be kept, where that is so: a run will take longer."""
+    """Say once that compiled code cannot be kept, where that is so: the next run takes as long."""
     try:
         from acx4lib import compiling  # noqa: PLC0415 quick help
     except ImportError:  # nothing is compiled

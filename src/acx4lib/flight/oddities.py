@@ -14,6 +14,7 @@ from acx4lib.block import Block
 from acx4lib.flight.blocks import BlockTables, lonlat_of, measured_control, used_exposures
 from acx4lib.flight.fit import misfit
 from acx4lib.geodesy import GridSystem
+from acx4lib.ray_misfits import medians
 
 ABSURD = 4.0
 """Distance from the measurements, in quarters of the image diagonal: not even in another image."""
@@ -44,7 +45,10 @@ def without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     on_earth = np.flatnonzero(np.isfinite(lonlat).all(axis=1))
     wrong = np.ones(len(rows), dtype=bool)
     wrong[on_earth] = ~np.isfinite(grid.undulation(lonlat[on_earth]))
-    wrong |= tables.control.numbers["height_m"][rows] >= _highest_below(tables)[rows]
+    height = tables.control.numbers["height_m"][rows]
+    lowest = tables.trajectory.numbers["height_m"][used_exposures(tables)].min(initial=np.inf)
+    if np.any(height >= lowest):
+        wrong |= height >= _highest_below(tables)[rows]
     n = int(wrong.sum())
     if n > max(1, len(rows) // SHARE) or len(rows) - n < ENOUGH:
         return tables
@@ -80,15 +84,15 @@ def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
         Of these tables.
     """
     found = misfit(block)
-    ratio = found.distance_px / found.allowed_px
-    names = np.array(block.points, dtype=object)[found.point_idx]
+    ratio = medians(found.distance_px / found.allowed_px, found.point_idx, len(block.points))
+    absurd = {block.points[i] for i in np.flatnonzero(ratio > ABSURD)}
     line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
-    far = [name for name in dict.fromkeys(names) if np.median(ratio[names == name]) > ABSURD]
+    far = [name for name in line if name in absurd]
     if far:
         listed = ", ".join(f"{name!r} (line {line[name]})" for name in far[:NAMED])
         more = ", …" if len(far) > NAMED else ""
         yield (
-            f"{tables.name}: {len(far)} of {len(dict.fromkeys(names))} surveyed points of "
+            f"{tables.name}: {len(far)} of {len(np.unique(found.point_idx))} surveyed points of "
             f"{tables.control.file} lie nowhere near where they were measured, and will be "
             f"rejected as gross errors if the others fit: {listed}{more}"
         )
