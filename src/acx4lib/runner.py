@@ -272,10 +272,13 @@ def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
                 parameters={**job.values, "results_path": str(staging)},
                 on_cell=lambda done, total: tell(job.stage, done, total),
             )
-        except Acx4Error:
+        except Acx4Error as error:
             notebooks.scrub(executed, hidden=staging.name)
             _move({executed: folder / FAILED / name})
             own.seal()
+            if isinstance(error, FlightError):  # what it read is a copy of the results
+                own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
+                raise FlightError(own_names) from None
             raise
         notebooks.scrub(executed, hidden=staging.name)
         written = {staging / file: folder / file for file in results.FILES}
