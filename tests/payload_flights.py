@@ -15,7 +15,7 @@ FOLDER = "{{ 7 * 7 }} $zq70$ <b> `zq70` [red]"
 """The name of the flight's folder."""
 
 CHOSEN = {
-    "camera": {"CAM": "jinja", "LEFT": "img", "RIGHT": "slash and mathematics"},
+    "camera": {"CAM": "slash and mathematics", "LEFT": "img", "RIGHT": "jinja"},
     "strip": {"1": "a method's key", "2": "role"},
     "exposure": {"E0": "path", "E1": "directive", "E2": "script", "E3": "emoji", "E4": "spaces"},
     "point": {"G0": "heading of a column", "G1": "missing", "G2": "number", "G3": "right to left"},
@@ -48,7 +48,7 @@ class Written:
 
 def write(folder: Path) -> Written:
     """Write the flight; everything in it is accepted."""
-    path = pictured_flights.write_flight(folder / FOLDER, blocks=BLOCKS)
+    path = pictured_flights.write_flight(folder / FOLDER, blocks=BLOCKS, mounted=("CAM", "LEFT"))
     files = [*path.glob("*/*.csv"), path / "control_points.csv"]
     tables = {file: pd.read_csv(file, dtype=str, keep_default_na=False) for file in files}
     names, columns = _renamed(list(tables.values()))

@@ -81,9 +81,10 @@ def write_flight(
     exposures: tuple[str, ...] = ("E0", "E1"),
     *,
     blocks: tuple[str, ...] = ("heads",),
+    mounted: tuple[str, ...] = ("CAM",),
 ) -> Path:
     """Write a flight whose named exposures have pixels, a scene of its own each."""
-    flights.write_flight(folder, blocks=blocks)
+    flights.write_flight(folder, blocks=blocks, mounted=mounted)
     (folder / "heads" / "images").mkdir()
     table = pd.read_csv(folder / "heads" / "images.csv", dtype=str)
     named = table["exposure"].isin(exposures)

@@ -18,7 +18,7 @@ import typer
 
 from acx4lib import render_command
 from acx4lib.errors import Acx4Error, FlightError
-from acx4lib.terminal import Flight, refuse, say, stage_bars
+from acx4lib.terminal import Flight, echo, refuse, say, stage_bars
 
 # What computes is imported by the commands themselves, so that `acx4 --help` is quick.
 
@@ -103,7 +103,7 @@ def check(flight: Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib import flight as flights  # noqa: PLC0415 quick help
 
-    typer.echo(flights.summary(flights.read(flight)))
+    echo(flights.summary(flights.read(flight)))
 
 
 @app.command(
@@ -150,8 +150,8 @@ def run(
             tell=tell,
         )
     for line in [*report.skipped, *report.left_out, *report.notes]:
-        typer.echo(line)
-    typer.echo(f"results in {results}")
+        echo(line)
+    echo(f"results in {results}")
     if report.not_determined:
         say(*report.not_determined)
         raise typer.Exit(1)
@@ -231,7 +231,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
             refuse(str(error))
     with stage_bars("rows") as tell:
         simulator.write(flight, out, tell=tell)
-    typer.echo(f"{out}; its truth in {simulator.truth_path(out)}")
+    echo(f"{out}; its truth in {simulator.truth_path(out)}")
 
 
 @app.command(
@@ -261,7 +261,7 @@ def report(
     path = out or results / "report.html"
     with stage_bars() as tell:
         calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
-    typer.echo(path)
+    echo(path)
 
 
 app.command(help=render_command.HELP)(render_command.render)

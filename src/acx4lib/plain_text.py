@@ -6,6 +6,7 @@ it writes; `Markup` is the only text that a medium may take as its own language.
 
 from __future__ import annotations
 
+import hashlib
 import html
 import re
 import unicodedata
@@ -21,6 +22,14 @@ RIGHT_TO_LEFT = {"R", "AL", "RLE", "RLO", "RLI", "LRE", "LRO", "LRI", "FSI", "PD
 
 INERT, BETWEEN = frozenset(",;'"), frozenset(".-_/")
 """Signs that mean nothing in Markdown: anywhere, and between two letters or digits."""
+
+FORBIDDEN = re.compile(
+    r"[^\w .+=@,()-]|^[. ]|[. ]$|^(?=(?:con|prn|aux|nul|com\d|lpt\d)$).", re.IGNORECASE
+)
+"""What some system does not take in a file's name: signs, and CON, PRN, AUX, NUL, COM1, LPT1."""
+
+LONGEST_FILE = 200
+"""Bytes of a file's name; what is made of it adds some, and systems take 255."""
 
 PATH = re.compile(r"[\w./-]+")
 """Text that may stand between two backticks, in a table as well."""
@@ -55,7 +64,7 @@ def shown(text: object, medium: Medium = "myst") -> str:
     if medium == "tex":
         return _tex(visible)
     if medium == "terminal":
-        return "".join(map(_without_format, visible))
+        return "".join(ascii(c)[1:-1] if _turns(c) else c for c in visible)
     isolated = _isolated(visible)
     return html.escape(isolated) if medium == "html" else _myst(isolated)
 
@@ -63,6 +72,19 @@ def shown(text: object, medium: Medium = "myst") -> str:
 def code(text: str) -> str:
     """Return a path or a checksum in MyST as code, or as `shown` where code would not hold it."""
     return Markup(f"`{text}`") if PATH.fullmatch(text) else shown(text)
+
+
+def file_stem(name: str) -> str:
+    """Return a file name without its ending for a name; different names have different ones."""
+
+    def quoted(found: re.Match[str]) -> str:
+        return "".join(f"%{byte:02X}" for byte in found[0].encode())
+
+    stem = FORBIDDEN.sub(quoted, name)
+    if len(stem.encode()) <= LONGEST_FILE:
+        return stem
+    digest = hashlib.sha256(name.encode()).hexdigest()
+    return f"{stem.encode()[: LONGEST_FILE - 17].decode(errors='ignore')}~{digest[:16]}"
 
 
 def _visible(c: str) -> str:
@@ -73,9 +95,9 @@ def _visible(c: str) -> str:
     return ascii(c)[1:-1] if nothing or never else c
 
 
-def _without_format(c: str) -> str:
-    """Return a character, or an escape for one that a terminal may obey."""
-    return ascii(c)[1:-1] if unicodedata.category(c) == "Cf" else c
+def _turns(c: str) -> bool:
+    """Tell whether a character orders a line anew; nothing holds it back on a terminal."""
+    return unicodedata.category(c) == "Cf" and unicodedata.bidirectional(c) in RIGHT_TO_LEFT
 
 
 def _isolated(text: str) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acx4lib.terminal import Flight, image_bar, refuse, say
+from acx4lib.terminal import Flight, echo, image_bar, refuse, say
 
 HELP = """Render the synthetic images of a flight from the images of its heads.
 
@@ -96,10 +96,10 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
             tell=tell,
         )
     for line in report.notes:
-        typer.echo(line)
+        echo(line)
     there = f", {len(report.kept)} there already" if report.kept else ""
     images = "1 image" if len(report.rendered) == 1 else f"{len(report.rendered)} images"
-    typer.echo(f"{images} rendered{there}, in {out}")
+    echo(f"{images} rendered{there}, in {out}")
     if report.problems:
         say(*report.problems)
         raise typer.Exit(2)

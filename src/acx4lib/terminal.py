@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from acx4lib.plain_text import shown
+
 if TYPE_CHECKING:
     from acx4lib.runner import Tell
 
@@ -26,7 +28,13 @@ Flight = Annotated[
 def say(*lines: str) -> None:
     """Print on standard error, one line each."""
     for line in lines:
-        typer.echo(line, err=True)
+        typer.echo(shown(line, "terminal"), err=True)
+
+
+def echo(text: object) -> None:
+    """Print on standard output; names in the lines of a text are shown, not obeyed."""
+    for line in str(text).split("\n"):
+        typer.echo(shown(line, "terminal"))
 
 
 def refuse(message: str) -> NoReturn:
@@ -39,12 +47,12 @@ def refuse(message: str) -> NoReturn:
 def image_bar() -> Iterator[Tell]:
     """Show one bar over all images with the time left, or a line for each as it is done."""
     if not sys.stdout.isatty():
-        yield lambda name, done, total: typer.echo(f"{name}: done") if 0 < total == done else None
+        yield lambda name, done, total: echo(f"{name}: done") if 0 < total == done else None
         return
     from rich import progress  # noqa: PLC0415 quick help
 
     columns = (
-        progress.TextColumn("{task.description}"),
+        progress.TextColumn("{task.description}", markup=False),
         progress.BarColumn(),
         progress.TaskProgressColumn(),
         progress.TimeRemainingColumn(),
@@ -67,15 +75,15 @@ def image_bar() -> Iterator[Tell]:
 def stage_bars(unit: str = "cells") -> Iterator[Tell]:
     """Show one bar per stage, or one line per stage where nobody looks on."""
     if not sys.stdout.isatty():
-        yield lambda stage, done, total: typer.echo(f"{stage}: done") if done == total else None
+        yield lambda stage, done, total: echo(f"{stage}: done") if done == total else None
         return
     from rich import progress  # noqa: PLC0415 quick help
 
     columns = (
-        progress.TextColumn("{task.description:<10}"),
+        progress.TextColumn("{task.description:<10}", markup=False),
         progress.BarColumn(),
         progress.MofNCompleteColumn(),
-        progress.TextColumn(unit),
+        progress.TextColumn(unit, markup=False),
         progress.TimeElapsedColumn(),
     )
     with progress.Progress(*columns) as bars:
