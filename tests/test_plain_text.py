@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import matplotlib.pyplot as plt
 import pytest
@@ -105,8 +106,8 @@ def labels(fig) -> list[str]:
     buffer = io.StringIO()
     with plt.rc_context({"svg.fonttype": "none"}):
         fig.savefig(buffer, format="svg")
-    soup = BeautifulSoup(buffer.getvalue(), "html.parser")
-    return [text.get_text("~", strip=True) for text in soup.find_all("text")]
+    found = ET.fromstring(buffer.getvalue()).iter("{http://www.w3.org/2000/svg}text")
+    return ["~".join(part for part in text.itertext() if part.strip()) for text in found]
 
 
 @every_name
@@ -132,8 +133,8 @@ def test_labels_keep_their_own_mathematics_beside_a_name():
 
 
 def test_a_long_name_and_one_without_shapes_fit_a_figure():
-    assert plain(50 * "a" + 50 * "b") == 20 * "a" + "…" + 20 * "b"
-    assert plain("\N{GRINNING FACE} 1") == r"\U0001f600 1"
+    assert plain(50 * "a" + 50 * "b") == 12 * "a" + "…" + 12 * "b"
+    assert plain("\u6771 1") == r"\u6771 1"
 
 
 @every_name

@@ -57,7 +57,7 @@ DIVERGING = LinearSegmentedColormap.from_list(
 )
 """From negative (orange) through nothing (light) to positive (blue)."""
 
-LONGEST = 40
+LONGEST = 24
 """Characters of a name in a figure."""
 
 RC: Any = {
