@@ -123,10 +123,10 @@ def colour(i: int) -> str:
     return PALETTE[i % len(PALETTE)]
 
 
-def plain(name: str) -> str:
+def plain(name: str, *, longest: int = LONGEST) -> str:
     """Return a name of the flight as a label, a very long one without its middle."""
-    half = LONGEST // 2
-    return _drawn(name if len(name) <= LONGEST else f"{name[:half]}…{name[-half:]}")
+    half = longest // 2
+    return _drawn(name if len(name) <= longest else f"{name[:half]}…{name[-half:]}")
 
 
 def _drawn(text: str) -> str:

@@ -67,7 +67,7 @@ def mean_residuals(fits: Mapping[str, Bundle]) -> Figure:
         return nothing(NO_HEADS)
     return field_figure(
         {
-            plain(name): Residuals(
+            name: Residuals(
                 camera=fit.network.block.cameras[0],
                 colrow=fit.network.image_points.colrow,
                 v=fit.solution.group("image_point").v,

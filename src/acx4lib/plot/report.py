@@ -49,11 +49,7 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
     cameras : mapping of str to Camera
     """
     fields = {
-        (
-            f"{plain(title)}, {plain(name)}"
-            if own["camera"].iloc[0] != own["camera"].iloc[-1]
-            else plain(title)
-        ): _of_camera(own[own["camera"] == name], cameras[name])
+        _panel(title, own["camera"], name): _of_camera(own[own["camera"] == name], cameras[name])
         for title, own in tables.items()
         for name in own["camera"].unique()
     }
@@ -65,7 +61,7 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
 def _panel(title: str, cameras: pd.Series, name: str) -> str:
     """Return the title of a camera's panel; where there is one only, that of the adjustment."""
     several = cameras.iloc[0] != cameras.iloc[-1]
-    return f"{plain(title)}, {plain(name)}" if several else plain(title)
+    return f"{title}, {name}" if several else title
 
 
 def _of_camera(rows: pd.DataFrame, camera: Camera) -> Residuals:
