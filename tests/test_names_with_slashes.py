@@ -48,6 +48,11 @@ def test_tables_take_any_name(made):
     plot.correlation_matrix(pd.DataFrame(related.to_numpy(), index=labels, columns=labels))
 
 
+def test_names_that_begin_and_end_alike_have_their_own_panels(mounted):
+    fits = {f"{30 * 'a'}{middle}{30 * 'b'}": mounted for middle in "12"}
+    assert len(plot.mean_residuals(fits).axes) == 2
+
+
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):
     block, single = made
     records.write(tmp_path, "mounting", [records.of_mounting(single)])

@@ -18,7 +18,7 @@ from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
 
 import payloads
-from acx4lib import report
+from acx4lib import report, terminal
 from acx4lib.calibration_report.markdown import Document, to_html
 from acx4lib.plain_text import ISOLATE, POP, Markup, code, file_stem, shown
 from acx4lib.plot._style import LONGEST, plain, style
@@ -142,6 +142,14 @@ def test_a_terminal_obeys_no_name(name):
     line = shown(name, "terminal")
     assert line == name or not line.isascii() or "\\u" in line
     assert not set("\N{RIGHT-TO-LEFT OVERRIDE}\N{POP DIRECTIONAL ISOLATE}\x1b\r\n\a") & set(line)
+
+
+def test_commands_say_a_name_in_its_line(capsys):
+    terminal.echo("a\x1b[31m\rb\nc [red]")
+    terminal.say("a\x1b]0;b\a", "c\nd")
+    said = capsys.readouterr()
+    assert said.out.splitlines() == [r"a\x1b[31m\rb", "c [red]"]
+    assert said.err.splitlines() == [r"a\x1b]0;b\x07", r"c\nd"]
 
 
 @pytest.mark.parametrize("medium", ["myst", "html", "tex", "terminal"])
