@@ -149,7 +149,11 @@ def images(trajectory: pd.DataFrame, names: list[str]) -> pd.DataFrame:
 
 
 def write_flight(
-    folder: Path, *, blocks: tuple[str, ...] = ("calibration",), form: str = "grid"
+    folder: Path,
+    *,
+    blocks: tuple[str, ...] = ("calibration",),
+    form: str = "grid",
+    mounted: tuple[str, ...] = ("CAM",),
 ) -> Path:
     """Write a small flight that has nothing wrong with it.
 
@@ -159,8 +163,10 @@ def write_flight(
     blocks : tuple of str
     form : {"grid", "geographic"}
         Of the trajectory; the body is level in the second.
+    mounted : tuple of str
+        Cameras of the other blocks than the heads'.
     """
-    names = ["LEFT", "RIGHT", "CAM"] if "heads" in blocks else ["CAM"]
+    names = ["LEFT", "RIGHT", "CAM"] if "heads" in blocks else list(mounted)
     toml = TOML + "".join(CAMERA.format(*MOUNTS[name], name=name) for name in names)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "flight.toml").write_text(toml + (SYNTHETIC if "heads" in blocks else ""))
@@ -170,7 +176,7 @@ def write_flight(
         trajectory = exposures()
         if form == "geographic":
             trajectory[["omega_deg", "phi_deg"]] = 0.0
-        taken = ["LEFT", "RIGHT"] if block == "heads" else ["CAM"]
+        taken = ["LEFT", "RIGHT"] if block == "heads" else list(mounted)
         (folder / block).mkdir()
         images(trajectory, taken).to_csv(folder / block / "images.csv", index=False)
         measured = measure(trajectory, control, taken)

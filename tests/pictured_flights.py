@@ -76,9 +76,15 @@ def head_images(picture: np.ndarray, *, dtype: str = "uint16") -> dict[str, np.n
     return out
 
 
-def write_flight(folder: Path, exposures: tuple[str, ...] = ("E0", "E1")) -> Path:
+def write_flight(
+    folder: Path,
+    exposures: tuple[str, ...] = ("E0", "E1"),
+    *,
+    blocks: tuple[str, ...] = ("heads",),
+    mounted: tuple[str, ...] = ("CAM",),
+) -> Path:
     """Write a flight whose named exposures have pixels, a scene of its own each."""
-    flights.write_flight(folder, blocks=("heads",))
+    flights.write_flight(folder, blocks=blocks, mounted=mounted)
     (folder / "heads" / "images").mkdir()
     table = pd.read_csv(folder / "heads" / "images.csv", dtype=str)
     named = table["exposure"].isin(exposures)

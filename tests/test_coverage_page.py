@@ -1,5 +1,6 @@
 """The page on coverage says what the errors of the simulated flights are, and nothing else."""
 
+import html
 import json
 
 import numpy as np
@@ -116,7 +117,7 @@ def test_a_method_without_validation_has_a_page():
     text = coverage_page.page(both)
     assert both.methods == ["single_step", "two_step_gnss"]
     assert len(both.tests) == 12 + 6
-    assert "Two-step, GNSS positions: normalised errors" in text
+    assert "Two-step, GNSS positions: normalised errors" in html.unescape(text)
     assert list(coverage_page.point_table(both)["Method"].unique()) == ["Single-step"]
 
 

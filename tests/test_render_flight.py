@@ -16,7 +16,7 @@ from acx4lib import records
 from acx4lib import results as found_results
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.render_exposure import RenderOptions
-from acx4lib.render_flight import file_stem, render_flight
+from acx4lib.render_flight import render_flight
 from acx4lib.render_workers import Workers
 from acx4lib.synthetic_tiff import read_about
 
@@ -231,20 +231,6 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
         d = misfit(image(folder, "E0"), pictured.scene(1))
         rms[refine] = np.sqrt(np.mean(d**2))
     assert rms["image"] < 0.3 * rms["flight"]
-
-
-@pytest.mark.parametrize(
-    ("exposure", "stem"),
-    [
-        ("H3-04", "H3-04"),
-        ("a/b", "a%2Fb"),
-        ("..", "%2E%2E"),
-        ("Straße 1", "Straße 1"),
-        ("a%", "a%25"),
-    ],
-)
-def test_any_name_of_an_exposure_makes_a_file_name(exposure, stem):
-    assert file_stem(exposure) == stem
 
 
 def test_progress_is_told_to_the_last_row(rendered):

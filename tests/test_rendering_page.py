@@ -1,5 +1,6 @@
 """The page on rendering says what the benchmark's files hold, and nothing else."""
 
+import html
 import json
 
 import pandas as pd
@@ -68,7 +69,7 @@ def lines(text, label):
     """The rows of the table with a label, without its head."""
     table = text.split(f":name: {label}\n")[1].split("```")[0]
     return [
-        [cell.strip() for cell in line.strip("|").split("|")]
+        [html.unescape(cell.strip()) for cell in line.strip("|").split("|")]
         for line in table.strip().splitlines()[2:]
     ]
 

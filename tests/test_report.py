@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
 from acx4lib import report
+from acx4lib.plain_text import Markup
 
 
 def rows(markdown: str) -> list[list[str]]:
@@ -25,15 +28,17 @@ def rows(markdown: str) -> list[list[str]]:
 
 def test_directive_has_caption_name_and_body():
     frame = pd.DataFrame({"parameter": ["f"], "value": [74.4404]})
-    got = report.myst_table(frame, "Interior\norientation", name="tab-f", formats={"value": ".3f"})
+    caption = Markup("Interior\norientation")
+    got = report.myst_table(frame, caption, name="tab-f", formats={"value": ".3f"})
     assert got == (
         "```{table} Interior orientation\n:name: tab-f\n\n"
         "| parameter | value |\n| :--- | ---: |\n| f | 74.440 |\n```"
     )
 
 
-def test_cells_survive_a_markdown_parser():
-    frame = pd.DataFrame({"a|b": ["x | y", "two\nlines", "$k_1$"], "n": [1, 2, 3]})
+def test_markup_survives_a_markdown_parser():
+    cells = [Markup("x | y"), Markup("two\nlines"), Markup("$k_1$")]
+    frame = pd.DataFrame({Markup("a|b"): cells, "n": [1, 2, 3]})
     got = rows(report.myst_table(frame, "c", name="tab-x"))
     assert got == [["a|b", "n"], ["x | y", "1"], ["two lines", "2"], ["$k_1$", "3"]]
 
@@ -47,8 +52,23 @@ def test_missing_values_are_dashes_and_text_takes_no_number_format():
 
 
 def test_no_line_ends_between_plus_minus_and_the_sigma():
-    got = report.myst_table(pd.DataFrame({"v": ["0.5 ± 0.1"]}), "c", name="t")
+    got = report.myst_table(pd.DataFrame({"v": [Markup("0.5 ± 0.1")]}), "c", name="t")
     assert "0.5 ±\N{NO-BREAK SPACE}0.1" in got
+
+
+def test_text_is_no_markup_in_a_cell_a_heading_or_a_caption():
+    frame = pd.DataFrame({"*a* $x$": ["`b` mm^-2 ± 1", "{{ c }}"], "n": ["-1", "--"]})
+    got = report.myst_table(frame, "*d* {e}`f`", name="t")
+    assert not set("*$`{}^") & set(got.replace("```{table}", "").removesuffix("```"))
+    said = [[html.unescape(cell) for cell in row] for row in rows(got)]
+    assert said == [["*a* $x$", "n"], ["`b` mm^-2 ± 1", "-1"], ["{{ c }}", "--"]]
+
+
+def test_markup_stays_markup_on_its_way_through_a_table():
+    frame = report.marked(pd.DataFrame({"$a$": ["$b$", "$c$"], "n": [1.5, 2.5]}))
+    turned = frame.assign(more=frame["$a$"]).iloc[::-1].rename(columns={"n": "m"})
+    got = rows(report.myst_table(turned, "c", name="t"))
+    assert got == [["$a$", "m", "more"], ["$c$", "2.5", "$c$"], ["$b$", "1.5", "$b$"]]
 
 
 def test_table_without_rows_keeps_its_head():

@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from acx4lib import terminal
+from acx4lib import plain_text, terminal
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from acx4lib import terminal
     ],
 )
 def test_a_line_stays_a_line_of_signs(line, shown):
-    assert terminal.printable(line) == (line if shown is None else shown)
+    assert plain_text.shown(line, "terminal") == (line if shown is None else shown)
 
 
 def test_standard_error_gets_safe_lines(capsys):

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from acx4lib.plain_text import code
 from acx4lib.provenance import KEPT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,7 +52,7 @@ def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
     paths = [folder / name for name in sorted(kept) if name.suffix in {".csv", ".toml", ".json"}]
     return [
         (
-            f"`{name}/{path.relative_to(folder).as_posix()}`",
+            code(f"{name}/{path.relative_to(folder).as_posix()}"),
             f"{path.stat().st_size:,}",
             f"`{hashlib.sha256(path.read_bytes()).hexdigest()}`",
         )

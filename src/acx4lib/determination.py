@@ -102,7 +102,7 @@ def _of_poses(label: str, v: Array) -> Part:
 
 def _reported(name: str) -> str:
     """Return a column's name as results have it; boresights turn about the camera's axes."""
-    owner, key = name.split("/", 1)
+    owner, key = name.rsplit("/", 1)
     if key in REPORTED and not key.startswith("boresight"):
         key = REPORTED[key][0]
     return f"{owner}/{key}"

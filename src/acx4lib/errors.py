@@ -2,20 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
-UNSEEN = re.compile(
-    "[\x00-\x1f\x7f-\x9f"  # control characters, the end of a line among them
-    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # these turn the direction of what follows
-    "\u2028\u2029\ud800-\udfff\ufffe\uffff]"  # ends of lines, halves of characters, none at all
-)
-"""Characters that are no text: they move the cursor, end a line or reorder what is read."""
-
-
-def visible(text: str) -> str:
-    r"""Return text as one line, what is no text in it written as Python writes it: ``\x1b``."""
-    return UNSEEN.sub(lambda match: ascii(match[0])[1:-1], text)
+from acx4lib.plain_text import visible
 
 
 class Acx4Error(Exception):

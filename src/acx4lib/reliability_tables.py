@@ -8,6 +8,7 @@ import pandas as pd
 from acx4lib._typing import Array, Index
 from acx4lib.bundle import Bundle
 from acx4lib.mounting import Mounting
+from acx4lib.plain_text import Markup, shown
 from acx4lib.record_tables import COMPONENTS
 from acx4lib.reliability import WEAK, noncentrality, parameter_effects, reliability
 from acx4lib.tables import LABELS, UNITS
@@ -37,7 +38,7 @@ PARAMETERS = {
     **{name: LABELS[name] for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
     **{name: LABELS[f"{name}_mm"] for name in ("f", "xp", "yp")},
     **{f"lever_{axis}": LABELS[f"lever_{axis}_m"] for axis in "xyz"},
-    **{f"boresight_{axis}": f"boresight about ${axis}$" for axis in "xyz"},
+    **{f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"},
 }
 """Names of the unknowns that every image shares."""
 
@@ -103,12 +104,12 @@ def _largest(bundle: Bundle, columns: Index, effect: Array) -> dict[str, object]
     if len(columns) == 0:
         return {"Effect (σ)": np.nan, "On": ""}
     which = int(np.argmax(effect.max(axis=0)))
-    camera, name = bundle.network.column_names()[columns[which]].split("/")
+    camera, name = bundle.network.column_names()[columns[which]].rsplit("/", 1)
     several = len(bundle.network.block.cameras) > 1
     label = PARAMETERS[name]
     return {
         "Effect (σ)": float(effect.max()),
-        "On": f"{camera} {label}" if several else label,
+        "On": Markup(f"{shown(camera)} {label}") if several else label,
     }
 
 
@@ -127,13 +128,14 @@ def largest_effect(table: pd.DataFrame) -> str:
     if np.isinf(worst["Effect (σ)"]):
         return (
             f"Nothing controls an observation in {_within(worst['Observation'])}: an error there "
-            f"is not found, and moves {worst['On']} by as much as it pleases."
+            f"is not found, and moves {shown(worst['On'])} by as much as it pleases."
         )
     return (
         f"An error is found with a probability of 80 % where it is {noncentrality():.2f} standard "
         "deviations over the root of the redundancy number. Of all the errors that just escape "
         f"the tests, none moves a parameter by more than {worst['Effect (σ)']:.2f} of its standard "
-        f"deviations: that one is in {_within(worst['Observation'])} and moves {worst['On']}."
+        f"deviations: that one is in {_within(worst['Observation'])} and moves "
+        f"{shown(worst['On'])}."
     )
 
 

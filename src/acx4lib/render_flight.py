@@ -10,7 +10,6 @@ import csv
 import hashlib
 import importlib.metadata
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from acx4lib.flight import Flight
 from acx4lib.flight_response import FlightResponse, estimate_flight_response, spread
 from acx4lib.head_images import HeadFiles, head_files
 from acx4lib.image_files import fingerprint
+from acx4lib.plain_text import file_stem
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.render_exposure import Outcome, RenderJob, RenderOptions, TellRows
 from acx4lib.render_workers import Workers, run_jobs
@@ -256,15 +256,6 @@ def _missing(chosen: Iterable[str], incomplete: Mapping[str, str]) -> list[Outco
 def _left_out(incomplete: Mapping[str, str]) -> Iterator[str]:
     if incomplete:
         yield f"left out, without the files of all heads: {', '.join(incomplete)}"
-
-
-def file_stem(exposure: str) -> str:
-    """Return a file name for an exposure, whose name may hold anything; different ones differ."""
-
-    def quoted(found: re.Match[str]) -> str:
-        return "".join(f"%{byte:02X}" for byte in found[0].encode())
-
-    return re.sub(r"[^\w .+=@,()-]|^[. ]|[. ]$", quoted, exposure)
 
 
 def _jobs(

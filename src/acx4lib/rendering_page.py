@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from acx4lib.plain_text import Markup
 from acx4lib.rendering_goals import Goal, Renderings, goals
 from acx4lib.report import myst_table
 
@@ -102,7 +103,7 @@ def _goal_table(benchmark: Renderings) -> str:
             "Goal": goal.what,
             "To reach": f"{'≤' if goal.at_most else '≥'} {_limit(goal)}",
             "Measured": goal.shown(goal.measured),
-            "Reached": "yes" if goal.reached else "**no**",
+            "Reached": "yes" if goal.reached else Markup("**no**"),
         }
         for goal in goals(benchmark)
     ]

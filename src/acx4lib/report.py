@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from numbers import Number
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
+
+from acx4lib.plain_text import Markup, shown
 
 MISSING = "\N{EN DASH}"
 """What stands in a cell without a value."""
@@ -33,10 +36,11 @@ def myst_table(
     Parameters
     ----------
     table : DataFrame
-        Text cells are taken as Markdown; line breaks in them become spaces, a ``|`` is escaped,
-        and no line ends after a ``±``. Columns of numbers are set right-aligned.
+        Text in cells and headings is shown as it is. `Markup` is taken as Markdown: line breaks
+        in it become spaces, a ``|`` is escaped, and no line ends after a ``±``. Columns of
+        numbers are set right-aligned.
     caption : str
-        Markdown, without line breaks.
+        Text, or `Markup`.
     name : str
         Label for cross-references, such as ``tab-errata``.
     formats : mapping, optional
@@ -51,14 +55,17 @@ def myst_table(
     if unknown:
         msg = f"formats for columns that the table does not have: {', '.join(unknown)}"
         raise ValueError(msg)
-    names = [str(column) for column in table.columns]
-    rules = ["---:" if is_numeric_dtype(table.iloc[:, i]) else ":---" for i in range(len(names))]
+    head = list(table.columns)
+    rules = ["---:" if is_numeric_dtype(table.iloc[:, i]) else ":---" for i in range(len(head))]
     body = [
-        [_cell(value, formats.get(column, "")) for column, value in zip(names, row, strict=True)]
+        [
+            _cell(value, formats.get(str(column), ""))
+            for column, value in zip(head, row, strict=True)
+        ]
         for row in table.itertuples(index=False, name=None)
     ]
-    lines = ["| " + " | ".join(row) + " |" for row in ([_cell(n, "") for n in names], rules, *body)]
-    return "\n".join([f"```{{table}} {_line(caption)}", f":name: {name}", "", *lines, "```"])
+    lines = ["| " + " | ".join(row) + " |" for row in ([_cell(h, "") for h in head], rules, *body)]
+    return "\n".join([f"```{{table}} {_text(caption)}", f":name: {name}", "", *lines, "```"])
 
 
 def scientific(value: float, *, digits: int = 0) -> str:
@@ -75,14 +82,25 @@ def scientific(value: float, *, digits: int = 0) -> str:
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
+def marked(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table all of whose texts and headings are Markdown; none may be of a flight."""
+    texts = table.astype(object).map(lambda cell: Markup(cell) if isinstance(cell, str) else cell)
+    columns = {name: own if is_numeric_dtype(own) else texts[name] for name, own in table.items()}
+    return pd.DataFrame(columns).rename(columns=Markup)
+
+
 def _cell(value: object, spec: str) -> str:
     """Return one cell; what is missing or not a number is a dash."""
     if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
         return MISSING
-    text = format(value, "" if isinstance(value, str) else spec)
-    text = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), _line(text)).replace("|", r"\|")
-    return text.replace(f"{SIGMA} ", f"{SIGMA}\N{NO-BREAK SPACE}")  # no line ends between the two
+    if isinstance(value, Number):
+        return format(value, spec)
+    return _text(value).replace("|", r"\|")
 
 
-def _line(text: str) -> str:
-    return " ".join(text.split())
+def _text(text: object) -> str:
+    """Return text as it is, or Markdown in one line."""
+    if not isinstance(text, Markup):
+        return shown(text)
+    line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))
+    return line.replace(f"{SIGMA} ", f"{SIGMA}\N{NO-BREAK SPACE}")  # no line ends between the two

@@ -99,8 +99,9 @@ def read_calibration(
     estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
     columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
     whole = results.covariance(found, stage_method)
-    mine = {camera.name for camera in cameras}
-    names = [label for label in whole.index if label.rpartition("/")[0] in mine]
+    reported_names = [name for name, _ in REPORTED.values()]
+    mine = {f"{camera.name}/{name}" for camera in cameras for name in reported_names}
+    names = [label for label in whole.index if label in mine]
     for k, camera in enumerate(cameras):
         for j, key in enumerate((*INTERIOR, *MOUNT)):
             label = f"{camera.name}/{REPORTED[key][0]}"

@@ -9,6 +9,7 @@ import json
 import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from csv import QUOTE_NONNUMERIC
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,10 +85,6 @@ class Results:
 
 def read(folder: str | Path) -> Results:
     """Read a results folder that is there; a file that is not has no rows.
-
-    Parameters
-    ----------
-    folder : path
 
     Raises
     ------
@@ -215,9 +212,8 @@ def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame
 def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     """Return the covariance of a method's parameters, named ``camera/parameter``.
 
-    A parameter of no camera, as a shift of GNSS positions, has its name alone.
-
-    A pair without a row, as of two heads adjusted each by itself, has zero.
+    A parameter of no camera, as a shift of GNSS positions, has its name alone. A pair without a
+    row, as of two heads adjusted each by itself, has zero.
 
     Returns
     -------
@@ -325,7 +321,10 @@ def _write(
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         new = Path(temporary)
         for name, frame in tables.items():
-            frame.to_csv(new / f"{name}.csv", index=False, encoding="utf-8", lineterminator="\n")
+            cells = frame.to_csv(index=False, lineterminator="\n")
+            if "\r" in cells:  # it would end a row that is not in quotes
+                cells = frame.to_csv(index=False, lineterminator="\n", quoting=QUOTE_NONNUMERIC)
+            (new / f"{name}.csv").write_text(cells, encoding="utf-8", newline="")
         text = json.dumps(
             _plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False
         )

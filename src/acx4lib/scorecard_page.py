@@ -9,6 +9,7 @@ import pandas as pd
 
 from acx4lib import paper, results
 from acx4lib.flight import Flight
+from acx4lib.plain_text import Markup, shown
 from acx4lib.report import myst_table, scientific
 from acx4lib.scorecard import INPUT, RULE, counts, scorecard
 from acx4lib.tables import LABELS, TITLES, value_and_sigma, with_unit
@@ -136,7 +137,7 @@ def _own_parameters(found: results.Results, flight: Flight) -> str:
         }
     )
     said = (
-        f"This copy of the book was made from the flight *{flight.name}*, which is not the "
+        f"This copy of the book was made from the flight *{shown(flight.name)}*, which is not the "
         "study's: the paper's numbers do not stand beside its own. Where the pages speak of the "
         "paper, they explain the method."
     )
@@ -181,7 +182,7 @@ def _label(quantity: str) -> str:
     label = LABELS.get(name, name)
     if name == quantity:
         return label
-    return label.replace("mean", "scatter") if "mean" in label else f"σ of {label}"
+    return Markup(label.replace("mean", "scatter") if "mean" in label else f"σ of {shown(label)}")
 
 
 def _column_title(column: str) -> str:

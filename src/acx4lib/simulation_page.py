@@ -12,6 +12,7 @@ from acx4lib import paper
 from acx4lib._typing import Array
 from acx4lib.block import Block
 from acx4lib.flight import Flight
+from acx4lib.plain_text import shown
 from acx4lib.report import myst_table
 from acx4lib.tables import LABELS, UNITS, with_unit
 
@@ -35,12 +36,12 @@ def page(flight: Flight, truth: Truth | None) -> str:
     """
     if truth is None:
         return (
-            f"The flight *{flight.name}* has no truth beside it: it was measured, or comes from "
-            "elsewhere. Nothing is known of it but its tables.\n"
+            f"The flight *{shown(flight.name)}* has no truth beside it: it was measured, or comes "
+            "from elsewhere. Nothing is known of it but its tables.\n"
         )
     parts = [
-        f"The flight *{flight.name}* is simulated, with the seed {truth['seed']}: exact geometry "
-        "on the ellipsoid, over ground with relief, by code that shares nothing with the "
+        f"The flight *{shown(flight.name)}* is simulated, with the seed {truth['seed']}: exact "
+        "geometry on the ellipsoid, over ground with relief, by code that shares nothing with the "
         "estimator. Its true values lie beside it in a file that no estimation reads.",
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if paper.applies(flight) else "",
@@ -56,9 +57,9 @@ def _cameras(truth: Truth) -> pd.DataFrame:
     rows = []
     for name in SHOWN:
         unit = name.rpartition("_")[2]
-        true = {camera: f"{values[name]:.{DECIMALS[unit]}f}" for camera, values in cameras.items()}
-        rows.append({"Parameter": with_unit(LABELS[name], unit), **true})
-    return pd.DataFrame(rows)
+        true = [f"{values[name]:.{DECIMALS[unit]}f}" for values in cameras.values()]
+        rows.append([with_unit(LABELS[name], unit), *true])
+    return pd.DataFrame(rows, columns=["Parameter", *cameras])  # a camera has any name
 
 
 def _of_the_paper(flight: Flight, truth: Truth) -> str:

@@ -12,6 +12,7 @@ from acx4lib._typing import Array
 from acx4lib.block import Block
 from acx4lib.calibration import parameters
 from acx4lib.mounting import Mounting
+from acx4lib.plain_text import Markup, shown
 from acx4lib.report import scientific
 from acx4lib.validation import Validation
 
@@ -30,7 +31,7 @@ PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
 UNITS = {"deg": "°", "um": "µm"}
 """Units as a reader sees them, where results files spell them out."""
 
-LABELS = {
+_LABELS = {
     "sigma0_squared": "variance of unit weight",
     "f_mm": "$f$",
     "xp_mm": "$x_p$",
@@ -75,11 +76,17 @@ LABELS = {
         for unit in ("m", "px")
     },
 }
+
+LABELS = {name: Markup(label) for name, label in _LABELS.items()}
 """What a reader sees for the names of parameters and statistics."""
 
 
-def value_and_sigma(value: float, sigma: float) -> str:
+def value_and_sigma(value: float, sigma: float) -> Markup:
     """Return a value with its standard deviation, both to two digits of the latter."""
+    return Markup(_value_and_sigma(value, sigma))
+
+
+def _value_and_sigma(value: float, sigma: float) -> str:
     if not np.isfinite(value):
         return ""
     if not (np.isfinite(sigma) and sigma > 0):
@@ -131,9 +138,10 @@ def mounting_table(
     return table.drop(columns="Camera") if table["Camera"].nunique() <= 2 else table
 
 
-def with_unit(label: str, unit: str) -> str:
+def with_unit(label: str, unit: str) -> Markup:
     """Return a label with its unit in brackets; a number without a unit has none."""
-    return label if unit in ("", "1") else f"{label} ({UNITS.get(unit, unit)})"
+    text = shown(label)
+    return Markup(text if unit in ("", "1") else f"{text} ({UNITS.get(unit, unit)})")
 
 
 def printed_title(method: str) -> str:
@@ -185,7 +193,9 @@ def _validation_cells(validation: Validation, gsd_m: float) -> dict[str, str]:
         "Check points": f"{len(points)}",
     }
     for axis, name in enumerate(("east", "north", "height")):
-        cells[f"Mean ± scatter, {name} (m)"] = f"{pairs.mean[axis]:+.2f} ± {pairs.std[axis]:.2f}"
+        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
+            f"{pairs.mean[axis]:+.2f} ± {pairs.std[axis]:.2f}"
+        )
     for axis, name in enumerate(("east", "north", "height")):
         cells[f"RMS, {name} (m [px])"] = f"{pairs.rms[axis]:.2f} [{pairs.rms[axis] / gsd_m:.1f}]"
     within = int(np.sum(norm <= 3 * gsd_m))
@@ -208,7 +218,9 @@ def _printed_validation(column: str) -> dict[str, str]:
     }
     for name in ("east", "north", "height"):
         scatter = paper.sigma(4, f"mean_{name}_m", column)
-        cells[f"Mean ± scatter, {name} (m)"] = f"{number(f'mean_{name}_m'):+.2f} ± {scatter:.2f}"
+        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
+            f"{number(f'mean_{name}_m'):+.2f} ± {scatter:.2f}"
+        )
         cells[f"RMS, {name} (m [px])"] = (
             f"{number(f'rms_{name}_m'):.2f} [{number(f'rms_{name}_px'):.1f}]"
         )
@@ -287,7 +299,7 @@ def variant_table(table: pd.DataFrame) -> pd.DataFrame:
     out["Variance of unit weight"] = [f"{v:.3f}" if np.isfinite(v) else "" for v in variance]
     for name in ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m"):
         if name in table:
-            out[f"{LABELS[name]} ({name.rpartition('_')[2]})"] = [
+            out[Markup(f"{LABELS[name]} ({name.rpartition('_')[2]})")] = [
                 value_and_sigma(v, s)
                 for v, s in zip(table[name], table[f"sigma_{name}"], strict=True)
             ]

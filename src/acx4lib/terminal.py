@@ -10,12 +10,13 @@ import io
 import os
 import signal
 import sys
-import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+
+from acx4lib.plain_text import shown
 
 if TYPE_CHECKING:
     from acx4lib.runner import Tell
@@ -31,27 +32,11 @@ NOBODY_READS = 128 + signal.SIGPIPE
 """Exit status of a command whose output nobody reads to the end; of this nothing is said."""
 
 
-def printable(line: str) -> str:
-    """Return a line with everything written out that is no letter, sign or space.
-
-    Control characters, directions of writing and bytes that are no text stand as escapes: a name
-    of a file cannot colour, move or overwrite anything on a terminal.
-    """
-    return "".join(
-        c if c.isprintable() or unicodedata.category(c) == "Zs" else _written_out(c) for c in line
-    )
-
-
-def _written_out(c: str) -> str:
-    """Return a character as its escape; a byte that is no text, which Python has as a surrogate."""
-    return f"\\x{ord(c) - 0xDC00:02x}" if "\udc80" <= c <= "\udcff" else ascii(c)[1:-1]
-
-
 def say(*lines: str) -> None:
     """Print on standard error, one line each, where there is one."""
     try:
         for line in lines:
-            sys.stderr.write(f"{printable(line)}\n")
+            sys.stderr.write(f"{shown(line, 'terminal')}\n")
         sys.stderr.flush()
     except OSError:  # there is nobody left to tell
         abandon(sys.stderr)
@@ -71,7 +56,7 @@ def show(text: object) -> None:
     """Print on standard output, line by line; end the command where nobody reads it."""
     try:
         for line in str(text).split("\n"):
-            sys.stdout.write(f"{printable(line)}\n")
+            sys.stdout.write(f"{shown(line, 'terminal')}\n")
         sys.stdout.flush()
     except BrokenPipeError:
         abandon(sys.stdout)
@@ -158,7 +143,7 @@ def stage_bars(unit: str = "cells") -> Iterator[Tell]:
 
         def tell(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
-                tasks[stage] = bars.add_task(printable(stage), total=total)
+                tasks[stage] = bars.add_task(shown(stage, "terminal"), total=total)
             bars.update(tasks[stage], completed=done)
 
         yield tell

@@ -14,6 +14,7 @@ from acx4lib.calibration_report.material import Material
 from acx4lib.calibration_report.words import listed
 from acx4lib.design import levels
 from acx4lib.gross_errors import CRITICAL
+from acx4lib.plain_text import code
 from acx4lib.results import STAGES
 from acx4lib.tables import LABELS
 
@@ -33,7 +34,7 @@ def identification(material: Material) -> pd.DataFrame:
         ("Stages computed", listed([s for s in STAGES if s in material.provenance.stages])),
         ("Results of", f"{material.date.day} {material.date:%B %Y} (UTC)"),
         ("Software", _software(material)),
-        ("Data, SHA-256", f"`{material.provenance.digest}`"),
+        ("Data, SHA-256", code(material.provenance.digest)),
     ]
     return pd.DataFrame(rows, columns=[ITEM, VALUE])
 
@@ -66,7 +67,7 @@ def _software(material: Material) -> str:
 def files(material: Material) -> pd.DataFrame:
     """Return every table of the flight with its checksum."""
     return pd.DataFrame(
-        [(f"`{name}`", f"`{sha256}`") for name, sha256 in material.provenance.files.items()],
+        [(code(name), code(sha256)) for name, sha256 in material.provenance.files.items()],
         columns=["File", "SHA-256"],
     )
 

@@ -27,6 +27,9 @@ GREEK = {
     "varphi": "φ",
 }
 STATE = re.compile(r"<td([^>]*)>(✓|✗|•) (\w+)</td>")
+VERDICT = "tab-report-verdict"
+"""The table whose answers are marked."""
+
 STATES = {"✓": "holds", "✗": "fails", "•": "note"}
 
 
@@ -139,8 +142,9 @@ def _fence(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, env: Any)
     name = "".join(NAME.findall(token.content)[:1])
     inner = _parser().render(NAME.sub("", token.content), env)
     caption = _parser().renderInline(token.info.removeprefix("{table}").strip(), env)
-    marked = STATE.sub(
-        lambda m: f'<td{m[1]} class="state {STATES[m[2]]}">{m[2]}&nbsp;{m[3]}</td>', inner
-    )
+    if name == VERDICT:  # elsewhere a name may look like an answer
+        inner = STATE.sub(
+            lambda m: f'<td{m[1]} class="state {STATES[m[2]]}">{m[2]}&nbsp;{m[3]}</td>', inner
+        )
     head = f"<caption><b>Table {document.n_tables}.</b> {caption}</caption>"
-    return marked.replace("<table>", f'<table id="{html.escape(name)}">{head}', 1)
+    return inner.replace("<table>", f'<table id="{html.escape(name)}">{head}', 1)

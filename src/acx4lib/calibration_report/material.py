@@ -196,9 +196,7 @@ def exposure_times(material: Material, block: Block) -> pd.Series:
     table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
     table.columns = table.columns.str.strip()
     times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)
-    known = pd.Series(
-        pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"].str.strip()
-    )
+    known = pd.Series(pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"])
     return known.reindex(list(block.trajectory.exposures))
 
 

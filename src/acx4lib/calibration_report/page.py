@@ -15,6 +15,7 @@ from acx4lib import notebooks
 from acx4lib.calibration_report.markdown import Document, number_labels, table_labels, to_html
 from acx4lib.calibration_report.material import Material, read
 from acx4lib.folder_marks import SCRATCH
+from acx4lib.plain_text import shown
 from acx4lib.runner import NOTEBOOKS_PATH
 from acx4lib.write_places import check_file
 
@@ -116,10 +117,10 @@ def page(notebook: nbformat.NotebookNode, material: Material) -> str:
     ]
     heading, _, first = rendered[0].partition("</h1>")
     return PAGE.format(
-        title=html.escape(f"Calibration report: {material.flight.name}"),
+        title=shown(f"Calibration report: {material.flight.name}", "html"),
         style=STYLE.read_text(encoding="utf-8"),
         heading=f"{heading}</h1>",
-        name=html.escape(material.flight.name),
+        name=shown(material.flight.name, "html"),
         date=f"{material.date.day} {material.date:%B %Y}",
         body="\n".join([first, *rendered[1:]]),
     )

@@ -8,7 +8,13 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import accuracy, results
-from acx4lib.calibration_report.estimates import SIGNIFICANCE, STRONG, estimates, strong_pairs
+from acx4lib.calibration_report.estimates import (
+    SIGNIFICANCE,
+    STRONG,
+    Estimate,
+    estimates,
+    strong_pairs,
+)
 from acx4lib.calibration_report.groups import Quality, qualities, ratio_limits
 from acx4lib.calibration_report.material import Material
 from acx4lib.calibration_report.stability import Drift
@@ -16,6 +22,7 @@ from acx4lib.calibration_report.verdict import Finding
 from acx4lib.calibration_report.words import heading, pair_text, parameter_title
 from acx4lib.gross_errors import CRITICAL
 from acx4lib.mounting import METHODS
+from acx4lib.plain_text import Markup, shown
 from acx4lib.tables import value_and_sigma, with_unit
 
 UNIT = {"px": "px", "m": "m", "deg": "°"}
@@ -111,13 +118,17 @@ def parameter_table(material: Material) -> pd.DataFrame:
             "Against": f"{p.reference:g}",
             "t": p.t,
             "Significant": "yes" if p.significant else "no",
-            "Strongest correlation": f"{p.rho:+.2f} with {parameter_title(p.strongest)}"
-            if p.strongest
-            else "–",
+            "Strongest correlation": _strongest(p),
         }
         for p in found
     ]
     return pd.DataFrame(rows)
+
+
+def _strongest(p: Estimate) -> Markup:
+    if not p.strongest:
+        return Markup("–")
+    return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
 
 
 def correlation_sentence(material: Material) -> str:
@@ -157,15 +168,14 @@ def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     for column, table in tables.items():
         for _, row in table.iterrows():
             label = with_unit(parameter_title(str(row["parameter"])), str(row["unit"]))
-            label = f"{row['camera']} {label}".lstrip() if several else label
+            if several and row["camera"]:
+                label = Markup(f"{shown(row['camera'])} {label}")
             text = value_and_sigma(float(row["value"]), float(row["sigma"]))
             cells.setdefault(label, {})[column] = text
-    return pd.DataFrame(
-        [
-            {"Parameter": label, **{column: texts.get(column, "held") for column in tables}}
-            for label, texts in cells.items()
-        ]
-    )
+    rows = [
+        [label, *(texts.get(column, "held") for column in tables)] for label, texts in cells.items()
+    ]
+    return pd.DataFrame(rows, columns=["Parameter", *tables])  # a camera may be called so too
 
 
 def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:

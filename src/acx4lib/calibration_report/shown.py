@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import pandas as pd
 from IPython.display import Markdown
 
@@ -11,6 +9,7 @@ from acx4lib.calibration_report.estimates import correlations
 from acx4lib.calibration_report.material import Material, image_residuals
 from acx4lib.calibration_report.words import heading
 from acx4lib.report import myst_table
+from acx4lib.tables import LABELS
 
 FORMATS = {
     "σ₀²": ".3f",
@@ -72,9 +71,8 @@ def correlation_picture(material: Material) -> pd.DataFrame:
     if not material.calibration:
         return pd.DataFrame()
     related = correlations(material, material.calibration)
-    names: Sequence[str] = [str(name) for name in related.index]
-    if len({name.rpartition("/")[0] for name in names}) == 1:
-        names = [name.rpartition("/")[2] for name in names]
-    else:
-        names = [name.replace("/", " ") for name in names]
+    names = [str(name) for name in related.index]
+    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may
+    if len({camera for camera, _, _ in parts}) == 1 and all(name in LABELS for *_, name in parts):
+        names = [name for *_, name in parts]
     return pd.DataFrame(related.to_numpy(), index=names, columns=names)

@@ -16,6 +16,7 @@ from acx4lib.calibration_report.groups import CONTROLLED, Quality, qualities, ra
 from acx4lib.calibration_report.material import Material, sentences
 from acx4lib.calibration_report.stability import boresights, drifts
 from acx4lib.calibration_report.words import adjustment_title, begun, listed, pair_text, plural
+from acx4lib.plain_text import Markup
 from acx4lib.results import messages
 
 AXES = ("east", "north", "height")
@@ -40,7 +41,7 @@ class Finding:
     state : str
         `HOLDS`, `FAILS`, or `NOTE` for what a reader must know and no test decides.
     answer : str
-        A sentence or two, Markdown.
+        A sentence or two, text or `Markup`.
     """
 
     question: str
@@ -185,7 +186,7 @@ def _apart(material: Material) -> Iterator[Finding]:
         answer = f"No two parameters correlate by more than {STRONG:g}."
         yield Finding(question=question, state=HOLDS, answer=answer)
         return
-    answer = (
+    answer = Markup(
         f"Of the parameters, {listed([pair_text(pair) for pair in pairs])} "
         f"correlate by more than {STRONG:g}. They are determined together: use them together, "
         "with their covariance."

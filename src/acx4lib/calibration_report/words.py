@@ -6,11 +6,12 @@ import re
 from collections.abc import Sequence
 
 from acx4lib.calibration_report.estimates import Pair
+from acx4lib.plain_text import Markup, shown
 from acx4lib.tables import LABELS, TITLES
 
 STAGES = {"heads": "head", "mounting": "", "validation": "validation,", "synthetic": "synthetic"}
 
-_DRIFT = re.compile(r"gnss_drift_(.+)_(east|north|height)_m_per_\w+")
+_DRIFT = re.compile(r"gnss_drift_(.+)_(east|north|height)_m_per_(?:min|exposure)", re.DOTALL)
 
 
 def adjustment_title(name: str) -> str:
@@ -39,9 +40,10 @@ def parameter_title(name: str) -> str:
     return LABELS.get(name.rpartition("/")[2], name)
 
 
-def pair_text(pair: Pair) -> str:
+def pair_text(pair: Pair) -> Markup:
     """Return a pair of parameters with its correlation."""
-    return f"{parameter_title(pair.one)} and {parameter_title(pair.other)} ({pair.rho:+.2f})"
+    one, other = shown(parameter_title(pair.one)), shown(parameter_title(pair.other))
+    return Markup(f"{one} and {other} ({pair.rho:+.2f})")
 
 
 def listed(names: Sequence[str]) -> str:

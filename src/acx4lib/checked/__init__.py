@@ -24,6 +24,7 @@ from acx4lib.checked import (
     surround_readings,
 )
 from acx4lib.checked.stored import Comparison
+from acx4lib.plain_text import Markup
 
 COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "camcal": ("dbat-camcal", lambda: dbat.results(dbat_blocks.camcal())),
@@ -77,7 +78,8 @@ _FORMATS = {
 def myst_table(table: pd.DataFrame, caption: str, *, name: str) -> str:
     """Return one of the tables of this package for the book, with headings and digits."""
     formats = {LABELS.get(c, c): f for c, f in _FORMATS.items() if c in table.columns}
-    return report.myst_table(table.rename(columns=LABELS), caption, name=name, formats=formats)
+    shown = report.marked(table.rename(columns=LABELS))
+    return report.myst_table(shown, Markup(caption), name=name, formats=formats)
 
 
 def compute(name: str) -> pd.DataFrame:

@@ -14,6 +14,7 @@ import pandas as pd
 from acx4lib import results
 from acx4lib.errata import agreements as agreeing
 from acx4lib.errata import heads, mounting, text, validation
+from acx4lib.report import marked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,13 +96,13 @@ def _finding(number: int, place: str, check: Check) -> Finding:
 def table(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return findings as a table: number, place, printed, computed, verdict."""
     columns = [*Finding.__dataclass_fields__]
-    return pd.DataFrame([asdict(finding) for finding in findings], columns=columns)
+    return marked(pd.DataFrame([asdict(finding) for finding in findings], columns=columns))
 
 
 def agreements() -> pd.DataFrame:
     """Return what was checked and agrees: place, printed, computed."""
     rows = [check() for check in agreeing.CHECKS]
-    return pd.DataFrame(rows, columns=["place", "printed", "computed"])
+    return marked(pd.DataFrame(rows, columns=["place", "printed", "computed"]))
 
 
 def largest_correlations(results_path: str | Path) -> dict[str, float]:

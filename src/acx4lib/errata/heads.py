@@ -10,6 +10,7 @@ from acx4lib import paper
 from acx4lib._typing import Array, Mask
 from acx4lib.camera import correct, distort, distortion
 from acx4lib.frames import rotation_from_opk
+from acx4lib.plain_text import shown
 
 
 def ground_pixels_m(f: float) -> tuple[float, float]:
@@ -100,7 +101,11 @@ def correlations(largest: Mapping[str, float] | None) -> tuple[str, str, str]:
         else "Cannot be the maximum for such a block; a mean or a median over all pairs may be"
         " meant, or exterior orientation that was constrained in a way the text does not tell."
     )
-    return printed, "largest: " + ", ".join(f"{v:.2f} ({name})" for name, v in pairs), verdict
+    return (
+        printed,
+        "largest: " + ", ".join(f"{v:.2f} ({shown(name)})" for name, v in pairs),
+        verdict,
+    )
 
 
 def mean_phi_deg() -> float:

@@ -198,7 +198,7 @@ def correlations(mountings: Mountings, method: str = "single_step") -> pd.DataFr
     calibration = mountings[method].calibration
     matrix = correlation(reported_covariance(calibration))
     names = [
-        p.name if len(calibration.cameras) == 1 else f"{p.camera} {p.name}"
+        p.name if len(calibration.cameras) == 1 else f"{p.camera}/{p.name}"
         for p in parameters(calibration)
     ]
     return pd.DataFrame(matrix, index=names, columns=names)

@@ -49,7 +49,8 @@ def validations(
     rows = []
     for name, (spoilt, said) in mistakes.items():
         points = validate(spoilt, said, method=name, refraction=refraction).points
-        mean, rms = points.d.mean(axis=0), np.sqrt(np.mean(points.d**2, axis=0))
+        d = points.d if len(points) else np.full((1, 3), np.nan)  # a mistake may leave none
+        mean, rms = d.mean(axis=0), np.sqrt(np.mean(d**2, axis=0))
         rows.append(
             {
                 "mistake": name,

@@ -10,8 +10,8 @@ import re
 import unicodedata
 from collections.abc import Collection
 
-from acx4lib.errors import UNSEEN
 from acx4lib.flight.problems import quoted
+from acx4lib.plain_text import UNSEEN
 
 LONGEST = 200
 """Characters of a name."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from acx4lib import expected
 from acx4lib.block import Block
-from acx4lib.errors import FlightError, visible
+from acx4lib.errors import FlightError
 from acx4lib.flight.blocks import (
     BLOCKS,
     BlockTables,
@@ -33,6 +33,7 @@ from acx4lib.flight.table_checks import (
     uncalibrated_problems,
 )
 from acx4lib.flight.toml_checks import toml_problems
+from acx4lib.plain_text import visible
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,6 @@ from pyproj.exceptions import ProjError
 
 from acx4lib.camera import distortion
 from acx4lib.crs_text import is_code_or_wkt
-from acx4lib.errors import UNSEEN
 from acx4lib.flight.document import Toml
 from acx4lib.flight.files import named_file
 from acx4lib.flight.names import name_fault
@@ -33,6 +32,7 @@ from acx4lib.flight.setup import (
     grid_of,
 )
 from acx4lib.geodesy import GridSystem
+from acx4lib.plain_text import UNSEEN
 from acx4lib.unknowns import GNSS
 
 TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori", "stages")

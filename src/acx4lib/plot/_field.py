@@ -13,7 +13,17 @@ from matplotlib.lines import Line2D
 
 from acx4lib._typing import Array
 from acx4lib.camera import Camera
-from acx4lib.plot._style import INK, ORANGE, WIDTH, heading, legend_below, round_length, style
+from acx4lib.plot._style import (
+    INK,
+    LONGEST,
+    ORANGE,
+    WIDTH,
+    heading,
+    legend_below,
+    plain,
+    round_length,
+    style,
+)
 
 CELLS = 12
 """Cells along the longer side of an image."""
@@ -63,7 +73,9 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
         for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):
             _draw_field(ax, field.camera, means[name], key=key)
             rms = np.sqrt(np.mean(field.v**2))
-            heading(ax, name, f"{len(field.v)} points, rms {rms:.2f} px")
+            heading(
+                ax, plain(name, longest=2 * LONGEST), f"{len(field.v)} points, rms {rms:.2f} px"
+            )
         handles = [
             Line2D([], [], color=INK, label=r"mean of a cell, within 3$\sigma$"),
             Line2D([], [], color=ORANGE, lw=2, label=r"beyond 3$\sigma$"),

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import matplotlib as mpl
@@ -21,8 +22,10 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from acx4lib._typing import Array
+from acx4lib.plain_text import shown
 
 WIDTH = 7.0
 """Width of a figure, inches; the book shows it over the whole column."""
@@ -53,6 +56,9 @@ DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )
 """From negative (orange) through nothing (light) to positive (blue)."""
+
+LONGEST = 24
+"""Characters of a name in a figure."""
 
 RC: Any = {
     "figure.dpi": 150,
@@ -117,6 +123,26 @@ def colour(i: int) -> str:
     return PALETTE[i % len(PALETTE)]
 
 
+def plain(name: str, *, longest: int = LONGEST) -> str:
+    """Return a name of the flight as a label, a very long one without its middle."""
+    half = longest // 2
+    return _drawn(name if len(name) <= longest else f"{name[:half]}…{name[-half:]}")
+
+
+def _drawn(text: str) -> str:
+    """Return text that matplotlib draws as it is; what the font does not have is an escape."""
+    known = _shapes()
+    return shown("".join(c if ord(c) in known else ascii(c)[1:-1] for c in text), "tex")
+
+
+@cache
+def _shapes() -> frozenset[int]:
+    """Return the characters that labels and titles can be drawn with."""
+    fonts = [FontProperties(family=RC["font.family"], weight=w) for w in ("normal", "bold")]
+    regular, bold = (get_font(findfont(font)).get_charmap() for font in fonts)
+    return frozenset(regular) & frozenset(bold)
+
+
 def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None:
     """Put one legend under all axes of a figure, outside of the data.
 
@@ -163,7 +189,9 @@ def nothing(text: str) -> Figure:
         fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
         bare(ax)
         ax.set(xticks=[], yticks=[])
-        ax.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, transform=ax.transAxes)
+        ax.text(
+            0.5, 0.5, _drawn(text), ha="center", va="center", color=SOFT, transform=ax.transAxes
+        )
     return fig
 
 

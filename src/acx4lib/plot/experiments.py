@@ -12,7 +12,7 @@ from acx4lib._typing import Array
 from acx4lib.bundle import Bundle
 from acx4lib.experiments import HeldFocalLength
 from acx4lib.frames import log
-from acx4lib.plot._style import BRICK, WIDTH, colour, legend_below, nothing, style
+from acx4lib.plot._style import BRICK, WIDTH, colour, legend_below, nothing, plain, style
 from acx4lib.plot.heads import NO_HEADS
 
 
@@ -40,7 +40,7 @@ def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
             curves = _reactions([h.bundles[name] for h in held], start)
             curves.insert(2, np.array([h.above_gnss_m[name] for h in held]))
             for ax, values in zip(axes.flat, curves, strict=True):
-                ax.plot(change, values, "o-", color=colour(i), label=name)
+                ax.plot(change, values, "o-", color=colour(i), label=plain(name))
         labels = (
             "variance factor (1)",
             "rms at control points (mm)",

@@ -30,6 +30,7 @@ from acx4lib.plot._style import (
     north_arrow,
     nothing,
     padded,
+    plain,
     scale_bar,
     style,
 )
@@ -232,7 +233,7 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     marks = ax.scatter(x, y, c=height, s=area, cmap=SEQUENCE, edgecolor=INK, lw=0.5, zorder=3)
     for place, idx, size in zip(at, points.point_idx, area, strict=True):
         ax.annotate(
-            block.points[idx],
+            plain(block.points[idx]),
             xy=tuple(place),
             xytext=(0, -4.5 - 0.55 * np.sqrt(size)),
             textcoords="offset points",

@@ -27,6 +27,7 @@ from acx4lib.plot._style import (
     heading,
     legend_below,
     nothing,
+    plain,
     style,
 )
 
@@ -109,7 +110,7 @@ def radial_distortion(
         for i, (name, fit) in enumerate(fits.items()):
             r, px, sigma = radial_profile(fit)
             for ax in (wide, near):
-                ax.plot(r, px, color=colour(i), label=name)
+                ax.plot(r, px, color=colour(i), label=plain(name))
                 ax.fill_between(r, px - sigma, px + sigma, color=colour(i), alpha=0.25, lw=0)
             ends = [px[-1], printed_px.get(name, px[-1])]
             if name in printed_px:
@@ -175,7 +176,7 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
         for i, (name, c) in enumerate(found.items()):
             values = np.sort(np.abs(c.values), axis=None)
             share = np.arange(1, len(values) + 1) / len(values)
-            shares.plot(values, 100 * share, color=colour(i), label=name)
+            shares.plot(values, 100 * share, color=colour(i), label=plain(name))
         shares.set(xlim=(0, 1), ylim=(0, 100), xlabel="absolute correlation (1)")
         shares.set_ylabel("share of all below (%)")
         handles = shares.get_legend_handles_labels()[0]

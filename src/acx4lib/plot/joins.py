@@ -33,7 +33,7 @@ from acx4lib.plot._pictures import (
     smaller,
     window_xy,
 )
-from acx4lib.plot._style import BRICK, INK, PAPER, SOFT, WIDTH, bare, colour, nothing, style
+from acx4lib.plot._style import BRICK, INK, PAPER, SOFT, WIDTH, bare, colour, nothing, plain, style
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.rendering import RenderPlan, render
 from acx4lib.synthetic_image import (
@@ -185,7 +185,7 @@ def _places(
         if on_seam.any():
             at = np.unravel_index(np.argmax(np.where(on_seam, seen, -1.0)), seen.shape)
             nearest = np.sort(np.argsort(found.distance[:, at[0], at[1]])[-2:])
-            names = " | ".join(heads[0].heads[k].name for k in nearest)
+            names = " | ".join(plain(heads[0].heads[k].name) for k in nearest)
             chosen.append((names, found.xy[at]))
             far = np.hypot(*np.moveaxis(found.xy - found.xy[at], -1, 0))
             on_seam &= far > 3 * SIDE_PX * synthetic.pixel_mm

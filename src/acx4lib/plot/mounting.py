@@ -24,6 +24,7 @@ from acx4lib.plot._style import (
     colour,
     legend_below,
     nothing,
+    plain,
     style,
 )
 from acx4lib.tables import LABELS
@@ -69,9 +70,11 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
 
 
 def _label(name: str) -> str:
-    """Return what a reader sees for a parameter's name, or for ``camera parameter``."""
-    *camera, parameter = name.split(" ")
-    return " ".join([*camera, LABELS.get(parameter, parameter)])
+    """Return what a reader sees for a parameter's name, or for ``camera/parameter``."""
+    camera, _, parameter = name.rpartition("/")
+    if parameter not in LABELS:
+        return plain(name)
+    return f"{plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]
 
 
 def mounting_per_image(
@@ -139,7 +142,7 @@ def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None
             *(number[own] + 1, values[own], "o"),
             ms=2.8,
             color=colour(i),
-            label=f"strip {strip}" if strip else "",
+            label=f"strip {plain(strip)}" if strip else "",
         )
 
 
@@ -160,7 +163,7 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     }
     several = len(set(table["camera"])) > 1
     names = [
-        f"{camera} {labels[str(key)]}" if several else labels[str(key)]
+        f"{plain(camera)} {labels[str(key)]}" if several else labels[str(key)]
         for camera, key in zip(table["camera"], table["parameter"], strict=True)
     ]
     rows = np.arange(len(table))

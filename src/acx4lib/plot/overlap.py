@@ -29,7 +29,18 @@ from acx4lib.plot._pictures import (
     shown_exposure,
     smaller,
 )
-from acx4lib.plot._style import INK, PAPER, SOFT, WIDTH, bare, colour, heading, nothing, style
+from acx4lib.plot._style import (
+    INK,
+    PAPER,
+    SOFT,
+    WIDTH,
+    bare,
+    colour,
+    heading,
+    nothing,
+    plain,
+    style,
+)
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.rendering import resample
 from acx4lib.synthetic_image import footprint, reduced_camera, reduced_heads
@@ -98,7 +109,7 @@ def overlap_ties(
         fig, (picture, plan, histogram) = _overlap_axes(shared.window)
         _draw_overlap(picture, one, orientation, pictures, shared)
         _draw_ties(picture, overlap.xy, lengths, last, size=_mark_size(shared, len(lengths)))
-        names = " and ".join(orientation.heads[k].name for k in pair)
+        names = " and ".join(plain(orientation.heads[k].name) for k in pair)
         heading(
             picture,
             names,

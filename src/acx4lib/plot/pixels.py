@@ -39,6 +39,7 @@ from acx4lib.plot._style import (
     colour,
     heading,
     nothing,
+    plain,
     scale_bar,
     style,
 )
@@ -126,7 +127,7 @@ def _draw_head(ax: Axes, image: Array, orientation: RelativeOrientation, k: int)
     extent: Any = (-0.5, w - 0.5, h - 0.5, -0.5)
     ax.imshow(image, extent=extent, interpolation="nearest")
     frameless(ax)
-    ax.set_title(camera.name, color=colour(k), pad=4)
+    ax.set_title(plain(camera.name), color=colour(k), pad=4)
 
 
 def _draw_directions(ax: Axes, orientation: RelativeOrientation, k: int, synthetic: Camera) -> None:
@@ -155,7 +156,7 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
     for k, camera in enumerate(orientation.heads):
         ax.plot(*footprint(orientation, k, per_side=20).T, color=colour(k), lw=0.8)
         ax.annotate(
-            camera.name,
+            plain(camera.name),
             tuple(middle_xy(orientation, k)),
             ha="center",
             va="center",

@@ -37,6 +37,7 @@ from acx4lib.plot._style import (
     colour,
     heading,
     legend_below,
+    plain,
     round_length,
     style,
 )
@@ -91,7 +92,7 @@ def deviation_fields(
             rms = np.sqrt(np.mean(one.d_px**2))
             heading(ax, title, f"{len(one)} points, rms {rms:.2f} px")
         handles: list[Any] = [
-            Line2D([], [], color=colour(k), lw=1, label=head.name)
+            Line2D([], [], color=colour(k), lw=1, label=plain(head.name))
             for k, head in enumerate(orientation.heads)
         ]
         legend_below(fig, handles)
@@ -204,7 +205,7 @@ def overlap_differences(picture: OverlapPicture) -> Figure:
         axes = list(grid.flat)
         low, high = np.nanpercentile(picture.grey, (1, 99))
         axes[0].imshow(picture.grey, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
-        heading(axes[0], "The ground", f"seen by {picture.names[0]}")
+        heading(axes[0], "The ground", f"seen by {plain(picture.names[0])}")
         for ax, (title, d) in zip(axes[1:], steps, strict=True):
             shown = ax.imshow(d, cmap=DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest")
             rms = np.sqrt(np.nanmean(d**2))
@@ -216,7 +217,9 @@ def overlap_differences(picture: OverlapPicture) -> Figure:
             shown, ax=axes, orientation="horizontal", fraction=0.03, aspect=60, pad=0.03
         )
         bar.ax.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-        bar.set_label(f"{picture.names[1]} less {picture.names[0]}, of the grey value")
+        bar.set_label(
+            f"{plain(picture.names[1])} less {plain(picture.names[0])}, of the grey value"
+        )
         bar.outline.set_visible(False)
     return fig
 

@@ -25,6 +25,7 @@ from acx4lib.plot._style import (
     north_arrow,
     nothing,
     padded,
+    plain,
     scale_bar,
     style,
 )
@@ -197,7 +198,7 @@ def image_redundancy(mounting: Mounting | None) -> Figure:
             for d, (ax, name) in enumerate(zip(row, ("columns", "rows"), strict=True)):
                 image = _draw_cells(ax, camera, points.colrow[own], r[own, d])
                 mean = float(np.nanmean(r[own, d])) if own.any() else np.nan
-                heading(ax, f"{camera.name}, along {name}", f"mean of all {mean:.2f}")
+                heading(ax, f"{plain(camera.name)}, along {name}", f"mean of all {mean:.2f}")
             row[0].set_ylabel("row (px)")
         limits = _limits(axes)
         for ax in axes.ravel():

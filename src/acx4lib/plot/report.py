@@ -19,16 +19,7 @@ from acx4lib._typing import Array
 from acx4lib.camera import Camera
 from acx4lib.gross_errors import CRITICAL
 from acx4lib.plot._field import Residuals, field_figure
-from acx4lib.plot._style import (
-    INK,
-    RC,
-    SOFT,
-    WIDTH,
-    colour,
-    legend_below,
-    nothing,
-    style,
-)
+from acx4lib.plot._style import INK, RC, SOFT, WIDTH, colour, legend_below, nothing, plain, style
 
 COMPONENTS = {"col": "columns", "row": "rows"}
 LABELLED = 40
@@ -58,15 +49,19 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
     cameras : mapping of str to Camera
     """
     fields = {
-        (
-            f"{title}, {name}" if own["camera"].iloc[0] != own["camera"].iloc[-1] else title
-        ): _of_camera(own[own["camera"] == name], cameras[name])
+        _panel(title, own["camera"], name): _of_camera(own[own["camera"] == name], cameras[name])
         for title, own in tables.items()
         for name in own["camera"].unique()
     }
     if not fields:
         return nothing("There are no residuals of image points.")
     return field_figure(fields)
+
+
+def _panel(title: str, cameras: pd.Series, name: str) -> str:
+    """Return the title of a camera's panel; where there is one only, that of the adjustment."""
+    several = cameras.iloc[0] != cameras.iloc[-1]
+    return f"{title}, {name}" if several else title
 
 
 def _of_camera(rows: pd.DataFrame, camera: Camera) -> Residuals:
@@ -100,12 +95,14 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
         for i, (title, table) in enumerate(tables.items()):
             shift = 0.16 * (i - (len(tables) - 1) / 2)
             for column, component in enumerate(COMPONENTS):
-                _draw_strips(axes[:, column], table, component, strips, shift=shift, label=title)
+                _draw_strips(
+                    axes[:, column], table, component, strips, shift=shift, label=plain(title)
+                )
         for column, name in enumerate(COMPONENTS.values()):
             axes[0, column].set_title(name)
             axes[0, column].axhline(1, color=INK, lw=0.7)
             axes[1, column].axhline(CRITICAL, color=INK, lw=0.9, ls="--")
-            axes[1, column].set_xticks(range(len(strips)), [s or "none" for s in strips])
+            axes[1, column].set_xticks(range(len(strips)), [plain(s) or "none" for s in strips])
             axes[1, column].set_xlabel("strip")
             axes[1, column].tick_params(axis="x", rotation=90 if len(strips) > 14 else 0)
         axes[0, 0].set_ylabel("ratio of σ (1)")
@@ -169,7 +166,7 @@ def _by_strip(ax: Axes, time: Array, values: Array, sigma: Array, strips: pd.Ser
     for i, strip in enumerate(strips.unique()):
         own = (strips == strip).to_numpy()
         bars: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.7, "color": colour(i)}
-        label = f"strip {strip}" if strip else ""
+        label = f"strip {plain(strip)}" if strip else ""
         ax.errorbar(time[own], values[own], yerr=sigma[own], label=label, **bars)
 
 
@@ -194,7 +191,7 @@ def check_points(points: pd.DataFrame) -> Figure:
             ax.set_ylabel(f"{axis} (m)")
             ax.grid(visible=False, axis="x")
             if i == 2 and len(points) <= LABELLED:
-                ax.set_xticks(at, list(points["point"]), rotation=90)
+                ax.set_xticks(at, [plain(name) for name in points["point"]], rotation=90)
         axes[-1].set_xlabel("check point")
         axes[-1].set_xlim(-0.8, len(points) - 0.2)
     return fig

@@ -13,7 +13,17 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from acx4lib.head_response import OverlapResponse, ResponseFit
-from acx4lib.plot._style import INK, SOFT, WIDTH, colour, heading, legend_below, nothing, style
+from acx4lib.plot._style import (
+    INK,
+    SOFT,
+    WIDTH,
+    colour,
+    heading,
+    legend_below,
+    nothing,
+    plain,
+    style,
+)
 from acx4lib.relative_orientation import RelativeOrientation
 
 BANDS = {
@@ -47,7 +57,7 @@ def response_curves(fit: ResponseFit | None, orientation: RelativeOrientation) -
     if fit is None or not fit.overlaps:
         return nothing("No two heads overlap in pixels, so nothing tells their responses.")
     n_bands = fit.response.coefficients.shape[1]
-    names = [head.name for head in orientation.heads]
+    names = [plain(head.name) for head in orientation.heads]
     with style():
         fig = plt.figure(figsize=(WIDTH, 3.35 + 0.26 * len(fit.overlaps)))
         parts: Any = fig.subfigures(2, 1, height_ratios=[2.35, 0.75 + 0.26 * len(fit.overlaps)])

@@ -31,6 +31,7 @@ from acx4lib.plot._style import (
     heading,
     legend_below,
     nothing,
+    plain,
     round_length,
     style,
 )
@@ -61,7 +62,7 @@ def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
             heading(ax, title, "standard deviations over the rig's")
         axes[0, 0].set_ylabel("ratio (1)")
         handles = [
-            Line2D([], [], ls="", marker="o", color=colour(k), label=head.name)
+            Line2D([], [], ls="", marker="o", color=colour(k), label=plain(head.name))
             for k, head in enumerate(heads)
         ]
         legend_below(fig, handles)
@@ -112,7 +113,7 @@ def _draw_correlations(ax: Axes, orientation: RelativeOrientation, title: str) -
     values, n = correlation(orientation.cov), len(RELATIVE)
     image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
     bare(ax)
-    names = [head.name for head in orientation.heads]
+    names = [plain(head.name) for head in orientation.heads]
     middle = n * np.arange(len(names)) + (n - 1) / 2
     ax.set_xticks(middle, names, size=7)
     ax.set_yticks(middle, names, size=7, rotation=90, va="center")

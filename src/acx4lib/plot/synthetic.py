@@ -25,6 +25,7 @@ from acx4lib.plot._style import (
     legend_below,
     nothing,
     padded,
+    plain,
     round_length,
     style,
 )
@@ -71,7 +72,8 @@ def footprints(
             most = max(most, int(found.seen.sum(axis=0).max()))
         first = orientations[0]
         handles: list[Any] = [
-            Line2D([], [], color=colour(k), label=head.name) for k, head in enumerate(first.heads)
+            Line2D([], [], color=colour(k), label=plain(head.name))
+            for k, head in enumerate(first.heads)
         ]
         counts = range(min(most, len(COUNTS) - 1) + 1)
         handles += [_count_patch(count, len(first.heads)) for count in counts]
@@ -129,7 +131,7 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
         if not faint:
             middle = outline[:-1].mean(axis=0)
             ax.annotate(
-                *(head.name, tuple(middle)),
+                *(plain(head.name), tuple(middle)),
                 ha="center",
                 va="center",
                 color=colour(k),
@@ -176,7 +178,7 @@ def refinements(refined: HasRefinement, synthetic: Camera) -> Figure:
             heading(ax, title, _rms_and_largest(d))
             ax.set_ylabel(ax.get_ylabel() if ax is axes[0, 0] else "")
         handles = [
-            Line2D([], [], color=colour(k), lw=1, label=head.name)
+            Line2D([], [], color=colour(k), lw=1, label=plain(head.name))
             for k, head in enumerate(refined.orientation.heads)
         ]
         legend_below(fig, handles)

@@ -16,10 +16,11 @@ from acx4lib.calibration import (
 )
 from acx4lib.determination import Pair, Part, strong_correlations, weakest_combination
 from acx4lib.mounting import Mounting
+from acx4lib.plain_text import Markup, shown
 from acx4lib.report import myst_table, scientific
 from acx4lib.tables import LABELS, TITLES
 
-NAMES = LABELS | {f"boresight_{axis}": f"boresight about ${axis}$" for axis in "xyz"}
+NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
 
 
 def determination_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
@@ -34,8 +35,8 @@ def determination_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
             {
                 "Method": TITLES[method],
                 "Condition": scientific(mounting.bundle.solution.condition),
-                "Weakest combination": "; ".join(_part(part, label) for part in parts),
-                "Correlations above 0.9": "; ".join(_pair(pair, label) for pair in pairs),
+                "Weakest combination": Markup("; ".join(_part(part, label) for part in parts)),
+                "Correlations above 0.9": Markup("; ".join(_pair(pair, label) for pair in pairs)),
             }
         )
     return pd.DataFrame(rows)
@@ -53,8 +54,8 @@ def _pair(pair: Pair, label: Callable[[str], str]) -> str:
 def _label(name: str, *, with_camera: bool) -> str:
     """Return what a reader sees for ``camera/parameter`` or for an unknown of the poses."""
     camera, _, parameter = name.rpartition("/")
-    label = NAMES.get(parameter, parameter)
-    return f"{camera} {label}" if camera and with_camera else label
+    label = shown(NAMES.get(parameter, parameter))
+    return f"{shown(camera)} {label}" if camera and with_camera else label
 
 
 def geometry_page() -> str:
@@ -69,7 +70,7 @@ def geometry_table() -> pd.DataFrame:
     for key, (name, _) in REPORTED.items():
         limit, needed = _limit(key), HELP[key]
         if rows and (rows[-1]["Largest σ"], rows[-1]["It needs"]) == (limit, needed):
-            rows[-1]["Parameter"] += f", {LABELS[name]}"
+            rows[-1]["Parameter"] = Markup(f"{rows[-1]['Parameter']}, {LABELS[name]}")
         else:
             rows.append({"Parameter": LABELS[name], "Largest σ": limit, "It needs": needed})
     return pd.DataFrame(rows)
@@ -81,4 +82,6 @@ def _limit(key: str) -> str:
         return f"{LIMIT_LEVER_M:g} m"
     if key.startswith("boresight"):
         return f"{LIMIT_BORESIGHT_DEG:g}°"
-    return f"{100 * LIMIT_INTERIOR:g} % of $f$" if key in ("f", "xp", "yp") else "any"
+    if key in ("f", "xp", "yp"):
+        return Markup(f"{100 * LIMIT_INTERIOR:g} % of $f$")
+    return "any"

@@ -9,6 +9,7 @@ from acx4lib import paper
 from acx4lib.block import Block
 from acx4lib.design import Level, levels
 from acx4lib.flight import Flight
+from acx4lib.plain_text import shown
 
 PRINTED: dict[tuple[str, int], dict[str, str]] = {
     ("heads", 0): {
@@ -184,4 +185,4 @@ def notes(flight: Flight) -> str:
     """Return what is odd but allowed in a flight, as a list."""
     if not flight.notes:
         return "Nothing odd was found in its tables."
-    return "\n".join(f"- {note}" for note in flight.notes)
+    return "\n".join(f"- {shown(note)}" for note in flight.notes)

@@ -13,6 +13,7 @@ from acx4lib.design import levels
 from acx4lib.experiments import HeldFocalLength
 from acx4lib.flight import Flight
 from acx4lib.lens import radial_profile
+from acx4lib.plain_text import shown
 from acx4lib.plot.heads import SYMBOLS
 from acx4lib.stages.head_tables import apart, claim, oriented, printed_border_px
 from acx4lib.stages.heads import HeadsStage
@@ -41,8 +42,8 @@ def agreement(flight: Flight, stage: HeadsStage) -> str:
     return (
         f"{int(np.sum(far <= 2))} of {len(listed)} parameters lie within two combined standard "
         f"deviations of the printed value; the farthest is {LABELS[worst.name]} of "
-        f"{worst.camera}, {far.max():.1f} off. Our standard deviations are those of the paper "
-        f"times {ratios} (medians of the heads)."
+        f"{shown(worst.camera)}, {far.max():.1f} off. Our standard deviations are those of the "
+        f"paper times {ratios} (medians of the heads)."
     )
 
 
@@ -50,7 +51,7 @@ def orientation(flight: Flight, stage: HeadsStage) -> str:
     """Say how the relative orientation compares with the printed one."""
     listed = oriented(stage)
     if not listed:
-        return f"There is no relative orientation: {stage.left_out}."
+        return f"There is no relative orientation: {shown(stage.left_out)}."
     metres = _ground_m_per_mm(stage)
     if not paper.applies(flight):
         return f"A tenth of a millimetre is {0.1 * metres:.1f} m at the lowest flying height."
@@ -112,8 +113,8 @@ def correlation(flight: Flight, stage: HeadsStage) -> str:
     pair = next(iter(largest_pairs(found[head], n=1)))
     inner, outer = (SYMBOLS[name] for name in pair.split("/"))
     ours = (
-        f"The largest correlation is {every.max():.2f}, between {inner} and {outer} of {head}; the "
-        f"median of all is {np.median(every):.2f}"
+        f"The largest correlation is {every.max():.2f}, between {inner} and {outer} of "
+        f"{shown(head)}; the median of all is {np.median(every):.2f}"
     )
     bound = claim(flight, "max_correlation")
     if bound is None:
@@ -163,7 +164,7 @@ def gnss(tried: Sequence[HeldFocalLength]) -> str:
     if not asked:
         return "No head could be adjusted."
     fits = min(tried, key=lambda one: float(np.abs(one.change_mm).max())).bundles
-    each = ", ".join(f"{f:.3f} mm ({name})" for name, f in asked.items())
+    each = ", ".join(f"{f:.3f} mm ({shown(name)})" for name, f in asked.items())
     declared = ", ".join(
         f"{f:g}" for f in sorted({fits[name].cameras[0].interior.f for name in asked})
     )

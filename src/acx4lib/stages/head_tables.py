@@ -12,6 +12,7 @@ from acx4lib.calibration import Parameter, from_bundle, parameters
 from acx4lib.experiments import HeldFocalLength
 from acx4lib.flight import Flight
 from acx4lib.lens import corner_radius, largest_at_corners, radial_profile
+from acx4lib.plain_text import Markup
 from acx4lib.record_tables import orientation_parameters
 from acx4lib.stages.heads import HeadsStage
 from acx4lib.tables import LABELS, value_and_sigma
@@ -107,7 +108,7 @@ def border(flight: Flight, stage: HeadsStage) -> pd.DataFrame:
         _, px, sigma = radial_profile(fit)
         row = {
             "Head": name,
-            "Radial at the corner (px)": f"{px[-1]:.1f} ± {sigma[-1]:.1f}",
+            "Radial at the corner (px)": Markup(f"{px[-1]:.1f} ± {sigma[-1]:.1f}"),
             "With decentring, worst corner (px)": f"{largest_at_corners(fit.cameras[0]):.1f}",
         }
         if paper.applies(flight):
@@ -155,16 +156,16 @@ def _held_cells(stage: HeadsStage, one: HeldFocalLength) -> dict[str, str]:
     ]
     rise = list(one.above_gnss_m.values())
     cells = {
-        "Held $f$": f"{which} {change:+.1f} mm" if changed else "unchanged",
+        Markup("Held $f$"): f"{which} {change:+.1f} mm" if changed else "unchanged",
         "Variance of unit weight": f"{one.sigma0_sq:.3f}",
         "RMS at control points (mm)": f"{1000 * one.control_rms_m:.1f}",
         "Cameras above GNSS (m)": f"{min(rise):+.1f} to {max(rise):+.1f}",
-        "$x_p$, $y_p$ moved by up to (mm)": f"{np.abs(moved).max():.3f}",
+        Markup("$x_p$, $y_p$ moved by up to (mm)"): f"{np.abs(moved).max():.3f}",
     }
     if one.orientation is not None:
         xyz = one.orientation.xyz_mm
-        cells["$X_c$, $Y_c$ up to (mm)"] = f"{np.abs(xyz[:, :2]).max():.3f}"
-        cells["$Z_c$ less the first head's (mm)"] = ", ".join(
+        cells[Markup("$X_c$, $Y_c$ up to (mm)")] = f"{np.abs(xyz[:, :2]).max():.3f}"
+        cells[Markup("$Z_c$ less the first head's (mm)")] = ", ".join(
             f"{z:.3f}" for z in xyz[1:, 2] - xyz[0, 2]
         )
     return cells

@@ -10,6 +10,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight import Flight
 from acx4lib.head_response import ResponseFit, poor_overlaps
 from acx4lib.parallax import flight_parallax
+from acx4lib.plain_text import shown
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.stages.pixels import NO_PIXELS, FoundTies, Pictures, middle
 from acx4lib.stages.synthetic import synthetic_camera
@@ -26,18 +27,18 @@ def rendering(flight: Flight, pictures: Pictures | None) -> str:
             "rendered."
         )
     n = sum(file is not None for file in files)
-    shown = middle(pictures)
-    rows, cols, bands = shown.images[0].shape
+    picture = middle(pictures).images[0]
+    rows, cols, bands = picture.shape
     size = (
         "at full size"
         if pictures.reduction == 1
         else f"at 1/{pictures.reduction} of the full size, {cols} × {rows} px"
     )
-    names = ", ".join(one.exposure for one in pictures.exposed)
+    names = ", ".join(shown(one.exposure) for one in pictures.exposed)
     return (
         f"{n} of {len(files)} head images have files, which makes {pictures.n_complete} complete "
         f"exposures; this page uses {names}, {size}, {bands} bands of "
-        f"{8 * shown.images[0].dtype.itemsize} bit. Pixels in what follows are those of the "
+        f"{8 * picture.dtype.itemsize} bit. Pixels in what follows are those of the "
         "full-size synthetic image, where nothing else is said."
     )
 
@@ -73,7 +74,7 @@ def found_sentence(found: FoundTies | None) -> str:
         f"{np.median(found.ties.sigma_px) if len(found.ties) else np.nan:.3f} head pixels at full "
         f"size. The paper has about {paper.statement('tie_points_per_overlap'):.0f} an overlap."
     )
-    return " ".join([text, *(f"{one.sentence}." for one in found.overlaps if one.sentence)])
+    return " ".join([text, *(f"{shown(one.sentence)}." for one in found.overlaps if one.sentence)])
 
 
 def parallax_table(flight: Flight) -> pd.DataFrame:
@@ -135,4 +136,4 @@ def response_sentence(orientation: RelativeOrientation, fit: ResponseFit | None)
         f"taken, and by {100 * np.nanmedian(after):.2f} % after equalisation; noise alone would "
         f"leave {100 * np.nanmedian(floor):.2f} %."
     )
-    return " ".join([text, *(f"{line}." for line in poor_overlaps(fit, names))])
+    return " ".join([text, *(f"{shown(line)}." for line in poor_overlaps(fit, names))])

@@ -20,6 +20,7 @@ from acx4lib.experiments.examined_images import (
     rms_of_coordinates,
 )
 from acx4lib.experiments.pixels import KnownExposure
+from acx4lib.plain_text import Markup
 from acx4lib.synthetic_quality import Deviations, residuals_px, zones
 
 NAMES: Mapping[str, str] = {
@@ -280,7 +281,7 @@ def draw_table(draws: pd.DataFrame) -> pd.DataFrame:
         "rms_px": "RMS (px)",
         "oriented_px": "Oriented (px)",
         "calibrated_px": "Calibrated (px)",
-        "interior_px": "And $f$, $x_p$, $y_p$ (px)",
+        "interior_px": Markup("And $f$, $x_p$, $y_p$ (px)"),
         "radial_px": "Radial (px)",
     }
     rows = []

@@ -19,6 +19,7 @@ from acx4lib.experiments import (
 )
 from acx4lib.flight import Flight
 from acx4lib.head_differences import frame_differences
+from acx4lib.plain_text import Markup
 from acx4lib.plot.synthetic import WAYS
 from acx4lib.records import Record, of_left_out, of_relative_orientation
 from acx4lib.refinement import Refined, refine_by_rotations
@@ -176,7 +177,7 @@ def overlap_table(flight: Flight, refinement: Refinement) -> pd.DataFrame:
                 "Heads": " and ".join(before.heads[k].name for k in (a, b)),
                 "Area (Mpx)": f"{share * megapixels:.1f}",
                 "Tie points": f"{len(old.d)}",
-                "Mean $x$, $y$ before (px)": _pair(old.mean / synthetic.pixel_mm),
+                Markup("Mean $x$, $y$ before (px)"): _pair(old.mean / synthetic.pixel_mm),
                 "after (px)": _pair(new.mean / synthetic.pixel_mm),
                 "RMS before (px)": f"{_rms([old]) / synthetic.pixel_mm:.3f}",
                 "RMS after (px)": f"{_rms([new]) / synthetic.pixel_mm:.3f}",
@@ -243,7 +244,9 @@ def turns_table(refinement: Refinement) -> pd.DataFrame:
         [
             {"Head": head.name}
             | {
-                f"${name}_c$ (0.001°)": f"{1000 * turned_by[k, j]:+.2f} ± {1000 * sigma[k, j]:.2f}"
+                Markup(f"${name}_c$ (0.001°)"): Markup(
+                    f"{1000 * turned_by[k, j]:+.2f} ± {1000 * sigma[k, j]:.2f}"
+                )
                 for j, name in enumerate(names)
             }
             for k, head in enumerate(before.heads)

@@ -14,12 +14,13 @@ from acx4lib.camera import Camera
 from acx4lib.experiments import Deformation
 from acx4lib.experiments.rig import ONE_BY_ONE, RIG, UNSHARED, WITH_F, gains
 from acx4lib.flight import Flight
+from acx4lib.plain_text import Markup, shown
 from acx4lib.record_tables import RELATIVE, orientation_parameters
 from acx4lib.relative_orientation import RelativeOrientation
 from acx4lib.stages.rig import RigStage
 from acx4lib.tables import LABELS, adjustment_table, value_and_sigma, with_unit
 
-COLUMNS = {ONE_BY_ONE: "One by one", WITH_F: "One by one, $f$ estimated", RIG: "Rig"}
+COLUMNS = {ONE_BY_ONE: "One by one", WITH_F: Markup("One by one, $f$ estimated"), RIG: "Rig"}
 """The ways to orient the heads that are set beside each other, and their headings."""
 
 
@@ -46,16 +47,19 @@ def calibration(stage: RigStage, truth: Sequence[Camera]) -> pd.DataFrame:
         return pd.DataFrame([{"Parameter": "none could be estimated"}])
     listed = parameters(stage.rig.calibration)
     true = _true_values(stage, truth)
-    rows: dict[str, dict[str, str]] = {}
+    heads = list(dict.fromkeys(p.camera for p in listed))
+    rows = []
     for name in dict.fromkeys(p.name for p in listed):
-        mine = [p for p in listed if p.name == name]
-        row = {"Parameter": with_unit(LABELS[name], mine[0].unit)}
-        row |= {p.camera: value_and_sigma(p.value, p.sigma) for p in mine}
+        mine = {p.camera: p for p in listed if p.name == name}
+        unit = next(iter(mine.values())).unit
+        found = {head: value_and_sigma(p.value, p.sigma) for head, p in mine.items()}
+        row: list[object] = [with_unit(LABELS[name], unit), *(found.get(head) for head in heads)]
         if true:
-            far = max(abs(p.value - true[p.camera, name]) / p.sigma for p in mine)
-            row["Farthest from the truth (σ)"] = f"{far:.1f}"
-        rows[name] = row
-    return pd.DataFrame(list(rows.values()))
+            far = max(abs(p.value - true[head, name]) / p.sigma for head, p in mine.items())
+            row.append(f"{far:.1f}")
+        rows.append(row)
+    ending = ["Farthest from the truth (σ)"] if true else []
+    return pd.DataFrame(rows, columns=["Parameter", *heads, *ending])  # heads have any name
 
 
 def _true_values(stage: RigStage, truth: Sequence[Camera]) -> dict[tuple[str, str], float]:
@@ -97,7 +101,7 @@ def image(
     for title in ways:
         one = found[title]
         row = {
-            "Heads": title,
+            "Heads": Markup(title),
             "Misfit in overlaps, predicted RMS (px)": f"{one.gap_sigma_mm / pixel:.3f}",
         }
         if np.isfinite(one.d).all():
@@ -128,7 +132,7 @@ def shared(stage: RigStage) -> str:
 def gain(stage: RigStage, ways: Mapping[str, RelativeOrientation]) -> str:
     """Say by how much the rig's standard deviations are smaller, and what shared points give."""
     if stage.rig is None:
-        return f"There is no rig: {stage.left_out}."
+        return f"There is no rig: {shown(stage.left_out)}."
     if not {ONE_BY_ONE, RIG} <= set(ways):
         return "The heads are not oriented in both ways, so there is nothing to compare."
     text = f"Against the heads one by one the standard deviations are {_by_group(ways, ONE_BY_ONE)}"

@@ -7,6 +7,7 @@ import pandas as pd
 from acx4lib import gnss_shift
 from acx4lib.experiments.shift import SHIFT_M
 from acx4lib.mounting import Mounting
+from acx4lib.plain_text import shown
 from acx4lib.tables import LABELS
 
 FREE_OF_SHIFT = (
@@ -20,7 +21,7 @@ def said(single: Mounting | None) -> str:
     if single is None:
         return "There is no single step, and so no shift of GNSS positions."
     lines = [*gnss_shift.notes(single.bundle), *gnss_shift.not_determined(single.bundle)]
-    return "\n".join(f"- {line[0].upper()}{line[1:]}." for line in lines) or FREE_OF_SHIFT
+    return "\n".join(f"- {shown(line[0].upper() + line[1:])}." for line in lines) or FREE_OF_SHIFT
 
 
 def ratio_table(scatter: pd.DataFrame) -> pd.DataFrame:

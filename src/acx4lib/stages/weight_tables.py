@@ -9,6 +9,7 @@ import pandas as pd
 
 from acx4lib import paper
 from acx4lib.mounting import Mounting
+from acx4lib.plain_text import Markup, shown
 from acx4lib.tables import LABELS, with_unit
 from acx4lib.variance_components import Component, components, sentences
 
@@ -40,9 +41,13 @@ def _row(c: Component) -> dict[str, object]:
         "Number": c.n,
         "Redundancy": c.redundancy,
         "Effective": c.effective,
-        "Factor of σ": f"{c.factor:.2f} ± {c.sigma:.2f}" if c.estimable else TOO_FEW,
+        "Factor of σ": _factor(c.factor, c.sigma) if c.estimable else TOO_FEW,
         "Used": c.applied,
     }
+
+
+def _factor(factor: float, sigma: float) -> Markup:
+    return Markup(f"{factor:.2f} ± {sigma:.2f}")
 
 
 def said(single: Mounting | None, applied: Mapping[str, float]) -> str:
@@ -50,10 +55,10 @@ def said(single: Mounting | None, applied: Mapping[str, float]) -> str:
     if single is None:
         return NOTHING
     found = components(single.bundle, applied=applied)
-    lines = [f"- {line[0].upper()}{line[1:]}." for line in sentences(found)]
+    lines = [f"- {shown(line[0].upper() + line[1:])}." for line in sentences(found)]
     if lines:
         return "\n".join(lines)
-    judged = "; ".join(c.group for c in found if c.estimable)
+    judged = "; ".join(shown(c.group) for c in found if c.estimable)
     return f"The residuals do not contradict any of the sigma that they can judge: {judged}."
 
 
@@ -78,7 +83,7 @@ def wrong_table(table: pd.DataFrame) -> pd.DataFrame:
                 "Redundancy": row["redundancy"],
                 "Effective": row["effective"],
                 "True factor": row["true"],
-                "Diagnosis": f"{row['factor']:.2f} ± {row['sigma']:.2f}" if told else TOO_FEW,
+                "Diagnosis": _factor(row["factor"], row["sigma"]) if told else TOO_FEW,
                 "Estimated": f"{row['estimated']:.2f}" if estimated else "as given",
             }
         )
