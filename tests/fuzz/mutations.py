@@ -184,6 +184,63 @@ def units(folder: Path, rng: random.Random) -> None:
     write_rows(path, all_rows)
 
 
+def noise(folder: Path, rng: random.Random) -> None:
+    """Add errors of any size to some numbers, as a bad day in the field would."""
+    path = table(folder, rng)
+    all_rows = rows_of(path)
+    numeric = [k for k, name in enumerate(all_rows[0]) if re.search(r"_(m|deg|px)$", name)]
+    size, share = 10 ** rng.uniform(-6, 4), rng.choice((0.02, 0.3, 1.0))
+    for row in all_rows[1:]:
+        if numeric and rng.random() < share:
+            k = rng.choice(numeric)
+            try:
+                row[k] = repr(float(row[k]) + rng.gauss(0, size))
+            except (ValueError, IndexError):
+                continue
+    write_rows(path, all_rows)
+
+
+def fewer(folder: Path, rng: random.Random) -> None:
+    """Leave out measurements, control points or images until little is determined."""
+    points = [path for path in tables(folder) if path.name == "image_points.csv"]
+    path = rng.choice(points or [table(folder, rng)])
+    header, *below = rows_of(path)
+    column = rng.choice((0, 1))
+    present = sorted({row[column] for row in below if len(row) == len(header) > 1})
+    kept = set(rng.sample(present, min(len(present), rng.choice((0, 1, 2, 3, 4, 8)))))
+    share = rng.choice((0.0, 0.0, 0.1, 0.5))
+    below = [
+        row
+        for row in below
+        if (row[column : column + 1] and row[column] in kept) or rng.random() < share
+    ]
+    write_rows(path, [header, *below, [""]])
+
+
+def sigmas(folder: Path, rng: random.Random) -> None:
+    """State standard deviations that are allowed, and absurd."""
+    known = {
+        "image_points.csv": ("sigma_px",),
+        "trajectory.csv": tuple(
+            f"sigma_{x}" for x in ("east_m", "height_m", "roll_deg", "heading_deg")
+        ),
+        "control_points.csv": ("sigma_east_m", "sigma_north_m", "sigma_height_m", "role"),
+    }
+    path = table(folder, rng)
+    column = rng.choice(known.get(path.name, ("strip",)))
+    header, *below = rows_of(path)
+    if column in header:
+        return
+    values = ("1e-9", "1e6", "0", "1", "1e-4", "0.01", "100")
+    many, value = rng.random() < 0.5, rng.choice(values)
+    for row in below:
+        if len(row) == len(header):
+            row.append(value if many else rng.choice(values))
+            if column in ("role", "strip"):
+                row[-1] = rng.choice(("control", "check", ""))
+    write_rows(path, [[*header, column], *below])
+
+
 def names(folder: Path, rng: random.Random) -> None:
     """Rename something in all files."""
     path = table(folder, rng)
@@ -284,6 +341,9 @@ MUTATIONS: dict[str, Mutation] = {
     "rows": rows,
     "columns": columns,
     "units": units,
+    "noise": noise,
+    "fewer": fewer,
+    "sigmas": sigmas,
     "names": names,
     "toml": toml,
     "stages": stages,

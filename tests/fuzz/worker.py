@@ -33,7 +33,7 @@ SECONDS = 20
 MEMORY = 2**30
 """Bytes of resident memory, all of this process; and of address space beyond its libraries'."""
 
-COMPUTED = 10
+COMPUTED = 8
 """Of the accepted flights one of so many is adjusted."""
 
 LINE = re.compile(r"(?s).+:[1-9]\d*: [^:]+.*: .+; .+")
