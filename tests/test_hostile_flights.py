@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import resource
 import socket
 import struct
+import tempfile
 import time
 from pathlib import Path
 
@@ -352,15 +354,17 @@ def test_a_block_that_is_no_folder_is_said(tmp_path, name, kind):
     assert problems(tmp_path) == [f"{name}:1: folder: is no folder; must be the folder of a block"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser reads everything")
 @pytest.mark.parametrize("name", [TOML, POINTS, "calibration"])
-def test_what_may_not_be_read_is_said(tmp_path, name):
-    path = write_flight(tmp_path) / name
-    path.chmod(0)
-    try:
-        found = problems(tmp_path)
-    finally:
-        path.chmod(0o755)
+def test_what_may_not_be_read_is_said(name):
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        path = write_flight(Path(folder) / "f") / name
+        Path(folder).chmod(0o755)
+        path.chmod(0)
+        stack.callback(path.chmod, 0o755)
+        if os.geteuid() == 0:  # who reads everything
+            os.seteuid(65534)
+            stack.callback(os.seteuid, 0)
+        found = problems(Path(folder) / "f")
     assert "cannot be read (Permission denied); must be a readable file" in found[0]
 
 
@@ -425,6 +429,17 @@ def test_a_crs_may_be_a_code_wkt_or_a_plain_proj_string(form):
     }[form]
     assert not crs_fault(crs)
     assert GridSystem(crs=crs).crs == crs
+
+
+def test_wkt_of_many_lines_is_one_line_of_the_summary(tmp_path):
+    import pyproj  # noqa: PLC0415 here alone
+
+    wkt = pyproj.CRS("EPSG:31982").to_wkt(pretty=True).replace("SIRGAS 2000 / UTM", "SIRGAS\n2000")
+    change(write_flight(tmp_path), TOML, '"EPSG:31982"', f"'''{wkt}'''")
+    lines = flight.summary(flight.read(tmp_path)).split("\n")
+    assert lines[1] == f"  CRS            {' '.join(wkt.split())[:80]}…, SIRGAS\\n2000 zone 22S"
+    change(tmp_path, TOML, "2000 zone", "2000\x85 zone")
+    assert problems(tmp_path)[0].startswith(f"{TOML}:2: crs: holds the character U+0085; must be")
 
 
 def write_geoid(path: Path, height: float = 3.0) -> None:
