@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import resource
 import socket
 import struct
+import tempfile
 import time
 from pathlib import Path
 
@@ -94,9 +96,9 @@ def test_what_is_large_or_deep_is_refused_in_time(tmp_path, file, added, line):
     write_flight(tmp_path)
     with (tmp_path / file).open("a") as opened:
         opened.write(added)
-    start = time.monotonic()
+    start = time.process_time()
     found = problems(tmp_path)
-    assert time.monotonic() - start < SECONDS
+    assert time.process_time() - start < SECONDS
     assert len(found) < 120
     assert any(one.startswith(line) for one in found), found[0][:300]
 
@@ -124,9 +126,9 @@ def test_names_of_files_that_are_not_there_are_looked_up_in_time(tmp_path):
     write_flight(tmp_path)
     rows = "".join(f"i{i},CAM,E{i},a/b/c/{i}.tif\n" for i in range(30_000))
     (tmp_path / IMAGES).write_text("image,camera,exposure,file\n" + rows)
-    start = time.monotonic()
+    start = time.process_time()
     assert f"{IMAGES}:2: file: 'a/b/c/0.tif' is not there" in problems(tmp_path)[0]
-    assert time.monotonic() - start < SECONDS
+    assert time.process_time() - start < SECONDS
 
 
 def test_the_nearest_of_many_names_is_found_in_time(tmp_path):
@@ -135,9 +137,9 @@ def test_the_nearest_of_many_names_is_found_in_time(tmp_path):
     with (tmp_path / TRAJECTORY).open("a") as opened:
         opened.write(rows)
     change(tmp_path, IMAGES, "CAM,E1,", "CAM,X0012x4,")
-    start = time.monotonic()
+    start = time.process_time()
     assert "'X0012x4' is unknown (did you mean 'X000124'?)" in problems(tmp_path)[0]
-    assert time.monotonic() - start < SECONDS
+    assert time.process_time() - start < SECONDS
 
 
 def test_a_wrong_mounting_of_many_images_is_explained_in_time(tmp_path):
@@ -152,10 +154,10 @@ def test_a_wrong_mounting_of_many_images_is_explained_in_time(tmp_path):
         ]
         (tmp_path / file).write_text("\n".join([header, *many]) + "\n")
     change(tmp_path, TOML, "mount_kappa_deg = 90.0", "mount_kappa_deg = 0.0")
-    start = time.monotonic()
+    start = time.process_time()
     (line,) = problems(tmp_path)
     assert "the camera axes were turned by 90 degrees about z" in line
-    assert time.monotonic() - start < 4 * SECONDS  # half of it for reading 63 000 measurements
+    assert time.process_time() - start < 4 * SECONDS  # half of it for reading 63 000 measurements
 
 
 def test_a_file_larger_than_the_memory_is_refused_unread(tmp_path):
@@ -352,15 +354,17 @@ def test_a_block_that_is_no_folder_is_said(tmp_path, name, kind):
     assert problems(tmp_path) == [f"{name}:1: folder: is no folder; must be the folder of a block"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser reads everything")
 @pytest.mark.parametrize("name", [TOML, POINTS, "calibration"])
-def test_what_may_not_be_read_is_said(tmp_path, name):
-    path = write_flight(tmp_path) / name
-    path.chmod(0)
-    try:
-        found = problems(tmp_path)
-    finally:
-        path.chmod(0o755)
+def test_what_may_not_be_read_is_said(name):
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        path = write_flight(Path(folder) / "f") / name
+        Path(folder).chmod(0o755)
+        path.chmod(0)
+        stack.callback(path.chmod, 0o755)
+        if os.geteuid() == 0:  # who reads everything
+            os.seteuid(65534)
+            stack.callback(os.seteuid, 0)
+        found = problems(Path(folder) / "f")
     assert "cannot be read (Permission denied); must be a readable file" in found[0]
 
 
@@ -427,6 +431,17 @@ def test_a_crs_may_be_a_code_wkt_or_a_plain_proj_string(form):
     assert GridSystem(crs=crs).crs == crs
 
 
+def test_wkt_of_many_lines_is_one_line_of_the_summary(tmp_path):
+    import pyproj  # noqa: PLC0415 here alone
+
+    wkt = pyproj.CRS("EPSG:31982").to_wkt(pretty=True).replace("SIRGAS 2000 / UTM", "SIRGAS\n2000")
+    change(write_flight(tmp_path), TOML, '"EPSG:31982"', f"'''{wkt}'''")
+    lines = flight.summary(flight.read(tmp_path)).split("\n")
+    assert lines[1] == f"  CRS            {' '.join(wkt.split())[:80]}…, SIRGAS\\n2000 zone 22S"
+    change(tmp_path, TOML, "2000 zone", "2000\x85 zone")
+    assert problems(tmp_path)[0].startswith(f"{TOML}:2: crs: holds the character U+0085; must be")
+
+
 def write_geoid(path: Path, height: float = 3.0) -> None:
     header = struct.pack(">4d2i", -27.0, -51.0, 1.0, 1.0, 4, 4)
     path.write_bytes(header + np.full(16, height, dtype=">f4").tobytes())
@@ -463,3 +478,12 @@ def test_a_file_of_the_working_folder_is_no_crs_and_no_geoid(tmp_path, monkeypat
     write_geoid(tmp_path / "g.gtx")
     change(tmp_path / "f", TOML, "EPSG:5773", "g.gtx")
     assert problems(tmp_path / "f")[0].startswith(f"{TOML}:3: heights: 'g.gtx' is not there; must")
+
+
+def test_of_a_file_with_very_many_problems_the_first_are_written_out(tmp_path):
+    write_flight(tmp_path)
+    with (tmp_path / TOML).open("a") as opened:
+        opened.writelines(f"[cameras.c{i}]\n" for i in range(200))
+    found = problems(tmp_path)
+    assert len(found) == 201
+    assert found[-1] == f"{TOML}:65: file: and more; correct these first"

@@ -23,6 +23,9 @@ from acx4lib.errors import FlightError
 BANDS = 4
 """An image has at most so many."""
 
+PAGES = 100
+"""So many pages of a file are looked at; overviews and masks are a dozen."""
+
 _BROKEN = (
     *(ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error),
     MemoryError,  # sizes that are no sizes
@@ -204,7 +207,7 @@ def _not_tiff(path: Path) -> str:
 def _header(tiff: tifffile.TiffFile) -> _Header:
     """Return what a file says of its first image; overviews and masks are no others."""
     page = tiff.pages.first
-    others = [p for p in tiff.pages[1:] if isinstance(p, tifffile.TiffPage)]
+    others = [p for p in _further_pages(tiff) if isinstance(p, tifffile.TiffPage)]
     n_alike = sum(
         p.shape[:2] == page.shape[:2] and not p.subfiletype & _REDUCED_OR_MASK for p in others
     )
@@ -229,6 +232,15 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
             native and interleaved and plain and page.is_contiguous and page.is_memmappable
         ),
     )
+
+
+def _further_pages(tiff: tifffile.TiffFile) -> Iterator[object]:
+    """Yield the pages after the first; of a million, which a small file may have, some."""
+    for k in range(1, PAGES):
+        try:
+            yield tiff.pages[k]
+        except IndexError:
+            return
 
 
 def _kind_problem(header: _Header) -> str | None:

@@ -28,14 +28,14 @@ class Report:
         Of kind of mutation and outcome.
     findings : list of str
         What must not be, with seed and case.
-    seconds, peak : float
-        The most that a case took, s and bytes.
+    seconds, peak : tuple of float, int
+        The most that a case took, s of computing and bytes, and which it was.
     """
 
     outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
     findings: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    peak: int = 0
+    seconds: tuple[float, int] = (0.0, 0)
+    peak: tuple[int, int] = (0, 0)
 
     def __str__(self) -> str:
         by_outcome: Counter[str] = Counter()
@@ -48,7 +48,10 @@ class Report:
             for kind in kinds
         ]
         total = ", ".join(f"{n} {outcome}" for outcome, n in by_outcome.most_common())
-        most = f"slowest {self.seconds:.1f} s, largest {self.peak / 2**20:.0f} MiB"
+        most = (
+            f"slowest {self.seconds[0]:.1f} s (case {self.seconds[1]}), "
+            f"largest {self.peak[0] / 2**20:.0f} MiB (case {self.peak[1]})"
+        )
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
@@ -102,7 +105,9 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -
     if not begun:
         msg = f"the worker ended with {status} before case {case}: {errors}"
         raise RuntimeError(msg)
-    outcome = "hung" if status == -signal.SIGALRM else f"killed the process ({status})"
+    outcome = (
+        "hung" if status in (-signal.SIGALRM, -signal.SIGPROF) else f"killed the process ({status})"
+    )
     _count(report, begun, {"outcome": outcome, "wrong": errors or outcome}, seed)
     return int(str(begun["case"])) + 1
 
@@ -110,8 +115,9 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -
 def _count(report: Report, begun: dict[str, object], told: dict[str, object], seed: int) -> None:
     kind = str(begun["kind"])
     report.outcomes[kind if "+" not in kind else "several", str(told["outcome"])] += 1
-    report.seconds = max(report.seconds, float(str(told.get("seconds", 0))))
-    report.peak = max(report.peak, int(str(told.get("peak", 0))))
+    case = int(str(begun["case"]))
+    report.seconds = max(report.seconds, (float(str(told.get("seconds", 0))), case))
+    report.peak = max(report.peak, (int(str(told.get("peak", 0))), case))
     if told["wrong"]:
         report.findings.append(f"seed {seed}, case {begun['case']} ({kind}): {told['wrong']}")
 

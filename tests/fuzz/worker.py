@@ -28,12 +28,15 @@ from acx4lib.stages import heads as heads_stage
 from fuzz.mutations import spoil
 
 SECONDS = 20
-"""A case that takes longer is ended, and this process with it."""
+"""A case that computes longer is ended, and this process with it."""
+
+WAITING = 120
+"""So is one that has not ended after so many seconds, whatever else the machine does."""
 
 MEMORY = 2**30
 """Bytes of resident memory, all of this process; and of address space beyond its libraries'."""
 
-COMPUTED = 10
+COMPUTED = 8
 """Of the accepted flights one of so many is adjusted."""
 
 LINE = re.compile(r"(?s).+:[1-9]\d*: [^:]+.*: .+; .+")
@@ -155,14 +158,16 @@ def main(arguments: list[str]) -> None:
         folder, kind = case_folder(good, work, seed, case)
         tell({"case": case, "kind": kind})
         _forget_peak()
-        start = time.monotonic()
-        signal.alarm(SECONDS)
+        start = time.process_time()
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.alarm(WAITING)
         try:
             outcome, wrong = run_case(folder, computes=case % COMPUTED == 0)
         except Exception:
             outcome, wrong = "crashed", traceback.format_exc()
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
-        seconds, peak = time.monotonic() - start, _peak()
+        seconds, peak = time.process_time() - start, _peak()
         if peak > MEMORY and not wrong:
             outcome, wrong = "too much memory", f"{peak} bytes"
         tell({"outcome": outcome, "wrong": wrong, "seconds": seconds, "peak": peak})

@@ -11,7 +11,9 @@ import pyproj
 from acx4lib._typing import Array
 from acx4lib.block import Block
 from acx4lib.design import flying_heights, forward_overlaps
+from acx4lib.errors import visible
 from acx4lib.flight.reader import Flight
+from acx4lib.geodesy import SHOWN
 
 
 def summary(flight: Flight) -> str:
@@ -23,7 +25,7 @@ def summary(flight: Flight) -> str:
     """
     lines = [
         flight.name,
-        _row("CRS", f"{flight.grid.crs}, {pyproj.CRS.from_user_input(flight.grid.crs).name}"),
+        _row("CRS", _system(flight.grid.crs)),
         _row("heights", Path(flight.grid.heights).name),
         _row("refraction", flight.refraction),
     ]
@@ -34,6 +36,13 @@ def summary(flight: Flight) -> str:
     if flight.notes:
         lines += ["", "notes", *(f"  {note}" for note in flight.notes)]
     return "\n".join(lines)
+
+
+def _system(crs: str) -> str:
+    """Return a CRS and its name in one line; WKT may have many."""
+    one_line = visible(" ".join(crs.split()))
+    shown = one_line if len(one_line) <= SHOWN else f"{one_line[:SHOWN]}…"
+    return f"{shown}, {visible(pyproj.CRS.from_user_input(crs).name)}"
 
 
 def _row(name: str, value: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -74,7 +75,7 @@ def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
     if not _is_name(value):
         yield toml.problem((key,), quoted(value), "must be text")
     elif key == "crs":  # WKT may have several lines
-        unseen = UNSEEN.search(" ".join(value.split()))
+        unseen = UNSEEN.search(re.sub(r"[\n\r\t]", " ", value))
         if unseen:
             found = f"holds the character U+{ord(unseen[0]):04X}"
             yield toml.problem((key,), found, "must be text without control characters")
