@@ -160,6 +160,34 @@ def test_a_wrong_mounting_of_many_images_is_explained_in_time(tmp_path):
     assert time.process_time() - start < 4 * SECONDS  # half of it for reading 63 000 measurements
 
 
+def test_of_many_wrong_cameras_some_are_explained(tmp_path):
+    write_flight(tmp_path)
+    toml, points = (tmp_path / TOML).read_text(), (tmp_path / POINTS).read_text()
+    begin, camera = toml[: toml.index("[cameras")], toml[toml.index("[cameras") :]
+    turned = camera.replace("kappa_deg = 90.0", "kappa_deg = 0.0")
+    mounted = [(turned if k else camera).replace("CAM", f"C{k}") for k in range(300)]
+    (tmp_path / TOML).write_text(begin + "".join(mounted))
+    rows = [(f"I{k}_{e},C{k},E{e}\n", f"I{k}_{e}") for k in range(300) for e in range(6)]
+    (tmp_path / IMAGES).write_text("image,camera,exposure\n" + "".join(row for row, _ in rows))
+    header, *measured = points.splitlines()
+    many = [
+        row.replace(f"E{e}_CAM", f"I{k}_{e}")
+        for k in range(300)
+        for e in range(6)
+        for row in measured
+        if row.startswith(f"E{e}_")
+    ]
+    (tmp_path / POINTS).write_text("\n".join([header, *many]) + "\n")
+    start = time.process_time()
+    found = problems(tmp_path)
+    assert time.process_time() - start < SECONDS
+    assert len(found) == 11
+    expected = (
+        "control points do not fit images of 289 more cameras; must lie near their measurements"
+    )
+    assert found[0] == f"{TOML}:5: cameras: {expected}"
+
+
 def test_a_file_larger_than_the_memory_is_refused_unread(tmp_path):
     write_flight(tmp_path)
     with (tmp_path / POINTS).open("r+b") as opened:

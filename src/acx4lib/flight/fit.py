@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from acx4lib.collinearity import pinhole, to_camera
 from acx4lib.flight.blocks import BlockTables, assemble, measured_control
 from acx4lib.flight.document import Toml
 from acx4lib.flight.mistakes import Mistake, mistakes, mounting_mistakes
-from acx4lib.flight.problems import Problem
+from acx4lib.flight.problems import SHOWN, Problem
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.table import Table
 
@@ -133,8 +134,11 @@ def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Prob
     judged = {name: mine for name, mine in by_camera.items() if len(mine) >= ENOUGH}
     wrong = {name: mine for name, mine in judged.items() if mine.ratio(0.5) > 1}
     if wrong and len(wrong) < len(judged):
-        for name, mine in wrong.items():
+        for name, mine in islice(wrong.items(), SHOWN):
             yield _one_camera(tables, setup, toml, (name, mine))
+        if len(wrong) > SHOWN:
+            says = f"control points do not fit images of {len(wrong) - SHOWN} more cameras"
+            yield toml.problem(("cameras",), says, "must lie near their measurements")
     elif found.ratio(MOST) > 1:
         problem, explained = _whole_block(tables, setup, toml, found)
         if explained or found.ratio(0.5) > 1:
@@ -200,7 +204,11 @@ def _one_camera(
     name, found = which
     camera = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
     keep = np.array([camera[i] == name for i in tables.image_points.text["image"]], dtype=bool)
-    alone = replace(tables, image_points=tables.image_points.select(keep))
+    alone = replace(
+        tables,
+        image_points=tables.image_points.select(keep),
+        images=_named(tables.images, "camera", [name]),
+    )
     _, says = _best(mounting_mistakes(_thinned(alone), setup, only=name))
     problem = _problem(tables, found, f"control points in images of {name}")
     return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)

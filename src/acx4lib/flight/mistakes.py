@@ -11,6 +11,7 @@ import pyproj
 from acx4lib._typing import Array
 from acx4lib.camera import Camera
 from acx4lib.flight.blocks import BlockTables
+from acx4lib.flight.problems import SHOWN
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.table import Table
 from acx4lib.frames import Pose, opk_from_rotation, rotation_from_opk, turn
@@ -190,9 +191,10 @@ def mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> I
 
 def _angles(cameras: list[Camera]) -> str:
     """Return the mounting angles that would fit."""
-    opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras}
+    opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras[:SHOWN]}
     of = "; ".join(f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items())
-    return f"mount_omega_deg, mount_phi_deg, mount_kappa_deg of {of} would fit"
+    more = "; …" if len(cameras) > SHOWN else ""
+    return f"mount_omega_deg, mount_phi_deg, mount_kappa_deg of {of}{more} would fit"
 
 
 def _inverse(R_b_c: Array) -> Array:
