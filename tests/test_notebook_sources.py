@@ -13,7 +13,7 @@ BANNED = (
     *(ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda, ast.For, ast.While),
     *(ast.Try, ast.Global),
 )
-MAIN_PARAMETERS = {"flight_path", "results_path", "seed"}
+MAIN_PARAMETERS = {"flight_path", "pictures_path", "results_path", "seed"}
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)

@@ -15,6 +15,7 @@ from acx4lib import flight as flights
 from acx4lib import records
 from acx4lib import results as found_results
 from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.folder_marks import MARK
 from acx4lib.render_exposure import RenderOptions
 from acx4lib.render_flight import render_flight
 from acx4lib.render_workers import Workers
@@ -53,7 +54,7 @@ def image(folder, exposure):
 
 
 def names(folder):
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in folder.iterdir() if path.name != MARK)
 
 
 def misfit(found, scene):
@@ -193,8 +194,12 @@ def test_exposures_that_are_not_there_are_named(rendered, made):
 
 def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     flight, results = own
-    with pytest.raises(FlightError, match="has no orientation of the heads; run stage heads first"):
+    with pytest.raises(FlightError, match="no such folder; expected the results of a run"):
         rendered(of=(flight, tmp_path / "nothing"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FlightError, match="has no orientation of the heads; run stage heads first"):
+        rendered(of=(flight, tmp_path / "empty"))
+    (results / MARK).unlink()  # else the change would be refused
     said = {"heads/relative_orientation": {"left_out": ["RIGHT is not determined"]}}
     found_results.replace(results, ["heads/relative_orientation"], tables={}, summary=said)
     with pytest.raises(AdjustmentError, match="RIGHT is not determined"):
@@ -209,6 +214,7 @@ def test_a_flight_without_heads_has_nothing_to_render(tmp_path, rendered, made):
 
 def test_a_refined_orientation_goes_before_the_other(rendered, own):
     refined = pictured.orientation()
+    (own[1] / MARK).unlink()
     records.write(
         own[1], "synthetic", [records.of_relative_orientation("synthetic", "refined", refined)]
     )
@@ -221,6 +227,7 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
     """With RIGHT turned by 0.02 degrees about its axis, some px at its border."""
     wrong = pictured.orientation()
     wrong.opk[1, 2] += np.radians(0.2)
+    (own[1] / MARK).unlink()
     records.write(
         own[1], "synthetic", [records.of_relative_orientation("synthetic", "refined", wrong)]
     )

@@ -67,7 +67,7 @@ def test_the_truth_is_that_of_the_simulation(flight, stage):
 
 
 def test_a_flight_without_truth_has_no_column_of_errors(flight, stage, ways, tmp_path):
-    measured = replace(flight, path=tmp_path)
+    measured = replace(flight, pictures=tmp_path)
     assert rig.true_heads(measured, stage) == ()
     assert rig.true_orientation(measured, stage) is None
     found = rig.deform(measured, ways, None)

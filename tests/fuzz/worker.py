@@ -22,8 +22,9 @@ import warnings
 from pathlib import Path
 
 from acx4lib import cli, flight, mounting, validation
-from acx4lib.errors import UNSEEN, AdjustmentError, FlightError
+from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.image_files import image_from_file
+from acx4lib.plain_text import UNSEEN
 from acx4lib.stages import heads as heads_stage
 from fuzz.mutations import spoil
 
