@@ -321,7 +321,7 @@ def test_any_other_name_is_accepted_everywhere(tmp_path, name):
 
 
 def test_what_is_no_text_is_shown_escaped():
-    text = "a\x1b[31m\x9b\u2028\u202e\xff\n\ufffe"
+    text = "a\x1b[31m\x9b\u2028\u202e\udcff\n\ufffe"
     assert visible(text) == r"a\x1b[31m\x9b\u2028\u202e\xff\n\ufffe"
     assert FlightError([text]).problems == (visible(text),)
     assert visible("σ é 日本語 🛩 \\ '") == "σ é 日本語 🛩 \\ '"

@@ -85,8 +85,9 @@ class OwnFolder:
                 raise OutputError(msg)
 
     def _end(self) -> None:
-        """List only what is there."""
-        self.files = {n: w for n, w in self.files.items() if (self.path / n).is_file()}
+        """List what is there, and what was and is gone."""
+        there = {n: w for n, w in self.files.items() if w.sha256 or (self.path / n).is_file()}
+        self.files = there
         if self.files:
             write_mark(self.path, self.command, self.files)
         else:
