@@ -10,6 +10,7 @@ import pandas as pd
 
 import payloads
 import pictured_flights
+from acx4lib.flight.problems import SHOWN
 
 FOLDER = "{{ 7 * 7 }} $zq70$ <b> `zq70` [red]"
 """The name of the flight's folder."""
@@ -52,6 +53,7 @@ def write(folder: Path) -> Written:
     files = [*path.glob("*/*.csv"), path / "control_points.csv"]
     tables = {file: pd.read_csv(file, dtype=str, keep_default_na=False) for file in files}
     names, columns = _renamed(list(tables.values()))
+    left = list(columns)  # a table's first ones are named in notes, the others counted
     for file, table in tables.items():
         if file == path / "calibration" / "image_points.csv":
             table.loc[5, "col_px"] = str(float(table.loc[5, "col_px"]) + 40)  # a gross error
@@ -59,8 +61,8 @@ def write(folder: Path) -> Written:
             table["file"] = [_moved(path / "heads", old, names["image"]) for old in table["file"]]
         for column in set(names) & set(table):
             table[column] = table[column].map(names[column])
-        if file == path / "heads" / "images.csv":
-            table[columns] = "x"
+        here = [left.pop(0) for _ in range(min(SHOWN, len(left)))]
+        table[here] = "x"
         table.to_csv(file, index=False)
     _write_toml(path / "flight.toml", names["camera"])
     (path / f"{FILE.replace('/', ' ')}.csv").write_text("x\n")
