@@ -133,7 +133,7 @@ def test_a_crafted_mark_names_nothing_outside(tmp_path):
     fill(tmp_path / "r", table="1")
     (tmp_path / "precious").write_text("x")
     for name in ("../precious", str(tmp_path / "precious"), "a/../../precious", ""):
-        said = {"made_by": RUN, "files": {name: {"bytes": None, "sha256": None}}}
+        said = {"made_by": RUN, "format": 1, "files": {name: {"bytes": None, "sha256": None}}}
         (tmp_path / "r" / MARK).write_text(json.dumps(said))
         refused(tmp_path / "r", "is damaged")
         with pytest.raises(OutputError, match="is damaged"):
@@ -141,6 +141,8 @@ def test_a_crafted_mark_names_nothing_outside(tmp_path):
     for text in ("", "[]", "{}", '{"made_by": 1, "files": {}}', "[" * 100_000, '{"files": 1}'):
         (tmp_path / "r" / MARK).write_text(text)
         refused(tmp_path / "r", "is damaged")
+    (tmp_path / "r" / MARK).write_text(json.dumps({"made_by": RUN, "format": 2, "files": {}}))
+    refused(tmp_path / "r", "has format 2, not 1; it is of another version of acx4")
     assert (tmp_path / "precious").read_text() == "x"
     assert (tmp_path / "r" / "table").read_text() == "1"
 

@@ -18,6 +18,9 @@ from acx4lib.errors import OutputError
 MARK = ".acx4.json"
 """The file of the mark."""
 
+FORMAT = 1
+"""Of the mark, and so of what commands leave in a folder."""
+
 SCRATCH = ".acx4-new-"
 """What names of unfinished files begin with; a command that was killed leaves them behind."""
 
@@ -51,7 +54,7 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
     Raises
     ------
     OutputError
-        Where the mark is damaged.
+        Where the mark is damaged, or of another version.
     """
     path = folder / MARK
     if path.is_symlink() or not path.is_file():
@@ -59,11 +62,14 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         files = {str(name): _entry(entry) for name, entry in dict(said["files"]).items()}
-        whose = said["made_by"]
+        whose, form = said["made_by"], said.get("format")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        whose, files = None, {}
+        whose, form, files = None, None, {}
     if not isinstance(whose, str) or not all(map(is_below, files)):
-        msg = f"{path}: is damaged; choose another folder"
+        msg = f"{path}: is damaged; remove it to read what is there, or choose another folder"
+        raise OutputError(msg)
+    if form != FORMAT:
+        msg = f"{path}: has format {form!r}, not {FORMAT}; it is of another version of acx4"
         raise OutputError(msg)
     return whose, files
 
@@ -82,7 +88,8 @@ def write_mark(folder: Path, command: str, files: Mapping[str, Written]) -> None
     listed = {
         name: {"bytes": files[name].size, "sha256": files[name].sha256} for name in sorted(files)
     }
-    text = json.dumps({"made_by": command, "files": listed}, indent=1, ensure_ascii=False) + "\n"
+    said = {"made_by": command, "format": FORMAT, "files": listed}
+    text = json.dumps(said, indent=1, ensure_ascii=False) + "\n"
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         new = Path(temporary) / MARK
         new.write_text(text, encoding="utf-8", errors="surrogateescape")
