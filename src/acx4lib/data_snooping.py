@@ -87,12 +87,10 @@ def adjust_rejecting(
     if not callable(set_up):
         msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
         raise ValueError(msg)
-    given = block
-    block, network, absurd = without_absurd_control(given, set_up)
+    fitting, network, absurd = without_absurd_control(block, set_up)
     observed = _observations(network)
     judge = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
-    search = _nothing_out(len(observed.kind))
-    bundle, search = _first(network, search, judge)
+    bundle, search = _first(network, _nothing_out(len(observed.kind)), judge)
     verdict = judge(bundle, search.out)
     for _ in range(MOST_ROUNDS):
         fits = ~_suspects(network, bundle.state)
@@ -101,8 +99,8 @@ def adjust_rejecting(
             break
         bundle, search = _following(network, bundle.state, search, following)
         verdict = judge(bundle, search.out)
-    bundle = _removed(block, set_up, bundle, _rejections(search, observed, verdict))
-    return replace(bundle, rejected=(*tested(given, bundle, absurd), *bundle.rejected))
+    bundle = _removed(fitting, set_up, bundle, _rejections(search, observed, verdict))
+    return replace(bundle, rejected=(*tested(block, bundle, absurd), *bundle.rejected))
 
 
 def _first(

@@ -6,10 +6,8 @@ grids have a scale and a curvature that a camera does not see.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -21,15 +19,13 @@ from acx4lib import expected
 from acx4lib._typing import Array
 from acx4lib.crs_text import crs_fault, is_code_or_wkt
 from acx4lib.frames import Pose, rotation_from_opk, rotation_from_rph, turn
+from acx4lib.geoid import geoid_of_crs, geoid_of_file
 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
 
 SHOWN = 80
 """Characters of a CRS that a message repeats."""
-
-UNQUOTABLE = re.compile('[",\x00-\x1f]')
-"""A pipeline of PROJ can name no file with these in its path."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,8 +113,8 @@ class GridSystem:
             return None
         try:
             if is_code_or_wkt(self.heights):
-                return _vertical_transformer(self._crs, self.heights)
-            return _grid_transformer(self.heights)
+                return geoid_of_crs(self._crs, self.heights)
+            return geoid_of_file(self.heights)
         except (CRSError, ProjError, OSError) as error:
             msg = (
                 f"heights {self.heights[:SHOWN]!r} is neither 'ellipsoidal', nor a geoid grid "
@@ -164,42 +160,6 @@ class GridSystem:
         x, y, z = x_e.T
         lonlath = self._cartesian.transform(x, y, z, direction=TransformDirection.INVERSE)
         return np.stack(lonlath, axis=-1).reshape(-1, 3)
-
-
-def _grid_transformer(path: str) -> pyproj.Transformer:
-    """Transform longitude, latitude, height to ellipsoidal height, by a geoid grid file."""
-    if not Path(path).is_file():
-        msg = "there is no such file"
-        raise CRSError(msg)
-    if UNQUOTABLE.search(path) or not path.isprintable():
-        msg = "PROJ opens no file with a comma, a quote or what is no text in its path"
-        raise CRSError(msg)
-    return pyproj.Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-        f'+step +proj=vgridshift +grids="{path}" +multiplier=1 '
-        "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    )
-
-
-def _vertical_transformer(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
-    """Transform longitude, latitude, height to ellipsoidal height, without a ballpark."""
-    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
-    geographic = horizontal.geodetic_crs
-    if geographic is None:
-        msg = f"{crs.name} has no geodetic CRS"
-        raise CRSError(msg)
-    fault = crs_fault(heights)
-    if fault:
-        raise CRSError(f"it {fault}")
-    vertical = pyproj.CRS.from_user_input(heights)
-    if not vertical.is_vertical:
-        msg = f"{vertical.name} is not a vertical CRS"
-        raise CRSError(msg)
-    name = f"{geographic.name} + {vertical.name}"
-    compound = pyproj.crs.CompoundCRS(name, [geographic, vertical])
-    return pyproj.Transformer.from_crs(
-        compound, geographic.to_3d(), always_xy=True, allow_ballpark=False, only_best=True
-    )
 
 
 def rotation_enu_to_ecef(lonlat: Array) -> Array:
