@@ -259,7 +259,7 @@ def test_a_single_file_is_new_or_bears_the_mark(tmp_path):
     (tmp_path / "mine").write_text("mine")
     assert says(tmp_path / "mine") == "is there and is not a report of acx4; choose another name"
     assert says(tmp_path) == "is a folder, not a file"
-    assert says(tmp_path / "no" / "file") == "no such folder to write it in"
+    write_places.check_file(tmp_path / "no" / "file", mark=mark, what="")
     (tmp_path / "link").symlink_to(tmp_path / "old")
     assert says(tmp_path / "link") == "is a link; name the file itself"
     os.mkfifo(tmp_path / "pipe")

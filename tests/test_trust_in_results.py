@@ -236,6 +236,7 @@ def test_simulate_writes_over_nothing(acx4, tmp_path):
     ]
     assert [path.name for path in tmp_path.iterdir()] == ["flight.truth.json"]
     (tmp_path / "flight.truth.json").unlink()
+    assert acx4("simulate", "single-head", "--out", tmp_path / "new" / "below" / "flight")[0] == 0
     assert acx4("simulate", "single-head", "--out", out)[0] == 0
     own_folder.clear(out)
     assert acx4("simulate", "single-head", "--out", out, "--seed", "2")[0] == 0  # an older truth

@@ -80,8 +80,6 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
         says = "is a link; name the file itself"
     elif path.is_dir():
         says = "is a folder, not a file"
-    elif not path.parent.is_dir():
-        says = "no such folder to write it in"
     elif path.exists() and not (path.is_file() and bears(path, mark)):
         says = f"is there and is not {what}; choose another name"
     elif flight is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import html
 import tempfile
 from collections.abc import Callable, Iterator
@@ -88,6 +89,8 @@ def write(
     """
     out = Path(out)
     material = read(folder)
+    if not out.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
     check_file(out, mark=MARK, what="a report of acx4")
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
         executed = Path(temporary) / "notebooks" / notebook.name
