@@ -2,6 +2,9 @@
 
 import json
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -136,6 +139,22 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     runner.run(at, folder, notebooks_path=notebooks)
     assert results.read(folder).parameters.empty
     own_folder.verify(folder, cure="")
+
+
+def test_a_book_is_not_made_of_changed_results(own):
+    at, folder = own
+    (folder / "validation.csv").write_text("mine\n")
+    script = Path(__file__).parents[1] / "book" / "_scripts" / "pages.py"
+    done = subprocess.run(
+        [sys.executable, script, at, folder, at.parent / "book"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"{folder}/validation.csv: was cut or changed since acx4 run wrote it")
+    assert not (at.parent / "book").exists()
 
 
 def test_rendering_does_not_use_changed_results(tmp_path, acx4):

@@ -24,6 +24,7 @@ from acx4lib import (
     simulate,
     simulation_page,
 )
+from acx4lib.errors import Acx4Error
 from acx4lib.stages import determination_tables
 
 ALWAYS = (
@@ -88,4 +89,7 @@ def _silent(_done: int, _total: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:4]))
+    try:
+        main(*map(Path, sys.argv[1:4]))
+    except Acx4Error as error:  # results that were changed, a notebook that failed
+        sys.exit(str(error))
