@@ -64,6 +64,12 @@ def test_help_is_quick_and_teaches():
     assert "acx4 run my_flight --results my_results --stages mounting,validation" in done.stdout
 
 
+def test_reading_a_flight_loads_nothing_that_adjusts_or_compiles():
+    code = "import sys, acx4lib.flight\nassert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_simulated_flight_is_found_good(acx4, flight):
     assert json.loads((flight.parent / "flight.truth.json").read_text())
     status, out, err = acx4("check", flight)

@@ -17,8 +17,9 @@ from acx4lib.bundle import Bundle, robust_start
 from acx4lib.covariance import propagate
 from acx4lib.gross_errors import Rejection, without
 from acx4lib.intersection import intersect
+from acx4lib.medians import medians
 from acx4lib.network import Network, State
-from acx4lib.ray_misfits import ASTRAY, control_misfits, medians
+from acx4lib.ray_misfits import ASTRAY, control_misfits
 from acx4lib.start_values import turned_alike
 
 DOUBTFUL = 2 * ASTRAY

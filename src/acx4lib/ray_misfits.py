@@ -12,6 +12,7 @@ from acx4lib.block import ImagePoints
 from acx4lib.camera import Camera
 from acx4lib.collinearity import rays
 from acx4lib.frames import Pose
+from acx4lib.medians import medians
 from acx4lib.network import Network, State, camera_poses
 
 FAR_OFF = np.radians(4.0)
@@ -122,16 +123,6 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
 def _angles(seen: Seen, state: State) -> Array:
     """Return angles between rays and directions to points, radians; NaN for no such point."""
     return 2 * np.arcsin(np.minimum(chords(seen, state, state.x_m) / 2, 1.0))
-
-
-def medians(values: Array, group: Index, n_groups: int) -> Array:
-    """Return the (lower) medians of groups, zero for an empty one; NaN counts as infinite."""
-    order = np.lexsort((values, group))
-    count = np.bincount(group, minlength=n_groups)
-    middle = np.cumsum(count) - count + (count - 1) // 2
-    out = np.zeros(n_groups)
-    out[count > 0] = np.nan_to_num(values[order[middle[count > 0]]], nan=np.inf)
-    return out
 
 
 def with_surveyed(network: Network, x_m: Array) -> Array:

@@ -14,7 +14,7 @@ from acx4lib.block import Block
 from acx4lib.flight.blocks import BlockTables, lonlat_of, measured_control, used_exposures
 from acx4lib.flight.fit import misfit
 from acx4lib.geodesy import GridSystem
-from acx4lib.ray_misfits import medians
+from acx4lib.medians import medians
 
 ABSURD = 4.0
 """Distance from the measurements, in quarters of the image diagonal: not even in another image."""
