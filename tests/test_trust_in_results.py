@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from bs4 import BeautifulSoup
 
 import pictured_flights as pictured
 from acx4lib import flight as flights
@@ -227,6 +229,41 @@ def test_an_odd_provenance_is_a_line(own, acx4, said):
     assert status == 2
     assert len(err) == 1
     assert err[0].startswith(f"{folder / 'provenance.json'}: ")
+
+
+EVIL = "<img src=x onerror=x()> {{7*7}} $x$ ![a](http://evil.example/p) `{eval-rst}` <b>"
+
+
+@pytest.mark.slow
+def test_the_report_of_a_strangers_results_is_text(own, acx4):
+    """Every text of the results is an attack; the folder has no mark."""
+    _, folder = own
+    (folder / MARK).unlink()
+    said = json.loads((folder / "summary.json").read_text())
+    for entry in said.values():
+        entry |= {key: [EVIL] for key in ("notes", "left_out", "not_determined")}
+        entry |= {"weakest": {EVIL: 0.5}, "correlated": [[EVIL, EVIL, 0.99]]}
+    of_points = said["validation/single_step"]["points"]["classes"]
+    of_points["nssda"]["statement"] = EVIL
+    of_points["pec_pcd"][EVIL] = {"plan": EVIL, "height": EVIL}
+    said[f"mounting/{EVIL}"] = {"converged": False}
+    (folder / "summary.json").write_text(json.dumps(said))
+    made = json.loads((folder / "provenance.json").read_text())
+    for stage in made["stages"].values():
+        stage["versions"][EVIL] = EVIL
+    (folder / "provenance.json").write_text(json.dumps(made))
+    for name, columns in {"parameters": ["unit"], "rejected": ["kind", "reason", "point"]}.items():
+        table = pd.read_csv(folder / f"{name}.csv", dtype=str, keep_default_na=False)
+        table[columns] = EVIL
+        table.to_csv(folder / f"{name}.csv", index=False)
+    assert acx4("report", folder) == (0, [])
+    page = BeautifulSoup((folder / "report.html").read_text(), "html.parser")
+    assert EVIL in page.get_text()
+    pictures = [image["src"] for image in page.find_all("img")]
+    assert pictures
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in pictures)
+    assert not page.find_all(["a", "script", "iframe", "object", "link"])
+    assert not [code for code in page.find_all("code") if "eval" in code.get_text()]
 
 
 def test_results_in_above_or_at_the_flight_are_refused(own, acx4, monkeypatch):

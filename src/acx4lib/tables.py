@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -30,6 +31,9 @@ PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
 
 UNITS = {"deg": "°", "um": "µm"}
 """Units as a reader sees them, where results files spell them out."""
+
+UNIT = re.compile(r"[\w/^.-]{1,20}")
+"""What a unit looks like; other text, of results that somebody else wrote, is shown as it is."""
 
 _LABELS = {
     "sigma0_squared": "variance of unit weight",
@@ -141,7 +145,10 @@ def mounting_table(
 def with_unit(label: str, unit: str) -> Markup:
     """Return a label with its unit in brackets; a number without a unit has none."""
     text = shown(label)
-    return Markup(text if unit in ("", "1") else f"{text} ({UNITS.get(unit, unit)})")
+    if unit in ("", "1"):
+        return Markup(text)
+    known = UNITS.get(unit, unit) if UNIT.fullmatch(unit) else shown(unit)
+    return Markup(f"{text} ({known})")
 
 
 def printed_title(method: str) -> str:
