@@ -236,6 +236,11 @@ def test_an_error_of_the_library_is_said_as_it_is(
     assert err == argument.strip("[']") + "\n"
 
 
+def hears_interrupts():
+    """Where the tests run in the background, their children would inherit deaf ears."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("sent", "status", "said"),
@@ -250,9 +255,8 @@ def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
     )
     write(notebooks / "00-flight.ipynb", PARAMETERS, sleep + "time.sleep(300)")
     command = [*COMMAND, "run", flight, "--results", tmp_path / "r", "--notebooks", notebooks]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as run:
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, preexec_fn=hears_interrupts, **how) as run:
         deadline = time.monotonic() + 60
         while not (marker.exists() and marker.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)

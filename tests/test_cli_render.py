@@ -165,6 +165,11 @@ def test_a_full_disk_is_a_line_for_each_image_and_leaves_none(acx4, made, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+def hears_interrupts():
+    """Where the tests run in the background, their children would inherit deaf ears."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("jobs", "number"), [("1", signal.SIGINT), ("2", signal.SIGTERM)])
 def test_a_stopped_command_leaves_no_half_image(tmp_path, number, jobs):
@@ -173,7 +178,8 @@ def test_a_stopped_command_leaves_no_half_image(tmp_path, number, jobs):
     results = pictured.write_results(tmp_path / "results", flight)
     whole = [*COMMAND, "render", str(flight), *arguments((flight, results), tmp_path / "out")]
     how = {"stderr": subprocess.PIPE, "text": True, "start_new_session": True}
-    command = subprocess.Popen([*whole, "--jobs", jobs], stdout=subprocess.DEVNULL, **how)
+    how |= {"stdout": subprocess.DEVNULL, "preexec_fn": hears_interrupts}
+    command = subprocess.Popen([*whole, "--jobs", jobs], **how)
     for _ in range(3000):
         if (tmp_path / "out").is_dir() and any((tmp_path / "out").glob(".*.part")):
             break

@@ -20,8 +20,8 @@ from acx4lib.errors import FlightError
 
 T = TypeVar("T")
 
+# Lengths of axes: a name where any will do, ``...`` first where there may be more of them.
 Shape = tuple[int | str | EllipsisType, ...]
-"""Lengths of axes: a name where any will do, ``...`` first where there may be more of them."""
 
 RIGID = 1e-5
 """How far products of a rotation matrix's columns may be off; five printed digits are enough."""
