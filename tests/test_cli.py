@@ -256,7 +256,8 @@ def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
     write(notebooks / "00-flight.ipynb", PARAMETERS, sleep + "time.sleep(300)")
     command = [*COMMAND, "run", flight, "--results", tmp_path / "r", "--notebooks", notebooks]
     how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, preexec_fn=hears_interrupts, **how) as run:
+    how |= {"preexec_fn": hears_interrupts}
+    with subprocess.Popen(command, **how) as run:
         deadline = time.monotonic() + 60
         while not (marker.exists() and marker.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
