@@ -1,8 +1,16 @@
-"""What several test files need: numeric derivatives and dense normal equations."""
+"""What several test files need: numeric derivatives, dense normal equations, flights refused."""
 
 from __future__ import annotations
 
+import re
+import signal
+
 import numpy as np
+import pytest
+
+from acx4lib import flight
+from acx4lib.errors import FlightError
+from acx4lib.plain_text import UNSEEN
 
 
 def numeric_jacobian(function, x, *, step=1e-6):
@@ -86,3 +94,22 @@ def dense_covariance(problem, state):
     # by the QR of the design itself: half the digits of the condition are spared
     R_inv = np.linalg.inv(np.linalg.qr(J * scale, mode="r"))
     return scale[:, None] * (R_inv @ R_inv.T) * scale
+
+
+def hears_interrupts():
+    """Where the tests run in the background, their children would inherit deaf ears."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+LINE = re.compile(r"[^\n]+:\d+: [^\n]+: [^\n]+; [^\n]+\Z")
+
+
+def flight_problems(folder):
+    """Return what is wrong with a flight, one line each, files named below its folder."""
+    with pytest.raises(FlightError) as caught:
+        flight.read(folder)
+    for line in caught.value.problems:
+        assert LINE.match(line)
+        assert not UNSEEN.search(line)
+        assert len(line) < 1500
+    return [line.replace(f"{folder}/", "") for line in caught.value.problems]

@@ -18,24 +18,14 @@ from hypothesis import strategies as st
 from acx4lib import flight
 from acx4lib.errors import FlightError
 from flights import CAMERA, MOUNTS, write_flight
+from helpers import LINE
+from helpers import flight_problems as problems
 
 IMAGES = "calibration/images.csv"
 POINTS = "calibration/image_points.csv"
 TRAJECTORY = "calibration/trajectory.csv"
 CONTROL = "control_points.csv"
 TOML = "flight.toml"
-
-
-LINE = re.compile(r"[^\n]+:\d+: [^\n]+: [^\n]+; [^\n]+\Z")
-
-
-def problems(folder: Path) -> list[str]:
-    """Return what is wrong with a flight, files named below its folder."""
-    with pytest.raises(FlightError) as caught:
-        flight.read(folder)
-    for line in caught.value.problems:
-        assert LINE.match(line)
-    return [line.replace(f"{folder}/", "") for line in caught.value.problems]
 
 
 def replace(folder: Path, file: str, old: str, new: str, count: int = -1) -> None:

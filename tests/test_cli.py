@@ -15,6 +15,7 @@ import pytest
 from acx4lib import provenance, results, runner
 from acx4lib.cli import main
 from acx4lib.folder_marks import MARK
+from helpers import hears_interrupts
 from small_notebooks import write
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
@@ -234,11 +235,6 @@ def test_an_error_of_the_library_is_said_as_it_is(
     status, out, err = acx4("run", flight, "--results", tmp_path / "r", "--notebooks", notebooks)
     assert (status, out) == (expected, "")
     assert err == argument.strip("[']") + "\n"
-
-
-def hears_interrupts():
-    """Where the tests run in the background, their children would inherit deaf ears."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ import tifffile
 import pictured_flights as pictured
 from acx4lib.cli import main
 from acx4lib.folder_marks import MARK
+from helpers import hears_interrupts
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
 WHOLE = {"E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv", MARK}
@@ -163,11 +164,6 @@ def test_a_full_disk_is_a_line_for_each_image_and_leaves_none(acx4, made, tmp_pa
         f"{name}: {tmp_path / 'out' / name}.tif" for name in ("E0", "E1")
     ]
     assert not (tmp_path / "out").exists()
-
-
-def hears_interrupts():
-    """Where the tests run in the background, their children would inherit deaf ears."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import resource
 import socket
 import struct
@@ -20,27 +19,15 @@ from acx4lib.crs_text import crs_fault
 from acx4lib.errors import FlightError
 from acx4lib.flight.names import faulty, name_fault
 from acx4lib.geodesy import GridSystem
-from acx4lib.plain_text import UNSEEN, visible
+from acx4lib.plain_text import visible
 from flights import write_flight
+from helpers import flight_problems as problems
 
 IMAGES = "calibration/images.csv"
 POINTS = "calibration/image_points.csv"
 TRAJECTORY = "calibration/trajectory.csv"
 CONTROL = "control_points.csv"
 TOML = "flight.toml"
-
-LINE = re.compile(r"[^\n]+:\d+: [^\n]+: [^\n]+; [^\n]+\Z")
-
-
-def problems(folder: Path) -> list[str]:
-    """Return what is wrong with a flight, files named below its folder."""
-    with pytest.raises(FlightError) as caught:
-        flight.read(folder)
-    for line in caught.value.problems:
-        assert LINE.match(line)
-        assert not UNSEEN.search(line)
-        assert len(line) < 1500
-    return [line.replace(f"{folder}/", "") for line in caught.value.problems]
 
 
 def change(folder: Path, file: str, old: str, new: str) -> None:

@@ -29,6 +29,9 @@ from acx4lib.folder_marks import (
 )
 from acx4lib.write_places import check_place
 
+OF_A_FILE = b'"made_by": "acx4 '
+"""Stands in a JSON file that a command wrote beside a folder, as the truth of a flight."""
+
 
 @dataclass(kw_only=True)
 class OwnFolder:
@@ -86,8 +89,8 @@ class OwnFolder:
 
     def _end(self) -> None:
         """List what is there, and what was and is gone."""
-        there = {n: w for n, w in self.files.items() if w.sha256 or (self.path / n).is_file()}
-        self.files = there
+        listed = self.files.items()
+        self.files = {n: w for n, w in listed if w.sha256 or (self.path / n).is_file()}
         if self.files:
             write_mark(self.path, self.command, self.files)
         else:
@@ -188,15 +191,15 @@ def clear(path: Path) -> None:
     OutputError
         Where it bears no mark, somebody is writing there, or a file was changed since.
     """
-    if path.is_file() and not path.is_symlink() and bears(path, b'"made_by": "acx4 '):
+    if path.is_file() and not path.is_symlink() and bears(path, OF_A_FILE):
         path.unlink()
         return
-    whose, _ = read_mark(path)
+    whose, files = read_mark(path)
     if not whose:
         msg = f"{path}: bears no mark of acx4; remove it yourself if it is not needed"
         raise OutputError(msg)
     with locked(path):
-        changed = [line for line in changes(path) if " is gone " not in line]
+        changed = changes(path, [name for name in files if (path / name).exists()])
         if changed:
             msg = f"{changed[0]}; move it away, or remove it yourself"
             raise OutputError(msg)

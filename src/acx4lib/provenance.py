@@ -20,7 +20,7 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.flight import Flight, table_files
-from acx4lib.folder_marks import SCRATCH, is_below
+from acx4lib.folder_marks import SCRATCH, is_below, written
 from acx4lib.own_folder import OwnFolder
 
 KEPT = "flight"
@@ -93,7 +93,7 @@ def keep(own: OwnFolder, flight: Flight) -> None:
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(flight.path / name, new / name)
-        files = {name: _sha256(new / name) for name in sorted(names)}
+        files = {name: written(new / name).sha256 or "" for name in sorted(names)}
         changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
         if changed:
             problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
@@ -132,8 +132,11 @@ def read(folder: Path) -> Provenance:
     if not found.files:
         problem = f"{folder / FILE}: says nothing of the flight; run all stages again"
         raise FlightError([problem])
+    paths = {name: folder / KEPT / name for name in found.files}
     changed = [
-        name for name, sha256 in found.files.items() if _sha256(folder / KEPT / name) != sha256
+        name
+        for name, path in paths.items()
+        if not path.is_file() or written(path).sha256 != found.files[name]
     ]
     if changed:
         problem = (
@@ -175,8 +178,3 @@ def _write(folder: Path, provenance: Provenance) -> None:
         new = Path(temporary) / FILE
         new.write_text(text, encoding="utf-8")
         new.replace(folder / FILE)
-
-
-def _sha256(path: Path) -> str:
-    """Return the checksum of a file; empty where it is not there."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -151,21 +151,7 @@ def run(
     _check_known(parameters or {}, jobs)
     with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
-        done: list[str] = []
-        failed: list[str] = []
-        try:
-            for job in jobs:
-                try:
-                    _run_job(job, own, tell)
-                    done.append(STAGE_OF.get(job.stage, job.stage))
-                except AdjustmentError as error:
-                    if job.stage not in ENDS:
-                        raise
-                    failed += str(error).splitlines()
-        except Acx4Error as error:
-            for line in _messages(folder, done, "not_determined", DECISIVE):
-                error.add_note(line)
-            raise
+        done, failed = _run_jobs(jobs, own, tell)
     return RunReport(
         ran=tuple(ran[1:]),
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
@@ -173,6 +159,26 @@ def run(
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
     )
+
+
+def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
+    """Run stage after stage; return those that ran, and what stopped one of `ENDS`."""
+    done: list[str] = []
+    failed: list[str] = []
+    try:
+        for job in jobs:
+            try:
+                _run_job(job, own, tell)
+                done.append(STAGE_OF.get(job.stage, job.stage))
+            except AdjustmentError as error:
+                if job.stage not in ENDS:
+                    raise
+                failed += str(error).splitlines()
+    except Acx4Error as error:
+        for line in _messages(own.path, done, "not_determined", DECISIVE):
+            error.add_note(line)
+        raise
+    return done, failed
 
 
 def _prepare(

@@ -98,7 +98,7 @@ def write(
         notebooks.execute(notebook, executed, parameters=values, on_cell=on_cell)
         whole = Path(temporary) / "report.html"
         whole.write_text(page(nbformat.read(executed, as_version=4), material), encoding="utf-8")  # type: ignore[no-untyped-call] # untyped
-        check_file(out, mark=MARK, what="a report of acx4")
+        check_file(out, mark=MARK, what="a report of acx4")  # some seconds have passed
         whole.replace(out)
 
 
