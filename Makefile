@@ -28,7 +28,7 @@ NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 
 # Make removes only what bears a mark: of acx4, which lists its files, or of make.
-CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.own_folder
+CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.results.own_folder.claims
 BOOK      := book/_build book/_executed book/_generated
 define REMOVE_BOOK
 for made in $(BOOK); do \
@@ -102,7 +102,7 @@ coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma,
 # --- the notebooks on one flight -----------------------------------------------------------
 
 # The flight that ships is simulated: the same seed, the same bytes.
-data/flights/acx4/flight.toml: $(wildcard src/acx4lib/simulate/*.py) | .venv/.stamp
+data/flights/acx4/flight.toml: $(shell find src/acx4sim -name '*.py') | .venv/.stamp
 	@$(CLEAR) $(@D)
 	@$(BIN)/acx4 simulate acx4 --out $(@D) --images '$(IMAGES)' --reduce '$(REDUCE)'
 	@echo $(@D)
@@ -137,10 +137,10 @@ serve: ## show the built book at localhost:PORT
 # --- data and cleaning ---------------------------------------------------------------------
 
 reference-data: .venv/.stamp-test ## bring the public measurements of data/reference/index.csv
-	@$(BIN)/python -m acx4lib.reference
+	@$(BIN)/python -m acx4book.reference.data
 
 reference-results: .venv/.stamp ## compute the comparisons with these anew, and store them
-	@$(BIN)/python -m acx4lib.checked && echo data/reference/results
+	@$(BIN)/python -m acx4book.reference && echo data/reference/results
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import settings
 
 import blocks
-from acx4lib import bundle
+from acx4lib.bundle import adjust
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
@@ -33,12 +33,12 @@ def noisy_block(exact_block):
 @pytest.fixture(scope="session")
 def mounted(noisy_block):
     """The noisy block adjusted in one step."""
-    return bundle.adjust(bundle.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
+    return adjust.adjust(adjust.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
 
 
 @pytest.fixture(scope="session")
 def self_calibrated(noisy_block):
     """The noisy block adjusted with free exterior orientation."""
-    return bundle.adjust(
-        bundle.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
+    return adjust.adjust(
+        adjust.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
     )

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from acx4lib.camera import Camera, xy_from_colrow
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.synthetic_image import head_from_synthetic
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic
 
 Array = np.ndarray
 

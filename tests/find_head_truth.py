@@ -1,7 +1,7 @@
 """Find the true interior orientations of the simulated heads (run by hand).
 
 Table 1 prints what a self-calibration with f held at 74 mm gives. Starting from the constants
-in `acx4lib.simulate.head_truth`, this script changes the truth until exact data of seed 1,
+in `acx4sim.optics.head_truth`, this script changes the truth until exact data of seed 1,
 adjusted in that way, give Table 1's x_p, y_p, k1, p1, p2 and Zc, and prints the new constants:
 
     python tests/find_head_truth.py
@@ -14,13 +14,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from acx4lib import flight, paper, simulate
-from acx4lib.relative_orientation import calibrate_heads, relative_orientation
-from acx4lib.simulate import head_truth
+import acx4sim
+from acx4book.paper import printed
+from acx4lib import flight
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4sim.optics import head_truth as head_truth
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 KEYS = ("xp", "yp", "k1", "p1", "p2")
-EXACT = simulate.Options(
+EXACT = acx4sim.Options(
     image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0, blocks=("heads",)
 )
 
@@ -31,7 +33,7 @@ def estimates(truth: dict[str, tuple[float, ...]]) -> dict[str, np.ndarray]:
         {name: (truth[name], head_truth.HEAD_TRUTH[name][1]) for name in HEADS}
     )
     with tempfile.TemporaryDirectory() as folder:
-        simulate.write(simulate.acx4(seed=1, options=EXACT), Path(folder) / "flight")
+        acx4sim.write(acx4sim.acx4(seed=1, options=EXACT), Path(folder) / "flight")
         read = flight.read(Path(folder) / "flight")
     heads = calibrate_heads(read.heads, HEADS, free=KEYS)
     oriented = relative_orientation(heads.bundles, read.cameras[read.synthetic.camera])
@@ -44,7 +46,7 @@ def estimates(truth: dict[str, tuple[float, ...]]) -> dict[str, np.ndarray]:
 def table_1() -> dict[str, np.ndarray]:
     """Return the same quantities as the paper prints them."""
     names = ("xp_mm", "yp_mm", "k1", "p1", "p2", "Zc_mm")
-    return {head: np.array([paper.value(1, name, head) for name in names]) for head in HEADS}
+    return {head: np.array([printed.value(1, name, head) for name in names]) for head in HEADS}
 
 
 def main() -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4lib._typing import Array
-from acx4lib.camera import Camera, Interior, colrow_from_xy, distort, inside
-from acx4lib.collinearity import pinhole, to_camera
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.geodesy import GridSystem, MappingFrame, mean_origin
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy, distort, inside
+from acx4lib.geometry.collinearity import pinhole, to_camera
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
 
 CRS = "EPSG:31982"
 GRID = GridSystem(crs=CRS)

@@ -15,15 +15,12 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from acx4lib import (
-    calibration,
-    flight,
-    mounting,
-    relative_orientation,
-    simulate,
-    tie_points,
-    validation,
-)
+import acx4sim
+from acx4lib import flight
+from acx4lib.calibration import estimates, mounting
+from acx4lib.calibration import heads as relative_orientation
+from acx4lib.georeferencing import validation
+from acx4lib.tie_points import ties as tie_points
 
 SEEDS = range(1, 21)
 CAMERA = {"acx4": "SYN", "single-head": "CAM"}
@@ -62,17 +59,17 @@ class Flown:
 @lru_cache(maxsize=4)
 def fly(design, *, seed, blocks=MOUNTED, exact=False):
     """Simulate a flight; exact data still state the design's sigmas."""
-    options = simulate.Options(blocks=blocks, **(EXACT if exact else {}))
-    return read_back(simulate.DESIGNS[design](seed=seed, options=options))
+    options = acx4sim.Options(blocks=blocks, **(EXACT if exact else {}))
+    return read_back(acx4sim.DESIGNS[design](seed=seed, options=options))
 
 
 def read_back(simulated):
     """Write a flight to disk and read it as any other."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight"
-        simulate.write(simulated, path)
+        acx4sim.write(simulated, path)
         return Flown(
-            flight=flight.read(path), truth=json.loads(simulate.truth_path(path).read_text())
+            flight=flight.read(path), truth=json.loads(acx4sim.truth_path(path).read_text())
         )
 
 
@@ -121,8 +118,8 @@ class Estimates:
 
 def of_calibration(found):
     """Return the estimates of a calibration."""
-    listed = calibration.parameters(found)
-    J = calibration.to_reported(found)
+    listed = estimates.parameters(found)
+    J = estimates.to_reported(found)
     return Estimates(
         names=tuple(f"{p.camera} {p.name}" for p in listed),
         values=np.array([p.value for p in listed]),
@@ -203,7 +200,7 @@ def head_estimates(*, seed, exact=False):
     ties = tie_points.shared_points(flown.heads, oriented)
     refined = tie_points.refine_by_mean_differences(oriented, ties)
     return {
-        **{k: of_calibration(calibration.from_bundle(b)) for k, b in heads.bundles.items()},
+        **{k: of_calibration(estimates.from_bundle(b)) for k, b in heads.bundles.items()},
         "relative_orientation": of_orientation(oriented),
         "refined": of_orientation(refined),
     }

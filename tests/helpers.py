@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from acx4lib import flight
-from acx4lib.errors import FlightError
-from acx4lib.plain_text import UNSEEN
+from acx4lib.errors import UNSEEN, FlightError
 
 
 def numeric_jacobian(function, x, *, step=1e-6):

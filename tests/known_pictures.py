@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from acx4lib import experiments
-from acx4lib.simulate.noise import cell_m
+from acx4book.chapters.image_quality.known_exposure import known_exposure
+from acx4sim.scenery.noise import cell_m
 
 LEVEL, SWING = 30_000.0, 15_000.0
 """Mean of the grey values, and about how far they go to both sides."""
@@ -45,4 +45,4 @@ class Waves:
 @cache
 def known(reduce=8):
     """Return an exposure over waves of at least six pixels; 0.12 m is a full-size pixel."""
-    return experiments.known_exposure(reduce=reduce, ground=Waves(shortest_m=6 * 0.12 * reduce))
+    return known_exposure(reduce=reduce, ground=Waves(shortest_m=6 * 0.12 * reduce))

@@ -10,11 +10,14 @@ import pandas as pd
 import tifffile
 
 import flights
+from acx4book.notebooks import stages
 from acx4lib import flight as flown
-from acx4lib import own_folder, provenance, records, results, runner
-from acx4lib.frames import Pose
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_from_head
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.frames import Pose
+from acx4lib.results import adjustments, provenance
+from acx4lib.results import folder as results
+from acx4lib.results.own_folder import claims
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 
 HEADS = ("LEFT", "RIGHT")
 REDUCTION = 8
@@ -103,12 +106,14 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    with own_folder.claim(folder, command=runner.COMMAND) as own:
+    with claims.claim(folder, command=stages.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(folder, [], tables={}, summary={})
         provenance.keep(own, flown.read(flight))
-        found = [records.of_relative_orientation("heads", "relative_orientation", orientation())]
-        records.write(folder, "heads", found)
+        found = [
+            adjustments.of_relative_orientation("heads", "relative_orientation", orientation())
+        ]
+        adjustments.write(folder, "heads", found)
         bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}
         results.replace(folder, ["heads/bundle"], tables={}, summary=bundles)
         own.seal()

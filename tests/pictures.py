@@ -8,10 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 import printed_camera
-from acx4lib.camera import Camera, colrow_from_xy, xy_from_colrow
-from acx4lib.frames import opk_from_rotation, rotation_from_opk, turn
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_from_head
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Camera, colrow_from_xy, xy_from_colrow
+from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk, turn
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 
 
 def heads(k: int) -> RelativeOrientation:

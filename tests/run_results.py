@@ -2,27 +2,22 @@
 
 from pathlib import Path
 
-from acx4lib import (
-    flight,
-    mounting,
-    own_folder,
-    provenance,
-    records,
-    restored,
-    results,
-    runner,
-    simulate,
-    validation,
-    validation_records,
-)
+import acx4sim
+from acx4book.notebooks import stages
+from acx4lib import flight
+from acx4lib.calibration import mounting
+from acx4lib.georeferencing import validation
+from acx4lib.results import adjustments, provenance, read_back, validations
+from acx4lib.results import folder as results
+from acx4lib.results.own_folder import claims
 
 
 def leave_results(folder, *, design="single-head", seed=2):
     """Simulate a flight, calibrate and validate it; return the folders of flight and results."""
     at, kept = Path(folder) / "flight", Path(folder) / "results"
-    simulate.write(simulate.DESIGNS[design](seed=seed), at)
+    acx4sim.write(acx4sim.DESIGNS[design](seed=seed), at)
     flown = flight.read(at)
-    with own_folder.claim(kept, command=runner.COMMAND) as own:
+    with claims.claim(kept, command=stages.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(kept, [], tables={}, summary={})
         provenance.keep(own, flown)
@@ -33,12 +28,12 @@ def leave_results(folder, *, design="single-head", seed=2):
 
 def _compute(flown, kept):
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
-    records.write(kept, "mounting", records.of_mountings(found))
+    adjustments.write(kept, "mounting", adjustments.of_mountings(found))
     provenance.stamp(kept, "mounting")
-    calibrations = restored.calibrations_for(flown, results.read(kept))
+    calibrations = read_back.calibrations_for(flown, results.read(kept))
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
     ]
-    records.write(kept, "validation", validation_records.of_validations(validated))
+    adjustments.write(kept, "validation", validations.of_validations(validated))
     provenance.stamp(kept, "validation")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from acx4lib.camera import Interior
-from acx4lib.frames import Pose, rotation_from_opk
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
 
 
 def numbers(largest, *, smallest=None):

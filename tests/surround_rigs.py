@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from acx4lib.surround_rig import FRAME_PX, FisheyeCamera
+from acx4book.reference.surround.cameras import FRAME_PX
+from acx4book.reference.surround.cameras import FisheyeCamera
 
 SIZE = (960, 640)
 K = np.array([[300.0, 0, 480], [0, 320, 320], [0, 0, 1]])

@@ -6,14 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib import flight, mounting, relative_orientation, simulate
-from acx4lib.calibration import from_bundle, given
-from acx4lib.design import ground_height
+import acx4sim
+from acx4lib import flight
+from acx4lib.bundle.gross_errors.rejections import Rejection, without
+from acx4lib.calibration import heads, mounting
+from acx4lib.calibration.estimates import from_bundle, given
 from acx4lib.errors import FlightError
-from acx4lib.frames import rotation_from_opk
-from acx4lib.gross_errors import Rejection, without
-from acx4lib.validation import validate
-from acx4lib.validation_records import of_validation
+from acx4lib.flight.design import ground_height
+from acx4lib.geometry.frames import rotation_from_opk
+from acx4lib.georeferencing.validation import validate
+from acx4lib.results.validations import of_validation
 from flights_simulated import HEADS, fly, named, of_calibration
 
 
@@ -37,7 +39,7 @@ ABSURD = {
 
 def spoil(folder, design, values, rows, *, table="control_points.csv", options=None):
     """Write a simulated flight and change rows of control; return the folder and their names."""
-    simulate.write(simulate.DESIGNS[design](seed=1, options=options or simulate.Options()), folder)
+    acx4sim.write(acx4sim.DESIGNS[design](seed=1, options=options or acx4sim.Options()), folder)
     with (folder / table).open(newline="") as file:
         lines = list(csv.reader(file))
     for row in rows:
@@ -69,7 +71,7 @@ def assert_as_without(found, clean, names, block):
 @pytest.mark.parametrize("rows", [[3], [3, 12]], ids=["one", "two"])
 @pytest.mark.parametrize("kind", ABSURD)
 def test_absurd_control_is_rejected_in_a_single_step(tmp_path, kind, rows):
-    options = simulate.Options(blocks=("calibration",))
+    options = acx4sim.Options(blocks=("calibration",))
     path, names = spoil(tmp_path / "f", "single-head", ABSURD[kind], rows, options=options)
     spoilt, clean = flight.read(path), fly("single-head", seed=1).flight
     free = clean.estimate_mounting
@@ -87,13 +89,13 @@ def test_absurd_control_is_rejected_in_a_single_step(tmp_path, kind, rows):
 
 @pytest.mark.parametrize("kind", ["east 90", "1e8", "160 m", "height 0", "too high", "degrees"])
 def test_absurd_control_is_rejected_in_every_head_that_sees_it(tmp_path, kind):
-    options = simulate.Options(blocks=("heads",))
+    options = acx4sim.Options(blocks=("heads",))
     path, names = spoil(tmp_path / "f", "acx4", ABSURD[kind], [3, 12], options=options)
     spoilt, clean = flight.read(path), fly("acx4", seed=1, blocks=("heads",)).flight
     free = clean.estimate_heads
-    found = relative_orientation.calibrate_heads(spoilt.heads, HEADS, free=free)
+    found = heads.calibrate_heads(spoilt.heads, HEADS, free=free)
     assert not found.failures
-    reference = relative_orientation.calibrate_heads(lacking(clean.heads, names), HEADS, free=free)
+    reference = heads.calibrate_heads(lacking(clean.heads, names), HEADS, free=free)
     for head, bundle in found.bundles.items():
         own = bundle.network.block
         seen = [own.points[i] for i in np.flatnonzero(own.rays) if own.points[i] in names]
@@ -102,7 +104,7 @@ def test_absurd_control_is_rejected_in_every_head_that_sees_it(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", ["east 90", "1e8", "height 0", "too high"])
 def test_an_absurd_check_point_is_rejected_and_the_others_stay(tmp_path, kind):
-    options = simulate.Options(blocks=("validation",))
+    options = acx4sim.Options(blocks=("validation",))
     table = "validation/control_points.csv"
     path, names = spoil(
         tmp_path / "f", "single-head", ABSURD[kind], [3, 5], table=table, options=options
@@ -122,7 +124,7 @@ def test_an_absurd_check_point_is_rejected_and_the_others_stay(tmp_path, kind):
 
 
 def test_a_check_point_that_is_off_by_metres_stays_for_all_to_see(tmp_path):
-    options = simulate.Options(blocks=("validation",))
+    options = acx4sim.Options(blocks=("validation",))
     table, moved = "validation/control_points.csv", {"east_m": by(10.0)}
     path, _ = spoil(tmp_path / "f", "single-head", moved, [3], table=table, options=options)
     block = flight.read(path).validation

@@ -11,11 +11,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import acx4sim
 import flights_simulated as flown
-from acx4lib import accuracy, calibration, mounting, paper, simulate, validation
-from acx4lib.mounting import METHODS
-from acx4lib.relative_orientation import calibrate_heads, relative_orientation
-from acx4lib.tie_points import refine_by_mean_differences, shared_points
+from acx4book.paper import printed as paper
+from acx4lib.calibration import estimates as calibration
+from acx4lib.calibration import mounting
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4lib.calibration.mounting import METHODS
+from acx4lib.georeferencing import accuracy, validation
+from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from flights_simulated import HEADS, MOUNTING_NAMES, SEEDS
 
 ORIENTATIONS = ("relative_orientation", "refined")
@@ -147,7 +151,7 @@ def test_check_points_pass_their_tests_as_often_as_they_should():
 
 def spoilt(seed):
     """Return a flight with gross errors in block 2, and what they are."""
-    simulated = simulate.acx4(seed=seed, options=simulate.Options(blocks=("calibration",)))
+    simulated = acx4sim.acx4(seed=seed, options=acx4sim.Options(blocks=("calibration",)))
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     control, trajectory = tables["control_points.csv"], tables["calibration/trajectory.csv"]
     planted = flown.shift_image_points(
@@ -181,7 +185,7 @@ def test_gross_errors_are_found_and_do_no_harm(seed):
 
 
 def test_gross_errors_of_the_heads_are_found_and_do_no_harm():
-    simulated = simulate.acx4(seed=1, options=simulate.Options(blocks=("heads",)))
+    simulated = acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=("heads",)))
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     planted = flown.shift_image_points(
         tables["heads/image_points.csv"], (20, 30, 45, 60, 80, 100), size=(8984, 6732)
@@ -220,7 +224,7 @@ def test_a_measurement_taken_out_of_a_head_is_no_tie_point():
 
 
 def test_a_target_pointed_at_wrongly_forms_no_pairs():
-    simulated = simulate.acx4(seed=1)
+    simulated = acx4sim.acx4(seed=1)
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     points = tables["validation/image_points.csv"]
     (planted,) = flown.shift_image_points(points, (60,), size=(12000, 16200))

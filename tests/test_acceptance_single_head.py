@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import acx4sim
 import flights_simulated as flown
-from acx4lib import mounting, simulate, validation
-from acx4lib.mounting import METHODS
+from acx4lib.calibration import mounting
+from acx4lib.calibration.mounting import METHODS
+from acx4lib.georeferencing import validation
 from flights_simulated import SEEDS
 
 DESIGN = "single-head"
@@ -66,7 +68,7 @@ def test_check_points_scatter_as_predicted(method):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gross_errors_are_found_and_do_no_harm(seed):
-    simulated = simulate.single_head(seed=seed, options=simulate.Options(blocks=("calibration",)))
+    simulated = acx4sim.single_head(seed=seed, options=acx4sim.Options(blocks=("calibration",)))
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     control, trajectory = tables["control_points.csv"], tables["calibration/trajectory.csv"]
     planted = flown.shift_image_points(

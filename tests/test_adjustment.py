@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4lib import adjustment
-from acx4lib.adjustment import solve
 from acx4lib.errors import AdjustmentError
-from acx4lib.normal_equations import CHUNK, Equations
+from acx4lib.least_squares import adjustment
+from acx4lib.least_squares.adjustment import solve
+from acx4lib.least_squares.normal_equations import CHUNK, Equations
 from helpers import dense_covariance, dense_jacobian, weighted_residuals
 
 EXACT = 1e-12  # relative; a handful of operations in double precision

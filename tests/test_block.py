@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import block as block_module
-from acx4lib.frames import Pose, rotation_from_opk
+from acx4lib.flight import block as block_module
+from acx4lib.geometry.frames import Pose, rotation_from_opk
 
 SECOND = replace(
     blocks.CAMERA,

@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import adjustment, bundle
-from acx4lib.block import ImagePoints, Images, SurveyedPoints
-from acx4lib.bundle import adjust
-from acx4lib.collinearity import project
+from acx4lib.bundle import adjust as bundle
+from acx4lib.bundle.adjust import adjust
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, rotation_from_opk, transform
-from acx4lib.geodesy import MappingFrame
+from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, rotation_from_opk, transform
+from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.least_squares import adjustment
 from helpers import dense_covariance, dense_jacobian, rotation_angle, weighted_residuals
 from strategies import opk, vectors
 

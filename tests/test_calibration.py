@@ -10,12 +10,19 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import calibration
-from acx4lib.bundle import adjust, mounted_orientation
-from acx4lib.calibration import from_bundle, given, is_determined, not_determined, parameters
-from acx4lib.camera import INTERIOR, Interior
-from acx4lib.frames import Pose, exp, rotation_from_opk
-from acx4lib.unknowns import MOUNT, layout
+from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.unknowns import layout
+from acx4lib.calibration import estimates
+from acx4lib.calibration.estimates import (
+    from_bundle,
+    given,
+    is_determined,
+    not_determined,
+    parameters,
+)
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
+from acx4lib.geometry.parameters import MOUNT
 from helpers import numeric_jacobian
 
 
@@ -79,7 +86,7 @@ def test_boresight_angles_are_reported_in_degrees_of_omega_phi_kappa(found):
         return np.degrees(turned.opk)
 
     numeric = numeric_jacobian(reported, np.zeros(3), step=1e-5)
-    J = calibration.to_reported(found)
+    J = estimates.to_reported(found)
     columns = found.layout.mount[0, 3:]
     assert_allclose(J[np.ix_(columns, columns)], numeric, atol=1e-7)  # 57 deg of 1e-10
     others = np.delete(np.arange(found.n_columns), columns)
@@ -87,9 +94,9 @@ def test_boresight_angles_are_reported_in_degrees_of_omega_phi_kappa(found):
 
 
 def test_the_joint_covariance_goes_along(found):
-    J = calibration.to_reported(found)
+    J = estimates.to_reported(found)
     expected = found.sigma0_sq * J @ found.cov @ J.T
-    assert_allclose(calibration.reported_covariance(found), expected, rtol=1e-12)
+    assert_allclose(estimates.reported_covariance(found), expected, rtol=1e-12)
 
 
 def test_given_cameras_have_nothing_estimated(exact_block):
@@ -117,7 +124,7 @@ def with_sigmas(**sigma):
     camera = replace(
         blocks.CAMERA, interior=Interior(f=50.0), T_b_c=Pose(R=np.eye(3), r=np.zeros(3))
     )
-    return calibration.Calibration(
+    return estimates.Calibration(
         cameras=(camera,),
         layout=columns,
         cov=np.diag([good[name] ** 2 for name in names]),
@@ -141,8 +148,8 @@ def with_sigmas(**sigma):
 def test_a_parameter_is_not_determined_above_the_stated_limit(name, limit):
     assert not_determined(with_sigmas(**{name: 0.99 * limit})) == []
     (line,) = not_determined(with_sigmas(**{name: 1.01 * limit}))
-    assert line.startswith(f"CAM {calibration.REPORTED[name][0]} is not determined (sigma ")
-    assert calibration.HELP[name] in line
+    assert line.startswith(f"CAM {estimates.REPORTED[name][0]} is not determined (sigma ")
+    assert estimates.HELP[name] in line
 
 
 def test_an_open_parameter_has_an_infinite_sigma_and_says_so(found):

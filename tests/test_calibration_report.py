@@ -11,13 +11,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4lib import calibration_report as report
-from acx4lib import results
-from acx4lib.calibration_report import estimates, groups, markdown, stability, verdict
-from acx4lib.calibration_report.material import residuals
-from acx4lib.cli import main
+from acx4book import report
+from acx4book.command.acx4 import main
+from acx4book.report import estimates, groups, stability, verdict
+from acx4book.report.material import residuals
+from acx4book.report.page import markdown
 from acx4lib.errors import FlightError
-from acx4lib.folder_marks import MARK
+from acx4lib.results import folder as results
+from acx4lib.results.own_folder.marks import MARK
 from run_results import leave_results
 
 SINGLE = "mounting/single_step"

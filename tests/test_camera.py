@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-from acx4lib import camera, paper
-from acx4lib.camera import INTERIOR, Camera, Interior
+from acx4book.paper import printed
+from acx4lib.geometry import camera
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from helpers import numeric_jacobian
 from strategies import image_points, interiors
 
@@ -34,20 +35,22 @@ def test_border_distortion_is_the_papers_15_pixels():
 )
 def test_radial_distortion_at_the_heads_corners(head, px):
     """Worked out by hand: k1 r^3 at r = 33.68 mm."""
-    dxy_px = camera.distortion(radial(paper.interior(1, head)), HEAD_CORNER) / 0.006
+    dxy_px = camera.distortion(radial(printed.interior(1, head)), HEAD_CORNER) / 0.006
     assert_allclose(np.hypot(*dxy_px.T), px, atol=0.006)  # two decimals
 
 
 def test_decentring_moves_the_heads_corners_between_9_and_18_pixels():
     corners = HEAD_CORNER * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
-    moved = [camera.distortion(paper.interior(1, head), corners) / 0.006 for head in paper.HEADS]
+    moved = [
+        camera.distortion(printed.interior(1, head), corners) / 0.006 for head in printed.HEADS
+    ]
     size = np.linalg.norm(moved, axis=-1)
     assert_allclose([size.min(), size.max()], [8.8, 18.3], atol=0.05)  # one decimal
 
 
 def test_table_3_gives_5_pixels_of_radial_distortion_at_the_corner():
     """Worked out by hand: k1 r^3 + k2 r^5 + k3 r^7 at r = 56.45 and 45.4 mm."""
-    two_step = radial(paper.interior(3, "two_step"))
+    two_step = radial(printed.interior(3, "two_step"))
     corner = camera.distortion(two_step, SYNTHETIC_CORNER) / 0.0056
     border = camera.distortion(two_step, np.array([[0.0, 45.4]])) / 0.0056
     assert_allclose(np.hypot(*corner.T), 5.05, atol=0.006)  # two decimals

@@ -8,9 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4lib import checked, notebooks
-from acx4lib.checked import comparison, figures, nist
-from acx4lib.runner import NOTEBOOKS_PATH
+from acx4book.notebooks import execute
+from acx4book.notebooks.stages import NOTEBOOKS_PATH
+from acx4book.reference import comparisons, figures
+from acx4book.reference.dbat import comparison
+from acx4book.reference.nist import regressions
 from reference_files import needs
 
 NOTEBOOK = NOTEBOOKS_PATH / "05-reference-data.ipynb"
@@ -26,21 +28,24 @@ def nowhere(tmp_path, monkeypatch):
 
 
 def stored(name):
-    found = checked.computed_or_stored(name)
+    found = comparisons.computed_or_stored(name)
     assert "computed on" in found.origin
     return found.table
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=needs(files)) for name, (files, _) in checked.COMPARISONS.items()],
+    [
+        pytest.param(name, marks=needs(files))
+        for name, (files, _) in comparisons.COMPARISONS.items()
+    ],
 )
 def test_stored_results_are_the_computed_ones(name, tmp_path):
     """Else `python -m acx4lib.checked` was forgotten after a change."""
-    computed = checked.compute(name)
+    computed = comparisons.compute(name)
     before = stored_in(name, tmp_path)
     if name == "nist":  # where a solution is open, nothing says what is left of it
-        known = computed["outcome"] == nist.CONVERGED
+        known = computed["outcome"] == regressions.CONVERGED
         computed, before = computed[known], before[known]
     assert list(before.columns) == list(computed.columns)
     for column in computed.columns.difference(NOISY):
@@ -52,19 +57,19 @@ def test_stored_results_are_the_computed_ones(name, tmp_path):
 
 def stored_in(name, folder):
     """Return what is stored, whatever is on this machine."""
-    found = checked.computed_or_stored(name, folder=str(folder))
+    found = comparisons.computed_or_stored(name, folder=str(folder))
     assert re.search(r"computed on \d{4}-\d\d-\d\d with acx4lib \d", found.origin)
     return found.table
 
 
-@pytest.mark.parametrize("name", checked.COMPARISONS)
+@pytest.mark.parametrize("name", comparisons.COMPARISONS)
 def test_without_the_measurements_the_date_is_said(name, nowhere):
     assert len(stored(name)) > 0
 
 
 def test_summary_counts_every_value_once(nowhere):
     table = stored("camcal")
-    summary = checked.summary(table).set_index("kind")
+    summary = comparisons.summary(table).set_index("kind")
     assert summary.loc["all", "values"] == len(table)
     assert summary["values"].sum() == 2 * len(table)
     assert summary.loc["all", "agree"] == len(table)
@@ -94,6 +99,6 @@ def test_counts_and_names_agree_exactly():
 @pytest.mark.slow
 def test_notebook_runs_without_the_measurements(nowhere):
     executed = nowhere / "executed" / NOTEBOOK.name
-    values = notebooks.with_defaults(NOTEBOOK, {"reference_path": str(nowhere)})
-    notebooks.execute(NOTEBOOK, executed, parameters=values, on_cell=lambda *_: None)
+    values = execute.with_defaults(NOTEBOOK, {"reference_path": str(nowhere)})
+    execute.execute(NOTEBOOK, executed, parameters=values, on_cell=lambda *_: None)
     assert "these are the results computed on" in executed.read_text()

@@ -12,9 +12,11 @@ import zlib
 
 import pytest
 
-from acx4lib import provenance, results, runner
-from acx4lib.cli import main
-from acx4lib.folder_marks import MARK
+from acx4book.command.acx4 import main
+from acx4book.notebooks import stages
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder.marks import MARK
 from helpers import hears_interrupts
 from small_notebooks import write
 
@@ -48,7 +50,7 @@ def flight(tmp_path_factory):
 
 @pytest.fixture
 def notebooks(tmp_path):
-    for name in runner.NOTEBOOKS.values():
+    for name in stages.NOTEBOOKS.values():
         write(tmp_path / "notebooks" / f"{name}.ipynb", PARAMETERS, "seed")
     return tmp_path / "notebooks"
 

@@ -12,8 +12,8 @@ import pytest
 import tifffile
 
 import pictured_flights as pictured
-from acx4lib.cli import main
-from acx4lib.folder_marks import MARK
+from acx4book.command.acx4 import main
+from acx4lib.results.own_folder.marks import MARK
 from helpers import hears_interrupts
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]

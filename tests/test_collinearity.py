@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-from acx4lib import collinearity
-from acx4lib.camera import Camera, Interior, distortion, xy_from_colrow
-from acx4lib.collinearity import Measurement
-from acx4lib.frames import Pose, exp, rotation_from_opk, transform
+from acx4lib.geometry import collinearity
+from acx4lib.geometry.camera import Camera, Interior, distortion, xy_from_colrow
+from acx4lib.geometry.collinearity import Measurement
+from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from helpers import numeric_jacobian
 from strategies import interiors, opk, poses, vectors, visible_points
 

@@ -11,14 +11,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+import acx4sim
 import flights
 import flights_simulated
-from acx4lib import bundle, flight, simulate
-from acx4lib.block import select_camera
-from acx4lib.camera import colrow_from_xy, xy_from_colrow
+from acx4lib import flight
+from acx4lib.bundle import adjust
+from acx4lib.bundle.start.start_values import recovered
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.frames import Pose, exp, log, turn
-from acx4lib.start_values import recovered
+from acx4lib.flight.block import select_camera
+from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow
+from acx4lib.geometry.frames import Pose, exp, log, turn
 from helpers import rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
@@ -41,8 +43,8 @@ def block_of(shape, quarters=0):
         "one head": ("acx4", "heads", 150),
         "single camera": ("single-head", "calibration", 150),
     }[shape]
-    options = simulate.Options(blocks=(name,), tie_points={name: ties})
-    flown = flights_simulated.read_back(simulate.DESIGNS[design](seed=1, options=options))
+    options = acx4sim.Options(blocks=(name,), tie_points={name: ties})
+    flown = flights_simulated.read_back(acx4sim.DESIGNS[design](seed=1, options=options))
     block = getattr(flown.flight, name)
     if name == "validation":  # its targets are check points
         return replace(block, control=block.check, check=block.check[np.zeros(36, dtype=bool)])
@@ -68,14 +70,14 @@ def turned_in_its_mount(block, quarters):
 def set_up(shape, block):
     """Set up a block as the stages do: heads with free orientation, the others mounted."""
     if shape == "one head":
-        return bundle.free_orientation(block, free=("f", "xp", "yp", "k1", "p1", "p2"))
-    return bundle.mounted_orientation(block, free=FREE)
+        return adjust.free_orientation(block, free=("f", "xp", "yp", "k1", "p1", "p2"))
+    return adjust.mounted_orientation(block, free=FREE)
 
 
 @cache
 def best(shape, quarters=0):
     """Return the adjustment from good start values."""
-    return bundle.adjust(set_up(shape, block_of(shape, quarters)))
+    return adjust.adjust(set_up(shape, block_of(shape, quarters)))
 
 
 # --- bad starts --------------------------------------------------------------------------------
@@ -144,7 +146,7 @@ def bad_network(shape, seed):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_what_a_user_has_wrong_does_not_change_the_minimum(shape):
     network, quarters = bad_network(shape, seed=2)
-    assert_same_minimum(bundle.adjust(network), shape, quarters)
+    assert_same_minimum(adjust.adjust(network), shape, quarters)
 
 
 @pytest.mark.slow
@@ -153,7 +155,7 @@ def test_fifty_bad_starts_end_in_the_same_minimum(shape):
     for seed in range(1, 51):
         network, quarters = bad_network(shape, seed)
         worse = badly_started(network, np.random.default_rng(seed))
-        assert_same_minimum(bundle.adjust(worse), shape, quarters)
+        assert_same_minimum(adjust.adjust(worse), shape, quarters)
 
 
 def test_the_minimum_is_that_of_a_camera_turned_in_its_mount():
@@ -175,7 +177,7 @@ def test_a_mounting_declared_a_quarter_or_half_turn_wrong_is_found_by_control(sh
     (camera,) = block.cameras
     T_b_c = Pose(R=camera.T_b_c.R @ turn(2, np.radians(wrong_deg)), r=camera.T_b_c.r)
     wrong = replace(block, cameras=(replace(camera, T_b_c=T_b_c),))
-    assert_same_minimum(bundle.adjust(set_up(shape, wrong)), shape, 0)
+    assert_same_minimum(adjust.adjust(set_up(shape, wrong)), shape, 0)
 
 
 def test_most_images_need_no_control_to_be_turned():
@@ -184,7 +186,7 @@ def test_most_images_need_no_control_to_be_turned():
     (camera,) = block.cameras
     T_b_c = Pose(R=camera.T_b_c.R @ turn(2, np.pi), r=camera.T_b_c.r)
     wrong = replace(block, control=block.control[::3], cameras=(replace(camera, T_b_c=T_b_c),))
-    state = recovered(bundle.free_orientation(wrong, free=FREE))
+    state = recovered(adjust.free_orientation(wrong, free=FREE))
     expected = block.T_m_b_images.R @ best("268 images").state.T_b_c.R[0]
     assert rotation_angle(state.T_m_b.R, expected).max() < np.radians(8.0)
 
@@ -210,8 +212,8 @@ def test_gross_errors_do_not_lead_a_bad_start_elsewhere():
     """2 % of the image points are 5 to 200 px off."""
     rng = np.random.default_rng(3)
     wrong, _ = spoilt(block_of("single camera"), rng, share=0.02, size_px=(5, 200))
-    good = bundle.adjust(set_up("single camera", wrong))
-    bad = bundle.adjust(set_up("single camera", badly_declared(wrong, rng, trajectory=False)))
+    good = adjust.adjust(set_up("single camera", wrong))
+    bad = adjust.adjust(set_up("single camera", badly_declared(wrong, rng, trajectory=False)))
     assert good.solution.sigma0_sq > 20  # they do pull
     assert bad.solution.cost == pytest.approx(good.solution.cost, rel=1e-8)
 
@@ -226,7 +228,7 @@ def swapped(block, i, j):
 
 def test_swapped_images_are_turned_and_moved_where_their_orientation_is_free():
     block = block_of("one head")
-    found = bundle.adjust(set_up("one head", swapped(block, 3, 30)))
+    found = adjust.adjust(set_up("one head", swapped(block, 3, 30)))
     assert found.solution.cost == pytest.approx(best("one head").solution.cost, rel=1e-8)
 
 
@@ -237,7 +239,7 @@ def test_swapped_images_are_named_where_their_orientation_is_observed():
     block = block_of("52 images")
     names = {block.images.names[3], block.images.names[30]}
     with pytest.raises(AdjustmentError, match=r"rays miss their points in 2 of 52 images") as e:
-        bundle.adjust(set_up("52 images", swapped(block, 3, 30)))
+        adjust.adjust(set_up("52 images", swapped(block, 3, 30)))
     assert set(re.findall(r"C\d-\d\d(?= by)", str(e.value))) == names
 
 
@@ -248,7 +250,7 @@ def test_swapped_control_points_are_named():
     wrong = replace(block, control=replace(block.control, x_m=x_m))
     names = {block.points[p] for p in block.control.point_idx[[1, 22]]}
     with pytest.raises(AdjustmentError, match=r"rays miss their points in 2 of \d+ points") as e:
-        bundle.adjust(set_up("52 images", wrong))
+        adjust.adjust(set_up("52 images", wrong))
     assert set(re.findall(r"P\d\d(?= by)", str(e.value))) == names
 
 
@@ -257,7 +259,7 @@ def test_measurements_that_let_nothing_converge_are_named():
         block_of("one head"), np.random.default_rng(2), share=0.02, size_px=(300, 1000)
     )
     with pytest.raises(AdjustmentError, match=f"no convergence .*; {len(rows)} meas") as e:
-        bundle.adjust(set_up("one head", block))
+        adjust.adjust(set_up("one head", block))
     points, images = block.image_points, block.images.names
     wrong = {(block.points[points.point_idx[i]], images[points.image_idx[i]]) for i in rows}
     named = set(re.findall(r"([PT]\d+) in (H\S+_CAM1)", str(e.value)))

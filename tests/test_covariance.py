@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4lib import covariance
-from acx4lib.frames import rotation_from_opk
+from acx4lib.geometry.frames import rotation_from_opk
+from acx4lib.least_squares import covariance
 
 
 def test_sigmas_come_back_along_turned_axes(rng):

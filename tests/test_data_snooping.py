@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib.bundle import adjust, free_orientation, mounted_orientation
-from acx4lib.data_snooping import adjust_rejecting
-from acx4lib.gross_errors import without
-from acx4lib.w_test import critical_tau
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.gross_errors.rejections import without
+from acx4lib.least_squares.w_test import critical_tau
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 

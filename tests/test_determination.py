@@ -7,15 +7,15 @@ import pytest
 from scipy import linalg
 
 import blocks
-from acx4lib.bundle import adjust, free_orientation, mounted_orientation
-from acx4lib.calibration import from_bundle, given, parameters, reported_covariance
-from acx4lib.determination import (
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
+from acx4lib.calibration.determination import (
     SHARE,
     STRONG,
     as_json,
     strong_correlations,
     weakest_combination,
 )
+from acx4lib.calibration.estimates import from_bundle, given, parameters, reported_covariance
 
 
 @pytest.fixture(scope="module")

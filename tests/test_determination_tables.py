@@ -5,15 +5,15 @@ from dataclasses import replace
 import pytest
 
 import blocks
-from acx4lib import calibration, mounting
-from acx4lib.calibration import REPORTED
-from acx4lib.determination import strong_correlations
-from acx4lib.stages.determination_tables import (
+from acx4book.chapters.mounting.determination import (
     determination_table,
     geometry_page,
     geometry_table,
 )
-from acx4lib.tables import LABELS
+from acx4book.typesetting.labels import LABELS
+from acx4lib.calibration import estimates, mounting
+from acx4lib.calibration.determination import strong_correlations
+from acx4lib.geometry.parameters import REPORTED
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +53,8 @@ def test_every_parameter_stands_once_among_those_that_need_a_geometry():
 
 def test_limits_and_geometries_are_those_of_the_messages():
     rows = geometry_table().set_index("Parameter")
-    assert rows.loc["lever arm $z$", "It needs"] == calibration.HELP["lever_z"]
-    assert rows.loc["lever arm $z$", "Largest σ"] == f"{calibration.LIMIT_LEVER_M:g} m"
+    assert rows.loc["lever arm $z$", "It needs"] == estimates.HELP["lever_z"]
+    assert rows.loc["lever arm $z$", "Largest σ"] == f"{estimates.LIMIT_LEVER_M:g} m"
     assert rows.loc["$x_p$, $y_p$", "Largest σ"] == "0.2 % of $f$"
     assert rows.loc["boresight $\\kappa$", "Largest σ"] == "0.1°"
     assert rows.loc["$k_1$", "Largest σ"] == "any"

@@ -9,7 +9,7 @@ import pandas as pd
 import pyproj
 import pytest
 
-from acx4lib.endings import status_of
+from acx4book.command.endings import status_of
 from acx4lib.errors import AdjustmentError, FlightError
 
 

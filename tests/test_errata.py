@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import errata, paper
-from acx4lib.errata import figures, heads, mounting, text, validation
+from acx4book.paper import printed
+from acx4book.paper.errata import audit, figures, heads, mounting, text, validation
 from acx4lib.errors import FlightError
 
 
 @pytest.fixture(scope="module")
-def findings() -> dict[int, errata.Finding]:
-    return {finding.number: finding for finding in errata.audit()}
+def findings() -> dict[int, audit.Finding]:
+    return {finding.number: finding for finding in audit.audit()}
 
 
 def test_there_are_22_findings_and_none_is_empty(findings):
@@ -28,7 +28,7 @@ def test_there_are_22_findings_and_none_is_empty(findings):
 
 
 def test_table_has_a_row_per_finding():
-    table = errata.table(errata.audit())
+    table = audit.table(audit.audit())
     assert [*table.columns] == ["number", "place", "printed", "computed", "verdict"]
     assert len(table) == 22
 
@@ -143,17 +143,17 @@ def test_coverage_tells_which_way_the_angles_turn():
 
 def test_footprints_reach_beyond_the_synthetic_image():
     """An earlier count without distortion, principal points and Zc: -43.9..38.6, -56.2..56.0."""
-    feet = np.concatenate([heads.footprint(head) for head in paper.HEADS])
+    feet = np.concatenate([heads.footprint(head) for head in printed.HEADS])
     assert_allclose(feet.min(axis=0), (-43.9, -56.2), atol=0.3)
     assert_allclose(feet.max(axis=0), (38.6, 56.0), atol=0.3)
 
 
-@pytest.mark.parametrize("head", paper.HEADS)
+@pytest.mark.parametrize("head", printed.HEADS)
 def test_a_head_sees_its_own_footprint(head):
     """Points just inside the projected corners are seen, points just outside are not."""
     feet = heads.footprint(head)
     middle = feet.mean(axis=0)
-    R_s_h = heads.rotation_from_opk(paper.opk(head))
+    R_s_h = heads.rotation_from_opk(printed.opk(head))
     inside, outside = (middle + share * (feet - middle) for share in (0.99, 1.01))
     assert heads.sees(head, inside, R_s_h).all()
     assert not heads.sees(head, outside, R_s_h).any()
@@ -175,21 +175,21 @@ def test_correlations_are_read_from_a_run(tmp_path):
         "mounting/single_step": {"largest_correlations": {"f_mm/height_m": 0.9}},
     }
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    found = errata.largest_correlations(tmp_path)
+    found = audit.largest_correlations(tmp_path)
     assert found == {"CAM1 xp_mm/omega_deg": 0.85}
-    assert "0.85 (CAM1 xp_mm/omega_deg)" in errata.audit(found)[10].computed
+    assert "0.85 (CAM1 xp_mm/omega_deg)" in audit.audit(found)[10].computed
 
 
 def test_without_a_run_the_correlations_stay_open():
-    assert errata.largest_correlations("") == {}
-    finding = errata.audit(errata.largest_correlations(""))[10]
+    assert audit.largest_correlations("") == {}
+    finding = audit.audit(audit.largest_correlations(""))[10]
     assert finding.printed.endswith("below 10 %")
     assert finding.verdict.startswith("Open")
 
 
 def test_a_run_that_is_not_there_is_named():
     with pytest.raises(FlightError, match=r"no/such/folder: no such folder; expected the results"):
-        errata.largest_correlations("no/such/folder")
+        audit.largest_correlations("no/such/folder")
 
 
 # --- mounting ------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_interior_orientation_absorbed_the_lever_arm():
 
 
 def test_distortion_left_in_the_synthetic_image():
-    interior = paper.interior(3, "two_step")
+    interior = printed.interior(3, "two_step")
     pixel = 0.0056
     assert mounting.radial_mm(interior, 45.4) / pixel == pytest.approx(2.33, abs=0.005)
     corner = np.hypot(67.20, 90.72) / 2
@@ -216,7 +216,7 @@ def test_distortion_left_in_the_synthetic_image():
 
 def test_decentring_at_the_corner():
     """1.8 px in x; the vector is longer."""
-    component, length = mounting.decentring_px(paper.interior(3, "two_step"))
+    component, length = mounting.decentring_px(printed.interior(3, "two_step"))
     assert component == pytest.approx(1.8, abs=0.05)
     x, y, p1, p2 = 33.6, 45.36, 1.73e-6, 2.46e-7
     dx, dy = 3 * p1 * x**2 + p1 * y**2 + 2 * p2 * x * y, 3 * p2 * y**2 + p2 * x**2 + 2 * p1 * x * y
@@ -259,7 +259,7 @@ def test_error_budget():
 
 
 def test_what_agrees():
-    agreements = errata.agreements().set_index("printed")["computed"]
+    agreements = audit.agreements().set_index("printed")["computed"]
     assert agreements["31 and 52 images"].endswith("31 and 52")
     assert agreements["60.5 megapixels"].endswith("60.5 million")
     assert agreements["67.20 x 90.72 mm"].startswith("67.20 x 90.72 mm")

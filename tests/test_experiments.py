@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import correlations, design, lens, tie_points
-from acx4lib.camera import Interior
-from acx4lib.experiments import (
-    asked_by_gnss,
-    held_focal_length,
-    transposed,
-)
-from acx4lib.relative_orientation import calibrate_heads, relative_orientation
-from acx4lib.synthetic_image import coverage
+from acx4book.chapters.heads.held_focal_length import asked_by_gnss, held_focal_length
+from acx4book.chapters.synthetic_image.wrong_heads import transposed
+from acx4lib.calibration import correlations, lens
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4lib.flight import design
+from acx4lib.geometry.camera import Interior
+from acx4lib.synthetic_image.frame import coverage
+from acx4lib.tie_points import ties as tie_points
 from flights_simulated import HEADS, fly
 
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import flights_simulated
-from acx4lib import experiments, mounting
+from acx4book.chapters.mounting.variants import calibrations, correlations, lever_arm_seen
+from acx4book.chapters.validation.forgotten_steps import validations
+from acx4lib.calibration import mounting
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
 
@@ -21,7 +23,7 @@ def mountings(flown):
 
 @pytest.fixture(scope="module")
 def table(flown):
-    return experiments.calibrations(flown.calibration, free=FREE).set_index("variant")
+    return calibrations(flown.calibration, free=FREE).set_index("variant")
 
 
 def test_one_flying_height_does_not_separate_focal_length_and_lever_arm(table):
@@ -45,7 +47,7 @@ def test_the_map_grid_as_cartesian_bends_the_focal_length_and_not_the_variance(t
 
 
 def test_the_interior_orientation_has_absorbed_the_lever_arm(mountings):
-    seen = experiments.lever_arm_seen(mountings)
+    seen = lever_arm_seen(mountings)
     off = seen["lever_seen_m"] - seen["lever_estimated_m"]
     assert np.all(np.abs(off) < 3 * np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"]))
     assert np.all(np.abs(seen["lever_seen_m"]) > 4 * seen["sigma_seen_m"])
@@ -53,21 +55,21 @@ def test_the_interior_orientation_has_absorbed_the_lever_arm(mountings):
 
 def test_a_missing_method_leaves_nothing_to_compare(mountings):
     alone = mounting.Mountings(methods={"single_step": mountings["single_step"]}, failures={})
-    assert experiments.lever_arm_seen(alone).empty
-    assert experiments.correlations(alone, "two_step").empty
+    assert lever_arm_seen(alone).empty
+    assert correlations(alone, "two_step").empty
 
 
 def test_correlations_are_those_of_the_covariance(mountings):
-    matrix = experiments.correlations(mountings)
+    matrix = correlations(mountings)
     np.testing.assert_allclose(np.diag(matrix), 1.0)
     assert matrix.loc["k2", "k3"] < -0.95
     assert matrix.loc["f_mm", "lever_z_m"] > 0.5
 
 
 def test_every_forgotten_step_of_georeferencing_is_seen(flown, mountings):
-    table = experiments.validations(
-        flown.validation, [mountings["single_step"].calibration]
-    ).set_index("mistake")
+    table = validations(flown.validation, [mountings["single_step"].calibration]).set_index(
+        "mistake"
+    )
     rms = np.sqrt((table[["rms_east_m", "rms_north_m", "rms_height_m"]] ** 2).sum(axis=1))
     assert rms.idxmin() == "none"
     assert rms["boresight forgotten"] > 10.0  # m, 1.6 degrees at 1300 m
@@ -75,4 +77,4 @@ def test_every_forgotten_step_of_georeferencing_is_seen(flown, mountings):
 
 
 def test_without_a_calibration_nothing_is_validated(flown):
-    assert experiments.validations(flown.validation, []).empty
+    assert validations(flown.validation, []).empty

@@ -9,10 +9,22 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import experiments, paper
-from acx4lib.experiments import examined_images as images
-from acx4lib.experiments import pixels
-from acx4lib.synthetic_quality import residuals_px
+from acx4book.chapters.image_quality import examined as images
+from acx4book.chapters.image_quality import known_exposure
+from acx4book.chapters.image_quality.deviations import residuals_px
+from acx4book.chapters.image_quality.examined import (
+    border_distortion_of_targets,
+    drawn_calibration,
+    drawn_errors,
+    errors_of,
+    every_refinement,
+    examine,
+    frame_deviations,
+    measured_ties,
+)
+from acx4book.chapters.image_quality.known_exposure import heads_response
+from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
+from acx4book.paper import printed
 from known_pictures import known
 
 REDUCE = 16
@@ -28,22 +40,22 @@ def exposure():
 
 @pytest.fixture(scope="module")
 def response(exposure):
-    return experiments.heads_response(exposure)
+    return heads_response(exposure)
 
 
 @pytest.fixture(scope="module")
 def wrong(exposure):
-    return experiments.drawn_calibration(exposure.orientation, seed=1, angle_deg=0.01)
+    return drawn_calibration(exposure.orientation, seed=1, angle_deg=0.01)
 
 
 @pytest.fixture(scope="module")
 def true_image(exposure, response):
-    return experiments.examine(exposure, exposure.orientation, response)
+    return examine(exposure, exposure.orientation, response)
 
 
 @pytest.fixture(scope="module")
 def wrong_image(exposure, response, wrong):
-    return experiments.examine(exposure, wrong, response)
+    return examine(exposure, wrong, response)
 
 
 def not_geometry(one):
@@ -63,7 +75,7 @@ def test_points_of_the_rendered_image_are_where_geometry_puts_them(exposure, tru
 
 
 def test_no_head_stands_aside_of_the_others(exposure, true_image):
-    xy = pixels.xy_from_colrow(exposure.synthetic, true_image.found.ideal)
+    xy = known_exposure.xy_from_colrow(exposure.synthetic, true_image.found.ideal)
     left = not_geometry(true_image)
     for right in (False, True):
         for upper in (False, True):
@@ -84,9 +96,9 @@ def test_errors_of_a_calibration_are_measured_as_large_as_they_are(wrong_image):
 
 def test_the_parallax_of_the_true_heads_is_that_of_their_bases_over_the_relief(exposure):
     """f B dh / (H (H - dh)), of a lens 8 cm aside in both directions."""
-    places = pixels.nodes(exposure.synthetic, 30)[1:-1]
-    shift = np.hypot(*pixels.predicted(exposure, exposure.orientation, places).T)
-    dh = pixels.seen_ground(exposure, places)[:, 2] - (
+    places = known_exposure.nodes(exposure.synthetic, 30)[1:-1]
+    shift = np.hypot(*known_exposure.predicted(exposure, exposure.orientation, places).T)
+    dh = known_exposure.seen_ground(exposure, places)[:, 2] - (
         exposure.at.track.x_g[0, 2] - exposure.height_m
     )
     H, f_px = exposure.height_m, 74.0 / 0.0056
@@ -106,14 +118,13 @@ def test_self_calibration_of_a_right_image_finds_no_lens(true_image):
 
 
 def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong):
-    ties = experiments.measured_ties(exposure, wrong)
+    ties = measured_ties(exposure, wrong)
     every = {
         "true": exposure.orientation,
-        **experiments.every_refinement(wrong, ties),
+        **every_refinement(wrong, ties),
     }
     found = {
-        name: experiments.errors_of(experiments.frame_deviations(one, exposure), exposure)
-        for name, one in every.items()
+        name: errors_of(frame_deviations(one, exposure), exposure) for name, one in every.items()
     }
     assert found["true"]["largest_px"] < 1e-9
     assert found["rotations"]["oriented_px"] < 0.2 * found["before"]["oriented_px"]
@@ -123,7 +134,7 @@ def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong):
 
 
 def test_the_blend_joins_two_heads_without_a_step(exposure, response):
-    profile = experiments.seam_profile(exposure, exposure.orientation, response)
+    profile = seam_profile(exposure, exposure.orientation, response)
     apart = [np.log(lines[1] / lines[0]) for lines in (profile.taken, profile.equalised)]
     assert np.sqrt(np.nanmean(apart[0] ** 2)) > 0.02
     # what noise of 0.5 sqrt(DN) and interpolation leave in means over eight rows
@@ -134,7 +145,7 @@ def test_the_blend_joins_two_heads_without_a_step(exposure, response):
 
 def test_refined_heads_agree_in_their_overlap(exposure, response, wrong):
     pair = (wrong, exposure.orientation)
-    picture = experiments.overlap_picture(exposure, pair, response, size_px=(60, 80))
+    picture = overlap_picture(exposure, pair, response, size_px=(60, 80))
     rms = [np.sqrt(np.nanmean(d**2)) for d in picture.differences.values()]
     assert list(picture.differences) == ["as taken", "equalised", "equalised and refined"]
     assert rms[0] > rms[1] > rms[2]
@@ -147,10 +158,10 @@ def test_refined_heads_agree_in_their_overlap(exposure, response, wrong):
 def test_heads_that_are_shifted_shift_the_image_and_an_orientation_takes_it_up(exposure):
     xyz = exposure.orientation.xyz_mm + np.array([0.0056, 0.0112, 0.0])
     shifted = replace(exposure.orientation, xyz_mm=xyz)
-    off = experiments.frame_deviations(shifted, exposure)
+    off = frame_deviations(shifted, exposure)
     # x goes right as columns do, y goes up and rows go down
     assert_allclose(off.d_px, np.tile([1.0, -2.0], (len(off), 1)), atol=1e-9)
-    found = experiments.errors_of(off, exposure)
+    found = errors_of(off, exposure)
     assert_allclose(found["rms_px"], np.sqrt(5 / 2), rtol=1e-9)
     assert found["oriented_px"] < 0.05  # a motion of the camera moves hills otherwise than plains
 
@@ -158,10 +169,10 @@ def test_heads_that_are_shifted_shift_the_image_and_an_orientation_takes_it_up(e
 def test_drawn_errors_have_the_size_of_table_1s_sigma(exposure):
     """Of 240 normal numbers a standard deviation is known to a twentieth."""
     true, draws = exposure.orientation, range(15)
-    drawn = [experiments.drawn_calibration(true, seed=i, angle_deg=0.01) for i in draws]
+    drawn = [drawn_calibration(true, seed=i, angle_deg=0.01) for i in draws]
     normalised = [
         (getattr(head.interior, name) - getattr(right.interior, name))
-        / paper.sigma(1, key, head.name)
+        / printed.sigma(1, key, head.name)
         for one in drawn
         for head, right in zip(one.heads, true.heads, strict=True)
         for name, key in (("xp", "xp_mm"), ("yp", "yp_mm"), ("k1", "k1"), ("p2", "p2"))
@@ -179,7 +190,7 @@ def test_drawn_errors_have_the_size_of_table_1s_sigma(exposure):
 
 
 def test_a_lens_takes_up_what_an_orientation_does_not(exposure):
-    draws = experiments.drawn_errors(exposure, 4, seed=3, angle_deg=0.01)
+    draws = drawn_errors(exposure, 4, seed=3, angle_deg=0.01)
     assert set(draws["refinement"]) == {"before", "mean shift", "rotations", "six"}
     assert np.all(draws["oriented_px"] <= draws["rms_px"])
     assert np.all(draws["calibrated_px"] <= draws["oriented_px"])
@@ -190,8 +201,7 @@ def test_a_lens_takes_up_what_an_orientation_does_not(exposure):
 
 def test_measuring_errors_of_targets_invent_distortion_in_proportion(exposure):
     fine, coarse = (
-        experiments.border_distortion_of_targets(exposure, 8, sigma_px=s, seed=5)
-        for s in (0.05, 0.5)
+        border_distortion_of_targets(exposure, 8, sigma_px=s, seed=5) for s in (0.05, 0.5)
     )
     assert fine.n_targets == coarse.n_targets > 10
     # so far as the adjustment is linear

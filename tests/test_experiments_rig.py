@@ -8,11 +8,21 @@ from numpy.testing import assert_allclose
 
 import blocks
 import test_rig
-from acx4lib import experiments, rig
-from acx4lib.camera import Interior
-from acx4lib.experiments.rig import ONE_BY_ONE, REFINED, RIG, UNSHARED, WITH_F, gains, unshared
-from acx4lib.frames import Pose, opk_from_rotation, rotation_from_opk
-from acx4lib.relative_orientation import RelativeOrientation
+from acx4book.chapters.rig.deformations import deformation
+from acx4book.chapters.rig.one_by_one import (
+    ONE_BY_ONE,
+    REFINED,
+    RIG,
+    UNSHARED,
+    WITH_F,
+    gains,
+    oriented,
+    unshared,
+)
+from acx4lib.calibration import rig
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 
 SYNTHETIC = replace(
     blocks.CAMERA, name="SYN", width_px=3000, height_px=3000, interior=Interior(f=50.0)
@@ -41,7 +51,7 @@ def shifted(orientation, k, by):
 def test_a_shifted_head_misfits_by_its_shift():
     """Half of it is taken up with the whole image, and the rest remains with opposite signs."""
     wrong = shifted(oriented(), 1, [0.010, -0.004, 0.0])
-    found = experiments.deformation(wrong, SYNTHETIC, truth=oriented())
+    found = deformation(wrong, SYNTHETIC, truth=oriented())
     assert_allclose(found.gap, np.tile([0.010, -0.004], (len(found.gap), 1)), atol=1e-12)
     inner = np.abs(found.xy).max(axis=1) < 10  # both heads see these nodes
     signs = np.where(found.head == 1, 0.5, -0.5)[:, None]
@@ -58,7 +68,7 @@ def test_a_turn_of_all_heads_together_is_no_deformation(axis):
     poses = Pose(R=rotation_from_opk(right.opk), r=right.xyz_mm)
     # about the perspective centre of the synthetic image, where the heads are
     wrong = replace(right, opk=opk_from_rotation(turn @ poses.R))
-    found = experiments.deformation(wrong, SYNTHETIC, truth=right)
+    found = deformation(wrong, SYNTHETIC, truth=right)
     # second order: 1e-8 of the focal length, beside the 5e-3 mm that it moves the image
     assert found.largest_mm < 2e-6
     assert_allclose(found.gap, 0.0, atol=1e-12)
@@ -70,14 +80,14 @@ def test_a_longer_focal_length_of_all_heads_is_no_deformation():
         heads=tuple(h.with_interior(Interior(f=50.1)) for h in oriented().heads),
         xyz_mm=np.array([[0.0, 0.0, 50.1], [0.0, 0.0, 50.1]]),
     )
-    assert experiments.deformation(longer, SYNTHETIC, truth=oriented()).largest_mm < 1e-9
+    assert deformation(longer, SYNTHETIC, truth=oriented()).largest_mm < 1e-9
 
 
 def test_the_predicted_deformation_is_the_effect_of_one_sigma():
     """A covariance of one random error: its effect is the standard deviation, node by node."""
     sigma = np.zeros(30)
     sigma[[1, 8, 9, 12, 21 + 1]] = [0.003, 0.002, 2e-5, 0.004, 0.001]
-    found = experiments.deformation(oriented(np.outer(sigma, sigma)), SYNTHETIC)
+    found = deformation(oriented(np.outer(sigma, sigma)), SYNTHETIC)
     assert np.all(np.isnan(found.d))
     moved = shifted(shifted(oriented(), 0, [0, 0.003, 0]), 1, [0, 0, 0.002])
     opk = moved.opk.copy()
@@ -93,7 +103,7 @@ def test_the_predicted_deformation_is_the_effect_of_one_sigma():
             for h, i in zip(moved.heads, (one, two), strict=True)
         ),
     )
-    effect = experiments.deformation(moved, SYNTHETIC, truth=oriented())
+    effect = deformation(moved, SYNTHETIC, truth=oriented())
     # the errors are 1e-4 of the image's size, and so is what a derivative leaves of them
     assert_allclose(found.sigma, np.hypot(*effect.d.T), rtol=2e-3, atol=1e-6)
     assert found.gap_sigma_mm == pytest.approx(effect.gap_rms_mm, rel=1e-3)
@@ -110,7 +120,7 @@ def block():
 @pytest.fixture(scope="module")
 def ways(block):
     together = rig.calibrate(block, free=test_rig.FREE)
-    return experiments.oriented(block, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    return oriented(block, together, test_rig.SYNTHETIC, free=test_rig.FREE)
 
 
 def test_heads_are_oriented_in_every_way(ways):
@@ -135,7 +145,7 @@ def test_heads_that_cannot_be_adjusted_alone_still_make_a_rig(block):
     )
     some = replace(block, image_points=points[~blind])
     together = rig.calibrate(some, free=test_rig.FREE)
-    found = experiments.oriented(some, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    found = oriented(some, together, test_rig.SYNTHETIC, free=test_rig.FREE)
     assert ONE_BY_ONE not in found
     assert RIG in found
 
@@ -178,7 +188,7 @@ def test_misfits_and_deformations_are_as_large_as_predicted():
         found = rig.calibrate(one.flight.heads, free=one.flight.estimate_heads)
         heads = tuple(as_they_are(c, one.truth) for c in found.calibration.cameras)
         exact = replace(found, calibration=replace(found.calibration, cameras=heads))
-        error = experiments.deformation(
+        error = deformation(
             rig.relative_orientation(found, synthetic),
             synthetic,
             truth=rig.relative_orientation(exact, synthetic),

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from acx4lib import experiments, gnss_shift, mounting, simulate
-from acx4lib.experiments.shift import SHIFT_M
-from acx4lib.experiments.weights import TIES
-from acx4lib.stages import shift_tables
+import acx4sim
+from acx4book.chapters.weights import shift_tables
+from acx4book.chapters.weights.shifted import SHIFT_M, shifted_trajectories
+from acx4book.chapters.weights.simulated import TIES, fly, scatter
+from acx4lib.calibration import gnss_shift, mounting
 
 SHIFTED, UNKNOWN = "shifted, none", "shifted, shift"
 
 
 @pytest.fixture(scope="module")
 def errors():
-    return experiments.shifted_trajectories(range(1, 9))
+    return shifted_trajectories(range(1, 9))
 
 
 def of(errors, kind, parameter):
@@ -43,7 +44,7 @@ def test_the_variance_of_unit_weight_gives_a_shift_away(errors):
 
 
 def test_a_lever_arm_that_is_held_has_no_errors_to_show(errors):
-    scatter = experiments.scatter(errors)
+    scatter = scatter(errors)
     table = shift_tables.ratio_table(scatter).set_index("Parameter")
     assert (table.loc["lever arm $z$"] == "held").sum() == 1
     row = scatter.set_index(["kind", "parameter"]).loc[(UNKNOWN, "f_mm")]
@@ -52,8 +53,8 @@ def test_a_lever_arm_that_is_held_has_no_errors_to_show(errors):
 
 
 def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
-    options = simulate.Options(tie_points=TIES, gnss_shift_m=SHIFT_M)
-    flown = experiments.fly("single-head", 1, options)
+    options = acx4sim.Options(tie_points=TIES, gnss_shift_m=SHIFT_M)
+    flown = fly("single-head", 1, options)
     settings = {"free": flown.flight.estimate_mounting}
     found = mounting.single_step(flown.block, **settings, gnss=("shift",))
     lines = shift_tables.said(found).splitlines()

@@ -10,12 +10,13 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import flight, simulate
-from acx4lib.block import Block
-from acx4lib.camera import Camera, Interior, correct, xy_from_colrow
-from acx4lib.collinearity import pinhole, to_camera
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.geodesy import GridSystem
+import acx4sim
+from acx4lib import flight
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.collinearity import pinhole, to_camera
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem
 from flights import control_points, exposures, write_flight
 
 
@@ -286,14 +287,14 @@ def test_a_hundred_thousand_measurements_are_read_like_any(tmp_path):
     assert len(read.calibration.image_points) == 100_042
 
 
-EXACT = simulate.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
+EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
 
 
-@pytest.mark.parametrize("design", simulate.DESIGNS)
+@pytest.mark.parametrize("design", acx4sim.DESIGNS)
 def test_an_exact_simulated_flight_fits_with_its_true_cameras(tmp_path, design):
     """Reader and simulator share no formula: axes, convergence, lens and lever arm agree."""
-    flown = simulate.DESIGNS[design](seed=1, options=EXACT)
-    simulate.write(flown, tmp_path / design)
+    flown = acx4sim.DESIGNS[design](seed=1, options=EXACT)
+    acx4sim.write(flown, tmp_path / design)
     read = flight.read(tmp_path / design)
     for block in read.blocks.values():
         true = tuple(true_camera(c, flown.truth["cameras"][c.name]) for c in block.cameras)
@@ -315,7 +316,7 @@ def true_camera(camera: Camera, truth: dict[str, float]) -> Camera:
 
 
 def test_the_simulated_flight_has_the_images_of_section_3_2(tmp_path):
-    simulate.write(simulate.acx4(seed=2), tmp_path / "acx4")
+    acx4sim.write(acx4sim.acx4(seed=2), tmp_path / "acx4")
     read = flight.read(tmp_path / "acx4")
     assert [len(block.images) for block in read.blocks.values()] == [4 * 31, 52, 268]
     assert [len(set(block.images.strips)) for block in read.blocks.values()] == [4, 5, 20]

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4lib import frames
-from acx4lib.frames import Pose
+from acx4lib.geometry import frames
+from acx4lib.geometry.frames import Pose
 from helpers import numeric_jacobian, rotation_angle
 from strategies import directions, opk, poses, vectors
 

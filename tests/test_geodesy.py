@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib import geodesy
-from acx4lib.frames import Pose, log, opk_from_rotation, rotation_from_opk
-from acx4lib.geodesy import GridSystem, MappingFrame
+from acx4lib.geometry import geodesy
+from acx4lib.geometry.frames import Pose, log, opk_from_rotation, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from helpers import numeric_jacobian
 from strategies import numbers, opk
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.bundle import adjust, free_orientation
+from acx4lib.bundle.adjust import adjust, free_orientation
+from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError
-from acx4lib.gross_errors import Rejection
 
 FREE = ("xp", "yp")
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.bundle import adjust, free_orientation
-from acx4lib.calibration import from_bundle, is_determined, not_determined, parameters
+from acx4lib.bundle.adjust import adjust, free_orientation
+from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import from_bundle, is_determined, not_determined, parameters
 from acx4lib.errors import AdjustmentError
 
 

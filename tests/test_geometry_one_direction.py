@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.calibration import not_determined
+from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import not_determined
 
 ONE_WAY = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 0.0), (1500.0, -80.0, 0.0), (1500.0, 80.0, 0.0))
 BOTH_WAYS = tuple((h, y, way) for (h, y, _), way in zip(ONE_WAY, (0.0, 180.0) * 2, strict=True))

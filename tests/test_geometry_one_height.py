@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.calibration import not_determined, parameters
+from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import not_determined, parameters
 
 ONE_HEIGHT = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 180.0))
 TWO_HEIGHTS = (*ONE_HEIGHT, (1500.0, -80.0, 0.0), (1500.0, 80.0, 180.0))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.calibration import not_determined
-from acx4lib.determination import weakest_combination
+from acx4lib.calibration import mounting
+from acx4lib.calibration.determination import weakest_combination
+from acx4lib.calibration.estimates import not_determined
 
 ONE_WAY = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 0.0))
 SECOND_HEIGHT = (*ONE_WAY, (1500.0, -80.0, 0.0), (1500.0, 80.0, 0.0))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import blocks
-from acx4lib import mounting
-from acx4lib.calibration import not_determined, parameters
+from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import not_determined, parameters
 
 STRIP = ((1000.0, 0.0, 0.0),)
 THERE_AND_BACK = (*STRIP, (1000.0, 0.0, 180.0))

@@ -7,12 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import georeferencing
-from acx4lib.calibration import Calibration, given
-from acx4lib.camera import Interior
-from acx4lib.frames import Pose, exp, log, rotation_from_opk
-from acx4lib.georeferencing import Rays, georeference, intersect_rays
-from acx4lib.unknowns import MOUNT, layout
+from acx4lib.bundle.unknowns import layout
+from acx4lib.calibration.estimates import Calibration, given
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.geometry.parameters import MOUNT
+from acx4lib.georeferencing import direct
+from acx4lib.georeferencing.direct import Rays, georeference, intersect_rays
 from helpers import numeric_jacobian
 
 SECOND = replace(
@@ -140,7 +141,7 @@ def test_poses_depend_on_trajectory_and_calibration_as_stated(rig, calibration):
     assert_allclose(g.by_parameters, by_columns, atol=5e-6)
     for i, e in enumerate(rig.images.exposure_idx):
         assert_allclose(g.by_body[i], by_body[i][:, 6 * e : 6 * e + 6], atol=5e-6)
-    cov = georeferencing.pose_covariances(rig, g)
+    cov = direct.pose_covariances(rig, g)
     i, e = 5, rig.images.exposure_idx[5]
     own = by_body[i][:, 6 * e : 6 * e + 6]
     expected = own @ rig.trajectory.cov[e] @ own.T
@@ -266,9 +267,9 @@ def test_misclosures_of_single_rays_have_the_trajectorys_part(rig, calibration, 
     # hold the points and move the trajectory of one exposure by each of its sigmas in turn
     i = 4
     e = rig.images.exposure_idx[all_rays.image_idx[i]]
-    seen = georeferencing.measured(rig, g, all_rays)
+    seen = direct.measured(rig, g, all_rays)
     x_m = POINTS[all_rays.group]
-    v0 = georeferencing.image_derivatives(seen, x_m)[0][i]
+    v0 = direct.image_derivatives(seen, x_m)[0][i]
     cov = np.eye(2) * all_rays.sigma_px[i] ** 2
     sigma = np.concatenate([rig.trajectory.sigma_position[e], rig.trajectory.sigma_attitude[e]])
     R_m_g = rig.trajectory.R_g_m[e].T
@@ -277,9 +278,7 @@ def test_misclosures_of_single_rays_have_the_trajectorys_part(rig, calibration, 
         by[e, axis] = sigma[axis] / 10
         by[e, :3] = R_m_g @ by[e, :3]
         moved = georeference(moved_trajectory(rig, by.ravel()), calibration)
-        v = georeferencing.image_derivatives(georeferencing.measured(rig, moved, all_rays), x_m)[0][
-            i
-        ]
+        v = direct.image_derivatives(direct.measured(rig, moved, all_rays), x_m)[0][i]
         effect = 10 * (v - v0)
         cov += np.outer(effect, effect)
     assert_allclose(found.cov_v[i], cov, rtol=1e-3)

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import acx4sim
 import blocks
 import flights_simulated as flown
-from acx4lib import gnss_shift, mounting, records, restored, results, simulate
-from acx4lib.bundle import adjust, mounted_orientation
-from acx4lib.calibration import not_determined, parameters
-from acx4lib.calibration_report.words import parameter_title
-from acx4lib.observations import position_errors
-from acx4lib.unknowns import GNSS, MOUNT
+from acx4book.report.words import parameter_title
+from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.observations import position_errors
+from acx4lib.calibration import gnss_shift, mounting
+from acx4lib.calibration.estimates import not_determined, parameters
+from acx4lib.geometry.parameters import GNSS, MOUNT
+from acx4lib.results import adjustments, read_back
+from acx4lib.results import folder as results
 from helpers import dense_covariance
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -99,12 +102,12 @@ def test_errors_over_seeds_are_as_large_as_the_covariance_says():
 
 def shifted_flight(seed, options):
     """Return the true parameters in the order of the estimates, and the adjustment."""
-    shifted = simulate.Options(
+    shifted = acx4sim.Options(
         gnss_shift_m=tuple(SHIFT), gnss_strip_drift_m_per_min=(0.3, 0.3, 0.2), **options
     )
-    with_drift = flown.read_back(simulate.single_head(seed=seed, options=shifted))
+    with_drift = flown.read_back(acx4sim.single_head(seed=seed, options=shifted))
     no_drift = flown.read_back(
-        simulate.single_head(
+        acx4sim.single_head(
             seed=seed, options=replace(shifted, gnss_strip_drift_m_per_min=(0.0, 0.0, 0.0))
         )
     )
@@ -244,7 +247,7 @@ def noisy(striped):
 def folder(tmp_path_factory, noisy):
     path = tmp_path_factory.mktemp("results")
     found = mounting.calibrate(noisy, free=FREE, gnss=GNSS)
-    records.write(path, "mounting", records.of_mountings(found))
+    adjustments.write(path, "mounting", adjustments.of_mountings(found))
     return path
 
 
@@ -274,7 +277,7 @@ def test_a_report_names_shift_and_drifts_in_words():
 
 
 def test_a_calibration_comes_back_without_the_shift(folder, noisy):
-    back = restored.read_calibration(results.read(folder), "mounting/single_step", noisy.cameras)
+    back = read_back.read_calibration(results.read(folder), "mounting/single_step", noisy.cameras)
     said = mounting.single_step(noisy, free=FREE, gnss=GNSS).calibration
     assert_allclose(back.cov, said.cov, rtol=1e-9)
 

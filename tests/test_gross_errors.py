@@ -3,7 +3,7 @@
 import numpy as np
 
 import blocks
-from acx4lib.gross_errors import Rejection, without
+from acx4lib.bundle.gross_errors.rejections import Rejection, without
 
 
 def test_rejected_observations_are_taken_out_of_the_block(exact_block):

@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from acx4lib import bundle, mounting, relative_orientation, simulate
-from acx4lib.block import select_camera
-from acx4lib.data_snooping import adjust_rejecting
+import acx4sim
+from acx4lib.bundle import adjust
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.calibration import heads as relative_orientation
+from acx4lib.calibration import mounting
+from acx4lib.flight.block import select_camera
 from flights_simulated import (
     CAMERA,
     HEADS,
@@ -51,17 +54,17 @@ class Outcome:
 
 def spoil(design, *, seed, block="calibration", n_ties=None):
     """Simulate a flight with gross errors in one block."""
-    options = simulate.Options(
+    options = acx4sim.Options(
         blocks=(block,),
         tie_points={block: n_ties} if n_ties else {},
-        gross_errors=simulate.GrossErrors(block=block),
+        gross_errors=acx4sim.GrossErrors(block=block),
     )
-    return read_back(simulate.DESIGNS[design](seed=seed, options=options))
+    return read_back(acx4sim.DESIGNS[design](seed=seed, options=options))
 
 
 def outcome(flown, bundle):
     """Compare what a bundle rejected with what was wrong in its images."""
-    block = bundle.network.block
+    block = adjust.network.block
     in_block = set(block.images.names)
     rays = dict(zip(block.points, block.rays, strict=True))
     wrong, certain = set(), set()
@@ -74,7 +77,7 @@ def outcome(flown, bundle):
                 certain.add(name)
     return Outcome(
         wrong=wrong,
-        rejected=named(block, bundle.rejected),
+        rejected=named(block, adjust.rejected),
         certain=certain,
         n_measured=len(block.image_points),
     )
@@ -163,7 +166,7 @@ def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(hea
     colrow[wrong] += (size * np.array([np.cos(along), np.sin(along)])).T
     spoilt = replace(block, image_points=replace(points, colrow=colrow))
     found = adjust_rejecting(
-        spoilt, lambda b: bundle.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
+        spoilt, lambda b: adjust.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
     )
     rejected = {r.row for r in found.rejected if r.kind == "image_point"}
     certain = {int(row) for row in wrong if block.rays[points.point_idx[row]] >= 4}

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import ndimage
 
-from acx4lib.harris import BLOCK, K, best_of_cells, noise_level, response
+from acx4lib.tie_points.harris import BLOCK, K, best_of_cells, noise_level, response
 
 
 def squares(size=80):

@@ -8,8 +8,8 @@ import tifffile
 import pictured_flights as pictured
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
-from acx4lib.head_images import head_files, read_heads
-from acx4lib.mapped_pixels import mapped_file
+from acx4lib.production.head_images import head_files, read_heads
+from acx4lib.synthetic_image.mapped_pixels import mapped_file
 
 CAMERAS = pictured.orientation().heads
 

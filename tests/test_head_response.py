@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.head_response import (
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
+from acx4lib.synthetic_image.grey_samples import Samples, corner_share, overlap_samples
+from acx4lib.synthetic_image.response import (
     Response,
     estimate_response,
     fit_response,
     log_response,
     poor_overlaps,
-)
-from acx4lib.head_samples import Samples, corner_share, overlap_samples
-from acx4lib.synthetic_image import (
-    reduced_camera,
-    reduced_heads,
-    synthetic_from_head,
 )
 from test_synthetic_image import ORIENTATION, SYNTHETIC
 

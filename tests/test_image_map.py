@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import printed_camera
-from acx4lib.camera import inside, xy_from_colrow
-from acx4lib.image_map import (
+from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
+from acx4lib.synthetic_image.head_map import (
     TOLERANCE,
     HeadMap,
     between_nodes,
@@ -17,7 +18,6 @@ from acx4lib.image_map import (
     levelled,
     window_map,
 )
-from acx4lib.synthetic_image import head_from_synthetic, reduced_camera, reduced_heads
 
 SYN = printed_camera.synthetic()
 HEADS = printed_camera.heads()

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import pictures
-from acx4lib.camera import inside, xy_from_colrow
-from acx4lib.image_overlaps import grey, grey_window, reduced_exposure, shared_windows
-from acx4lib.image_ties import find_ties
-from acx4lib.synthetic_image import head_from_synthetic, reduced_heads, synthetic_from_head
-from acx4lib.tie_matching import TieOptions
+from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads, synthetic_from_head
+from acx4lib.tie_points.matching import TieOptions
+from acx4lib.tie_points.overlaps import grey, grey_window, reduced_exposure, shared_windows
+from acx4lib.tie_points.search import find_ties
 
 K = 8
 NOMINAL, SYNTHETIC = pictures.heads(K), pictures.synthetic(K)
@@ -194,17 +194,6 @@ def test_eight_bit_images_of_one_band_are_enough(true):
     assert np.sqrt(np.mean(error**2)) < 0.06  # one grey value in thirty of contrast is noise
 
 
-def test_sift_is_a_choice_and_states_its_own_sigma(images, true, found):
-    options = TieOptions(detector="sift")
-    sift = find_ties(images[:2], first_two(NOMINAL), SYNTHETIC, options=options)
-    error = errors_px(sift.ties, first_two(true))
-    assert len(sift.ties) > 300
-    # a third of the key points lie farther off than normal numbers would
-    normalised = np.abs(error) / (np.sqrt(2) * sift.ties.sigma_px[:, None])
-    assert 0.8 < np.median(normalised) / 0.6745 < 1.3
-    assert np.median(sift.ties.sigma_px) > 2 * np.median(found.ties.sigma_px)
-
-
 # --- misuse ----------------------------------------------------------------------------------
 
 
@@ -218,7 +207,6 @@ def test_images_that_are_not_those_of_the_heads_are_refused(images):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"detector": "orb"}, "detector must be 'harris' or 'sift', got 'orb'"),
         ({"window_px": 20}, "window_px must be odd and at least 5, got 20"),
     ],
 )

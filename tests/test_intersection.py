@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib.collinearity import project
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.intersection import intersect, largest_angles, resect
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.intersection import intersect, largest_angles, resect
 from helpers import rotation_angle
 from strategies import numbers, vectors
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acx4lib.image_overlaps import SharedWindow
-from acx4lib.large_shifts import LEAST_TIES, NARROW_PX, coarse_factor, consensus
-from acx4lib.tie_matching import OverlapMatches
+from acx4lib.tie_points.large_shifts import LEAST_TIES, NARROW_PX, coarse_factor, consensus
+from acx4lib.tie_points.matching import OverlapMatches
+from acx4lib.tie_points.overlaps import SharedWindow
 
 H = np.array([[1.001, -0.002, 3.0], [0.0015, 0.999, -5.0], [1e-7, -2e-7, 1.0]])
 

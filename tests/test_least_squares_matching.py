@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy import ndimage, optimize
 
 import pictures
-from acx4lib.least_squares_matching import (
+from acx4lib.tie_points.least_squares_matching import (
     correlate,
     match,
     noise_correlation,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from acx4lib.folder_marks import mark_all
+from acx4lib.results.own_folder.marks import mark_all
 
 ROOT = Path(__file__).parents[1]
 

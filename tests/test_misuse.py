@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib import block, camera, intersection
-from acx4lib.frames import rotation_from_opk
+from acx4lib.flight import block
+from acx4lib.geometry import camera, intersection
+from acx4lib.geometry.frames import rotation_from_opk
 from wrong_calls import adjustments, cameras, files, ground, observations, pixels
 from wrong_calls.material import (
     BLOCK,

@@ -8,13 +8,14 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 import blocks
-from acx4lib import mounting, paper
-from acx4lib.bundle import adjust, free_orientation
-from acx4lib.camera import Interior
+from acx4book.paper import printed as paper
+from acx4lib.bundle.adjust import adjust, free_orientation
+from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, exp, log, rotation_from_opk
-from acx4lib.gross_errors import Rejection
-from acx4lib.unknowns import MOUNT
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.geometry.parameters import MOUNT
 from helpers import numeric_jacobian, rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")

@@ -12,12 +12,17 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import experiments, mounting, plot, records, restored, results
-from acx4lib.calibration_report.words import adjustment_title, parameter_title
-from acx4lib.mounting import Mountings
-from acx4lib.reliability_tables import reliability_table
-from acx4lib.stages.determination_tables import determination_table
-from acx4lib.tables import LABELS
+from acx4book.chapters.heads.figures import mean_residuals
+from acx4book.chapters.mounting.determination import determination_table
+from acx4book.chapters.mounting.figures import correlation_matrix
+from acx4book.chapters.mounting.reliability import reliability_table
+from acx4book.chapters.mounting.variants import correlations
+from acx4book.report.words import adjustment_title, parameter_title
+from acx4book.typesetting.labels import LABELS
+from acx4lib.calibration import mounting
+from acx4lib.calibration.mounting import Mountings
+from acx4lib.results import adjustments, read_back
+from acx4lib.results import folder as results
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1"), "gnss": ("drift",)}
 CAMERAS = ("PhaseOne 150MP/50mm", "single_step", "heads/bundle", "/", "k1", " ", "gnss_drift_a/b")
@@ -43,21 +48,21 @@ def test_tables_take_any_name(made):
     assert set(worst) <= {*LABELS.values(), *(f"boresight about ${axis}$" for axis in "xyz")}
     determined = determination_table({"single_step": single})
     assert len(determined) == 1
-    related = experiments.correlations(Mountings(methods={"single_step": single}, failures={}))
+    related = correlations(Mountings(methods={"single_step": single}, failures={}))
     labels = [f"{block.cameras[0].name}/{name}" for name in related.index]
-    plot.correlation_matrix(pd.DataFrame(related.to_numpy(), index=labels, columns=labels))
+    correlation_matrix(pd.DataFrame(related.to_numpy(), index=labels, columns=labels))
 
 
 def test_names_that_begin_and_end_alike_have_their_own_panels(mounted):
     fits = {f"{30 * 'a'}{middle}{30 * 'b'}": mounted for middle in "12"}
-    assert len(plot.mean_residuals(fits).axes) == 2
+    assert len(mean_residuals(fits).axes) == 2
 
 
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):
     block, single = made
-    records.write(tmp_path, "mounting", [records.of_mounting(single)])
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(single)])
     found = results.read(tmp_path)
-    back = restored.read_calibration(found, "mounting/single_step", block.cameras)
+    back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
     assert_allclose(back.cov, single.calibration.cov, rtol=1e-9)
     assert results.cameras(found, "mounting/single_step") == (block.cameras[0].name,)
     cov = results.covariance(found, "mounting/single_step")

@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import bundle
-from acx4lib.camera import INTERIOR
-from acx4lib.frames import Pose, exp, log, rotation_from_opk, transform
-from acx4lib.unknowns import AXES, GNSS, MOUNT, POSE, free_shift, layout
+from acx4lib.bundle import adjust
+from acx4lib.bundle.unknowns import free_shift, layout
+from acx4lib.geometry.camera import INTERIOR
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk, transform
+from acx4lib.geometry.parameters import AXES, GNSS, MOUNT, POSE
 from helpers import dense_jacobian, numeric_dense_jacobian
 
 SECOND = replace(
@@ -45,7 +46,7 @@ def small(cameras=(blocks.CAMERA,), refraction="none"):
 
 def off(net, rng):
     """A state some way from the solution, so that no residual is small."""
-    state = bundle.adjust(net).state if net.refraction == "none" else net.start
+    state = adjust.adjust(net).state if net.refraction == "none" else net.start
     steps = np.array([STEPS[name.split("/")[1]] for name in net.column_names()])
     dx = 20 * steps * rng.normal(size=net.n_columns)
     dp = net.free_points[:, None] * rng.normal(0, 1.0, (net.n_points, 3))
@@ -55,20 +56,20 @@ def off(net, rng):
 def networks():
     """The uses of the one model, on six exposures."""
     one, rig = small(), small((blocks.CAMERA, SECOND))
-    observed = bundle.mounted_orientation(one, free=()).observed
+    observed = adjust.mounted_orientation(one, free=()).observed
     return {
-        "free": bundle.free_orientation(one, free=("xp", "yp", "k1")),
-        "positions": bundle.free_orientation(
+        "free": adjust.free_orientation(one, free=("xp", "yp", "k1")),
+        "positions": adjust.free_orientation(
             one,
             free=INTERIOR,
             positions=replace(observed, sigma_attitude=np.full((6, 3), np.inf)),
         ),
-        "mounted": bundle.mounted_orientation(one, free=("f", "xp", "yp")),
-        "boresight held": bundle.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
-        "mounting held": bundle.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
-        "rig": bundle.mounted_orientation(rig, free=INTERIOR),
-        "shift": bundle.mounted_orientation(rig, free=("f",), gnss=("shift",)),
-        "drift": bundle.mounted_orientation(
+        "mounted": adjust.mounted_orientation(one, free=("f", "xp", "yp")),
+        "boresight held": adjust.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
+        "mounting held": adjust.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
+        "rig": adjust.mounted_orientation(rig, free=INTERIOR),
+        "shift": adjust.mounted_orientation(rig, free=("f",), gnss=("shift",)),
+        "drift": adjust.mounted_orientation(
             blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS
         ),
     }
@@ -168,7 +169,7 @@ def test_points_move_by_their_step(net, rng):
 
 def test_residuals_of_the_truth_vanish():
     block = small()
-    net = bundle.mounted_orientation(block, free=("f",))
+    net = adjust.mounted_orientation(block, free=("f",))
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     state = replace(net.start, x_m=x_m)
     for v, sigma in net.residuals(state):
@@ -228,7 +229,7 @@ def test_a_single_component_without_error_is_a_micrometre():
     block = small()
     sigma = np.tile([0.01, 0.0, 0.02], (9, 1))
     block = replace(block, control=replace(block.control, sigma_m=sigma))
-    _, used = bundle.free_orientation(block, free=()).residuals(networks()["free"].start)[1]
+    _, used = adjust.free_orientation(block, free=()).residuals(networks()["free"].start)[1]
     assert_allclose(used, np.tile([0.01, 1e-6, 0.02], (9, 1)), atol=0)
 
 
@@ -248,7 +249,7 @@ def test_all_derivatives_agree_with_the_residuals(net, rng):
     assert largest_difference(net, off(net, rng)) < 3e-6
 
 
-@pytest.mark.parametrize("setup", [bundle.free_orientation, bundle.mounted_orientation])
+@pytest.mark.parametrize("setup", [adjust.free_orientation, adjust.mounted_orientation])
 def test_derivatives_leave_out_only_how_refraction_changes(setup, rng):
     """The lift is taken as constant: its own slope is of the size K = 3e-5 at most."""
     net = setup(small(refraction="standard"), free=("f", "xp"), refraction="standard")
@@ -259,6 +260,6 @@ def test_refraction_is_in_the_residuals():
     block = small(refraction="standard")
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     for refraction, smallest, largest in (("standard", 0.0, 1e-8), ("none", 0.01, 1.0)):
-        net = bundle.mounted_orientation(block, free=(), refraction=refraction)
+        net = adjust.mounted_orientation(block, free=(), refraction=refraction)
         v, _ = net.residuals(replace(net.start, x_m=x_m))[0]
         assert smallest <= np.abs(v).max() <= largest  # px

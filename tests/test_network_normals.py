@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import adjustment, bundle, network_normals, packing, simulate
-from acx4lib.banded_system import BandedInverse
-from acx4lib.normal_equations import PlainNormals
-from acx4lib.observations import PoseObservations
-from acx4lib.unknowns import MOUNT
+import acx4sim
+from acx4lib.bundle import adjust
+from acx4lib.bundle.compiled import normals, packing
+from acx4lib.bundle.observations import PoseObservations
+from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares import adjustment
+from acx4lib.least_squares.banded import BandedInverse
+from acx4lib.least_squares.normal_equations import PlainNormals
 from flights_simulated import read_back
 
 ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
@@ -19,10 +22,10 @@ SIGMAS = 1e-10  # of a step and of covariances, in standard deviations: the issu
 
 @pytest.fixture(scope="module")
 def flight():
-    options = simulate.Options(
+    options = acx4sim.Options(
         tie_points={"heads": 60, "calibration": 150}, blocks=("heads", "calibration")
     )
-    return read_back(simulate.acx4(options=options)).flight
+    return read_back(acx4sim.acx4(options=options)).flight
 
 
 def with_positions(block):
@@ -33,7 +36,7 @@ def with_positions(block):
         sigma_position=block.trajectory.sigma_position[block.images.exposure_idx],
         sigma_attitude=np.full((n, 3), np.inf),
     )
-    return bundle.free_orientation(block, free=("f", "xp"), positions=observed)
+    return adjust.free_orientation(block, free=("f", "xp"), positions=observed)
 
 
 def with_held_control(block):
@@ -41,28 +44,28 @@ def with_held_control(block):
     sigma_m[::3] = 0.0  # error-free
     sigma_m[1, 2] = np.inf  # a height that was taken out
     held = replace(block, control=replace(block.control, sigma_m=sigma_m))
-    return bundle.free_orientation(held, free=ALL[:5])
+    return adjust.free_orientation(held, free=ALL[:5])
 
 
 NETWORKS = {
-    "single step": lambda f: bundle.mounted_orientation(f.calibration, free=ALL[:8]),
-    "all interior": lambda f: bundle.mounted_orientation(f.calibration, free=ALL),
-    "boresight only": lambda f: bundle.mounted_orientation(
+    "single step": lambda f: adjust.mounted_orientation(f.calibration, free=ALL[:8]),
+    "all interior": lambda f: adjust.mounted_orientation(f.calibration, free=ALL),
+    "boresight only": lambda f: adjust.mounted_orientation(
         f.calibration, free=(), free_mount=("boresight_x", "boresight_z")
     ),
-    "refraction": lambda f: bundle.mounted_orientation(
+    "refraction": lambda f: adjust.mounted_orientation(
         f.calibration, free=("f",), refraction="standard"
     ),
-    "a rig of four heads": lambda f: bundle.mounted_orientation(
+    "a rig of four heads": lambda f: adjust.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
     ),
-    "free exteriors": lambda f: bundle.free_orientation(f.calibration, free=ALL[:3]),
+    "free exteriors": lambda f: adjust.free_orientation(f.calibration, free=ALL[:3]),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),
-    "a shift and drifts of GNSS positions": lambda f: bundle.mounted_orientation(
+    "a shift and drifts of GNSS positions": lambda f: adjust.mounted_orientation(
         f.calibration, free=ALL[:3], gnss=("shift", "drift")
     ),
-    "a shift in height of a rig": lambda f: bundle.mounted_orientation(
+    "a shift in height of a rig": lambda f: adjust.mounted_orientation(
         f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
     ),
 }
@@ -93,7 +96,7 @@ def parts(request, monkeypatch):
 
 def assert_equal_normals(net, state, *, damping):
     compiled, oracle = net.normals(state, damping), plain(net, state, damping)
-    assert isinstance(compiled, network_normals.NetworkNormals)
+    assert isinstance(compiled, normals.NetworkNormals)
     assert compiled.n_observations == oracle.n_observations
     assert compiled.cost == pytest.approx(oracle.cost, rel=1e-13)
     (dx, dp, decrement), (dx_0, dp_0, decrement_0) = compiled.step(), oracle.step()
@@ -142,7 +145,7 @@ def test_a_point_measured_twice_in_one_image_counts_twice(flight):
     block = flight.calibration
     again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
     doubled = replace(block, image_points=block.image_points[again])
-    net = bundle.mounted_orientation(doubled, free=("f",))
+    net = adjust.mounted_orientation(doubled, free=("f",))
     assert_equal_normals(net, net.start, damping=0.0)
 
 
@@ -171,7 +174,7 @@ def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
 def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
     net = NETWORKS["single step"](flight)
     first = net.normals(net.start).step()
-    monkeypatch.setattr(network_normals, "_cores", lambda: 1)
+    monkeypatch.setattr(normals, "_cores", lambda: 1)
     second = net.normals(net.start).step()
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b)
@@ -180,10 +183,10 @@ def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
 def test_large_singular_blocks_are_refused_in_words(flight, monkeypatch):
     monkeypatch.setattr(packing, "DENSE_COLUMNS", 0)
     monkeypatch.setattr(packing, "DENSE_SHARE", 2.0)
-    monkeypatch.setattr(network_normals, "LARGEST_DENSE", 10)
+    monkeypatch.setattr(normals, "LARGEST_DENSE", 10)
     block = flight.calibration
     without = replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
-    net = bundle.free_orientation(without, free=("f",))
+    net = adjust.free_orientation(without, free=("f",))
     with pytest.raises(adjustment.AdjustmentError, match="singular and too large"):
         net.normals(net.start).step()
 

@@ -6,7 +6,7 @@ import os
 import nbformat
 import pytest
 
-from acx4lib import notebooks
+from acx4book.notebooks import execute as notebooks
 from acx4lib.errors import AdjustmentError, FlightError
 from small_notebooks import write
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from acx4lib.flight import oddities
-from acx4lib.geodesy import GridSystem
+from acx4lib.flight.checks import oddities
+from acx4lib.geometry.geodesy import GridSystem
 from flights_simulated import fly
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pictures
-from acx4lib.overlap_check import check_overlaps
+from acx4lib.tie_points.overlap_check import check_overlaps
 
 K = 12
 HEADS, SYNTHETIC = pictures.heads(K), pictures.synthetic(K)

@@ -9,11 +9,11 @@ import sys
 
 import pytest
 
-from acx4lib import own_folder, write_places
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.folder_locks import LOCK
-from acx4lib.folder_marks import MARK, SCRATCH, mark_all
-from acx4lib.own_folder import claim, clear, verify
+from acx4lib.results.own_folder import claims, places
+from acx4lib.results.own_folder.claims import claim, clear, verify
+from acx4lib.results.own_folder.locks import LOCK
+from acx4lib.results.own_folder.marks import MARK, SCRATCH, mark_all
 
 RUN = "acx4 run"
 
@@ -119,14 +119,14 @@ def test_a_place_in_above_or_at_a_flight_is_refused(tmp_path):
 
 @pytest.mark.parametrize("below", ["", "src", "notebooks/new", "book/x", "data/paper", ".git/x"])
 def test_the_sources_are_no_place(below):
-    root = own_folder.Path(__file__).parents[1]
+    root = claims.Path(__file__).parents[1]
     refused(root / below if below else root, "is among the project's own files")
 
 
 def test_the_folders_that_make_fills_are_places():
-    root = own_folder.Path(__file__).parents[1]
-    write_places.check_place(root / "data" / "flights" / "mine")
-    write_places.check_place(root / "build" / "results" / "mine")
+    root = claims.Path(__file__).parents[1]
+    places.check_place(root / "data" / "flights" / "mine")
+    places.check_place(root / "build" / "results" / "mine")
 
 
 def test_a_crafted_mark_names_nothing_outside(tmp_path):
@@ -173,7 +173,7 @@ def test_clear_removes_what_is_listed_and_the_folders_that_are_then_empty(tmp_pa
     assert not (tmp_path / "r").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "x").write_text("x")
-    assert own_folder.main([str(tmp_path / "mine"), str(tmp_path / "nowhere")]) == 2
+    assert claims.main([str(tmp_path / "mine"), str(tmp_path / "nowhere")]) == 2
     assert (tmp_path / "mine" / "x").is_file()
 
 
@@ -229,7 +229,7 @@ def test_a_lock_of_another_machine_holds_and_one_that_says_nothing_does_not(tmp_
 
 
 def test_a_folder_appears_whole_and_marked_or_never(tmp_path):
-    with own_folder.placed(tmp_path / "a" / "flight", command="acx4 simulate") as draft:
+    with claims.placed(tmp_path / "a" / "flight", command="acx4 simulate") as draft:
         draft.mkdir()
         (draft / "flight.toml").write_text("x")
         draft.with_name("flight.truth.json").write_text("y")
@@ -239,7 +239,7 @@ def test_a_folder_appears_whole_and_marked_or_never(tmp_path):
     }
     with (
         pytest.raises(FileNotFoundError),
-        own_folder.placed(tmp_path / "b" / "flight", command="acx4 simulate") as draft,
+        claims.placed(tmp_path / "b" / "flight", command="acx4 simulate") as draft,
     ):
         draft.with_name("half").joinpath("no such folder").write_text("x")
     assert not (tmp_path / "b").exists()
@@ -250,21 +250,21 @@ def test_a_single_file_is_new_or_bears_the_mark(tmp_path):
 
     def says(path):
         with pytest.raises(OutputError) as caught:
-            write_places.check_file(path, mark=mark, what="a report of acx4")
+            places.check_file(path, mark=mark, what="a report of acx4")
         return str(caught.value).removeprefix(f"{path}: ")
 
-    write_places.check_file(tmp_path / "new", mark=mark, what="")
+    places.check_file(tmp_path / "new", mark=mark, what="")
     (tmp_path / "old").write_bytes(b"... generator acx4 ...")
-    write_places.check_file(tmp_path / "old", mark=mark, what="")
+    places.check_file(tmp_path / "old", mark=mark, what="")
     (tmp_path / "mine").write_text("mine")
     assert says(tmp_path / "mine") == "is there and is not a report of acx4; choose another name"
     assert says(tmp_path) == "is a folder, not a file"
-    write_places.check_file(tmp_path / "no" / "file", mark=mark, what="")
+    places.check_file(tmp_path / "no" / "file", mark=mark, what="")
     (tmp_path / "link").symlink_to(tmp_path / "old")
     assert says(tmp_path / "link") == "is a link; name the file itself"
     os.mkfifo(tmp_path / "pipe")
     assert says(tmp_path / "pipe").startswith("is there and is not")
-    assert says(own_folder.Path("/dev/full")).startswith("is there and is not")
+    assert says(claims.Path("/dev/full")).startswith("is there and is not")
     (tmp_path / "flight.toml").write_text("")
     assert says(tmp_path / "new").startswith("lies in the flight")
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import _data, paper
+from acx4book.paper import printed
+from acx4lib import _data
 
 TABLES = (1, 2, 3, 4)
 NUMBER = r"(-?\d*\.?\d+(?:E[+-]\d+)?)(?:\^(-?)(\d+))?"
@@ -22,7 +23,7 @@ def printed_numbers(text: str) -> list[float]:
 
 @pytest.mark.parametrize("number", TABLES)
 def test_values_are_what_is_printed(number):
-    rows = paper.table(number)
+    rows = printed.table(number)
     rows = rows[~rows["note"].str.contains("in brackets")]
     for row in rows.itertuples():
         expected = [] if row.as_printed == "ND" else printed_numbers(row.as_printed)
@@ -31,7 +32,7 @@ def test_values_are_what_is_printed(number):
 
 
 def test_numbers_in_brackets_are_what_is_printed():
-    rows = paper.table(4)
+    rows = printed.table(4)
     rows = rows[rows["note"].str.contains("in brackets")]
     assert len(rows) == 2 * 6
     for row in rows.itertuples():
@@ -40,10 +41,10 @@ def test_numbers_in_brackets_are_what_is_printed():
 
 @pytest.mark.parametrize(
     ("number", "columns", "rows"),
-    [(1, paper.HEADS, 15), (2, ("SYN",), 6), (3, paper.METHODS, 15), (4, paper.METHODS, 12)],
+    [(1, printed.HEADS, 15), (2, ("SYN",), 6), (3, printed.METHODS, 15), (4, printed.METHODS, 12)],
 )
 def test_every_printed_row_has_every_column(number, columns, rows):
-    table = paper.table(number)
+    table = printed.table(number)
     assert set(table["table"]) == {number}
     assert table["row"].nunique() == rows
     assert not table.duplicated(["parameter", "column"]).any()
@@ -52,7 +53,7 @@ def test_every_printed_row_has_every_column(number, columns, rows):
 
 @pytest.mark.parametrize("number", [1, 3])
 def test_only_what_was_not_determined_or_fixed_has_no_sigma(number):
-    table = paper.table(number)
+    table = printed.table(number)
     nothing = table["value"].isna()
     assert (nothing == (table["as_printed"] == "ND")).all()
     without = set(table.loc[table["sigma"].isna() & ~nothing, "parameter"])
@@ -61,21 +62,21 @@ def test_only_what_was_not_determined_or_fixed_has_no_sigma(number):
 
 
 def test_single_values():
-    assert paper.value(1, "kappa_deg", "CAM2") == -93.408507
-    assert paper.value(1, "xp_mm", "CAM3") == 0.2619
-    assert paper.printed(1, "xp_mm", "CAM3").startswith(".2619")
-    assert (paper.value(3, "k3", "single_step"), paper.sigma(3, "k3", "single_step")) == (
+    assert printed.value(1, "kappa_deg", "CAM2") == -93.408507
+    assert printed.value(1, "xp_mm", "CAM3") == 0.2619
+    assert printed.printed(1, "xp_mm", "CAM3").startswith(".2619")
+    assert (printed.value(3, "k3", "single_step"), printed.sigma(3, "k3", "single_step")) == (
         2.06e-14,
         3.19e-15,
     )
-    assert np.isnan(paper.value(3, "lever_x_m", "two_step"))
-    assert paper.sigma(4, "mean_height_m", "single_step") == 0.52
+    assert np.isnan(printed.value(3, "lever_x_m", "two_step"))
+    assert printed.sigma(4, "mean_height_m", "single_step") == 0.52
 
 
 def test_changing_a_returned_table_changes_nothing():
-    table = paper.table(1)
+    table = printed.table(1)
     table.loc[:, "value"] = 0.0
-    assert paper.value(1, "f_mm", "CAM1") == 74.0
+    assert printed.value(1, "f_mm", "CAM1") == 74.0
 
 
 @pytest.mark.parametrize(
@@ -97,14 +98,14 @@ def test_changing_a_returned_table_changes_nothing():
     ],
 )
 def test_statements_of_the_text(name, value):
-    assert paper.statement(name) == value
+    assert printed.statement(name) == value
 
 
 def test_statements_are_their_print_in_other_units():
     """Every statement's number stands in its print, apart from the unit."""
     words = {"One": 1, "Two": 2, "Three": 3, "three": 3, "four": 4, "twenty": 20, "same": 1}
     words |= {"1/2": 0.5, "I": 1}
-    for row in paper.statements().itertuples():
+    for row in printed.statements().itertuples():
         numbers = [float(n) for n in re.findall(r"\d*\.?\d+", row.as_printed)]
         numbers += [words[w] for w in re.findall(r"[\w/]+", row.as_printed) if w in words]
         scales = {"m": (1, 0.01), "1": (1, 0.01)}.get(row.unit, (1,))
@@ -112,24 +113,24 @@ def test_statements_are_their_print_in_other_units():
 
 
 def test_interior_orientation_takes_undetermined_coefficients_as_zero():
-    head, synthetic = paper.interior(1, "CAM4"), paper.interior(3, "two_step")
+    head, synthetic = printed.interior(1, "CAM4"), printed.interior(3, "two_step")
     assert (head.f, head.xp, head.k1, head.k2, head.p2) == (74.0, -0.1785, 2.15e-6, 0.0, 2.4e-6)
     assert (synthetic.f, synthetic.k3, synthetic.p1) == (74.4511, 2.28e-14, 1.73e-6)
 
 
 def test_formats():
     """Table 2's size in mm follows from its pixels, and a head is 53.9 x 40.4 mm."""
-    assert_allclose(paper.corners("SYN")[0], [67.20 / 2, 90.72 / 2], atol=1e-9)
-    assert_allclose(paper.corners("CAM1")[2], [-26.952, -20.196], atol=1e-9)
+    assert_allclose(printed.corners("SYN")[0], [67.20 / 2, 90.72 / 2], atol=1e-9)
+    assert_allclose(printed.corners("CAM1")[2], [-26.952, -20.196], atol=1e-9)
 
 
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda: paper.table(5),
-        lambda: paper.value(1, "k4", "CAM1"),
-        lambda: paper.value(3, "f_mm", "CAM1"),
-        lambda: paper.statement("n_moons"),
+        lambda: printed.table(5),
+        lambda: printed.value(1, "k4", "CAM1"),
+        lambda: printed.value(3, "f_mm", "CAM1"),
+        lambda: printed.statement("n_moons"),
     ],
 )
 def test_what_the_paper_does_not_have_is_an_error(ask):

@@ -8,11 +8,16 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib.camera import Camera, Interior, colrow_from_xy
-from acx4lib.collinearity import pinhole
+from acx4book.chapters.synthetic_image.parallax import (
+    TYPICAL_BASES_M,
+    bases,
+    flight_parallax,
+    parallax,
+)
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose
-from acx4lib.parallax import TYPICAL_BASES_M, bases, flight_parallax, parallax
+from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
+from acx4lib.geometry.collinearity import pinhole
+from acx4lib.geometry.frames import Pose
 from strategies import numbers
 
 SYNTHETIC = Camera(

@@ -18,10 +18,12 @@ from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
 
 import payloads
-from acx4lib import report, terminal
-from acx4lib.calibration_report.markdown import Document, to_html
-from acx4lib.plain_text import ISOLATE, POP, Markup, code, file_stem, shown
-from acx4lib.plot._style import LONGEST, plain, style
+from acx4book.command import terminal
+from acx4book.report.page.markdown import Document, to_html
+from acx4book.typesetting import myst
+from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
+from acx4book.typesetting.style import LONGEST, plain, style
+from acx4lib.production.file_names import file_stem
 
 CONFIG = yaml.safe_load((Path(__file__).parents[1] / "book" / "_config.yml").read_text("utf-8"))
 EXTENSIONS = set(CONFIG["parse"]["myst_enable_extensions"])
@@ -83,8 +85,8 @@ def test_any_signs_are_text_on_a_page(name):
 
 @given(name=ANY)
 def test_any_signs_are_text_in_a_table_its_head_and_its_caption(name):
-    table = report.pd.DataFrame({name: [name], "n": [1]})
-    soup = printed(report.myst_table(table, name, name="tab-x"))
+    table = myst.pd.DataFrame({name: [name], "n": [1]})
+    soup = printed(myst.myst_table(table, name, name="tab-x"))
     cells = [same(cell.get_text()) for cell in soup.select("th, td")]
     assert cells == [name, "n", name, "1"]
     assert soup.caption.get_text() == f"Table 1. {soup.th.get_text()}"

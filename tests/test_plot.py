@@ -13,10 +13,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
-from acx4lib import plot
-from acx4lib.experiments import held_focal_length, transposed
-from acx4lib.plot import _style
-from acx4lib.relative_orientation import calibrate_heads, relative_orientation
+from acx4book.chapters.flight.maps import block_maps, control_maps
+from acx4book.chapters.heads.figure_held import held_focal_lengths
+from acx4book.chapters.heads.figures import correlations, mean_residuals, radial_distortion
+from acx4book.chapters.heads.held_focal_length import held_focal_length
+from acx4book.chapters.synthetic_image.figures import footprints
+from acx4book.chapters.synthetic_image.wrong_heads import transposed
+from acx4book.typesetting import style
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation
 from flights_simulated import HEADS, fly
 
 mpl.use("agg")
@@ -98,7 +102,7 @@ def assert_texts_apart(fig):
 
 def test_the_style_leaves_pyplot_as_it_found_it():
     before = dict(mpl.rcParams), plt.get_fignums()
-    with _style.style():
+    with style.style():
         fig, ax = plt.subplots()
         assert not ax.spines["top"].get_visible()
     assert (dict(mpl.rcParams), plt.get_fignums()) == before
@@ -108,7 +112,7 @@ def test_the_style_leaves_pyplot_as_it_found_it():
 
 def test_the_style_closes_its_figures_also_after_an_error():
     before = plt.get_fignums()
-    with pytest.raises(ValueError, match="FixedLocator"), _style.style():
+    with pytest.raises(ValueError, match="FixedLocator"), style.style():
         plt.subplots(subplot_kw={"xlim": (0, 1)}, figsize=(2, 2))[1].set_xticks([9], ["9", "9"])
     assert plt.get_fignums() == before
 
@@ -135,16 +139,16 @@ def lab(colour, seen):
 
 @pytest.mark.parametrize("vision", VISIONS)
 def test_every_colour_vision_tells_the_palette_apart(vision):
-    seen = [lab(colour, VISIONS[vision]) for colour in _style.PALETTE]
+    seen = [lab(colour, VISIONS[vision]) for colour in style.PALETTE]
     apart = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
     assert min(apart) > 20  # two are told apart side by side from about 2, in a legend from 10
 
 
 @pytest.mark.parametrize("vision", VISIONS)
-@pytest.mark.parametrize("colours", [_style.SEQUENCE, _style.DIVERGING], ids=lambda c: c.name)
+@pytest.mark.parametrize("colours", [style.SEQUENCE, style.DIVERGING], ids=lambda c: c.name)
 def test_colour_scales_run_one_way_in_lightness(colours, vision):
     seen = [lab(colours(x), VISIONS[vision])[0] for x in np.linspace(0, 1, 21)]
-    middle = 0 if colours is _style.SEQUENCE else 10
+    middle = 0 if colours is style.SEQUENCE else 10
     assert np.all(np.diff(seen[middle:]) < 0)
     assert np.all(np.diff(seen[: middle + 1]) > 0)
 
@@ -153,11 +157,11 @@ def test_colour_scales_run_one_way_in_lightness(colours, vision):
     ("longest", "length"), [(1.0, 1.0), (1.9, 1.0), (4.99, 2.0), (730.0, 500.0), (0.1, 0.1)]
 )
 def test_scale_bars_have_round_lengths(longest, length):
-    assert _style.round_length(longest) == pytest.approx(length)
+    assert style.round_length(longest) == pytest.approx(length)
 
 
 def test_a_figure_that_has_nothing_to_show_says_so():
-    fig = drawn(_style.nothing("There is nothing."))
+    fig = drawn(style.nothing("There is nothing."))
     assert [text.get_text() for text in fig.axes[0].texts] == ["There is nothing."]
 
 
@@ -166,7 +170,7 @@ def test_a_figure_that_has_nothing_to_show_says_so():
 
 def test_a_map_shows_every_exposure_strip_and_control_point(flight):
     block = flight.heads
-    fig = drawn(plot.block_maps(block, None))
+    fig = drawn(block_maps(block, None))
     assert_labelled(fig)
     assert_texts_apart(fig)
     (ax,) = panels(fig)
@@ -181,7 +185,7 @@ def test_a_map_shows_every_exposure_strip_and_control_point(flight):
 
 def test_maps_of_a_single_camera_stand_beside_each_other():
     flight = fly("single-head", seed=1).flight
-    fig = drawn(plot.block_maps(flight.calibration, flight.validation))
+    fig = drawn(block_maps(flight.calibration, flight.validation))
     assert_labelled(fig)
     assert_texts_apart(fig)
     assert [ax.get_title(loc="left") for ax in panels(fig)] == ["calibration", "validation"]
@@ -190,7 +194,7 @@ def test_maps_of_a_single_camera_stand_beside_each_other():
 
 def test_exposures_without_strips_are_not_joined(flight):
     images = replace(flight.heads.images, strips=("",) * len(flight.heads.images))
-    fig = drawn(plot.block_maps(replace(flight.heads, images=images)))
+    fig = drawn(block_maps(replace(flight.heads, images=images)))
     (exposures,) = (line for line in panels(fig)[0].lines if len(line.get_xdata()) == 31)
     assert exposures.get_linestyle() == "None"
     assert "exposures" in legend(fig)
@@ -199,15 +203,15 @@ def test_exposures_without_strips_are_not_joined(flight):
 def test_a_map_without_surveyed_points_has_no_footprints(flight):
     block = flight.heads
     bare = replace(block, control=block.control[:0], check=block.check[:0])
-    fig = drawn(plot.block_maps(bare))
+    fig = drawn(block_maps(bare))
     assert legend(fig) == ["higher strips", "lower strips"]
     assert "124 images" in [text.get_text() for text in panels(fig)[0].texts]
-    (text,) = drawn(plot.control_maps(bare)).axes[0].texts
+    (text,) = drawn(control_maps(bare)).axes[0].texts
     assert "No surveyed point" in text.get_text()
 
 
 def test_surveyed_points_have_their_names(flight):
-    fig = drawn(plot.control_maps(flight.heads, None))
+    fig = drawn(control_maps(flight.heads, None))
     assert_labelled(fig)
     names = {flight.heads.points[i] for i in flight.heads.control.point_idx}
     assert names <= {text.get_text() for text in panels(fig)[0].texts}
@@ -215,7 +219,7 @@ def test_surveyed_points_have_their_names(flight):
 
 
 def test_a_flight_without_a_block_gets_a_sentence():
-    (text,) = drawn(plot.block_maps(None)).axes[0].texts
+    (text,) = drawn(block_maps(None)).axes[0].texts
     assert text.get_text() == "The flight has no such block."
 
 
@@ -223,7 +227,7 @@ def test_a_flight_without_a_block_gets_a_sentence():
 
 
 def test_mean_residuals_have_one_field_per_head(fits):
-    fig = drawn(plot.mean_residuals(fits))
+    fig = drawn(mean_residuals(fits))
     assert_labelled(fig)
     assert_texts_apart(fig)
     assert [ax.get_title(loc="left") for ax in panels(fig)] == list(HEADS)
@@ -240,17 +244,17 @@ def test_a_pattern_in_the_residuals_is_told_from_noise(fits):
     groups = tuple(shifted if g is group else g for g in fit.solution.groups)
     spoilt = replace(fit, solution=replace(fit.solution, groups=groups))
     colours = [
-        {tuple(c) for c in quivers(panels(plot.mean_residuals({"CAM1": f}))[0])[0].get_facecolor()}
+        {tuple(c) for c in quivers(panels(mean_residuals({"CAM1": f}))[0])[0].get_facecolor()}
         for f in (fit, spoilt)
     ]
-    orange = mpl.colors.to_rgba(_style.ORANGE)
+    orange = mpl.colors.to_rgba(style.ORANGE)
     assert orange not in colours[0]
     assert orange in colours[1]
 
 
 def test_radial_distortion_ends_at_the_corner_beside_the_papers_values(fits):
     printed = dict.fromkeys(HEADS, 14.0)
-    fig = drawn(plot.radial_distortion(fits, printed_px=printed, claim_px=15.0))
+    fig = drawn(radial_distortion(fits, printed_px=printed, claim_px=15.0))
     assert_labelled(fig)
     assert_texts_apart(fig)
     wide, near = panels(fig)
@@ -262,13 +266,13 @@ def test_radial_distortion_ends_at_the_corner_beside_the_papers_values(fits):
 
 
 def test_other_cameras_are_not_compared_with_the_paper(fits):
-    fig = drawn(plot.radial_distortion(fits))
+    fig = drawn(radial_distortion(fits))
     assert [len(ax.lines) for ax in panels(fig)] == [4, 4]
     assert legend(fig) == list(HEADS)
 
 
 def test_correlations_show_every_pair_and_all_values(fits):
-    fig = drawn(plot.correlations(fits, claim=0.1))
+    fig = drawn(correlations(fits, claim=0.1))
     assert_texts_apart(fig)
     pairs, shares = panels(fig)
     assert pairs.images[0].get_array().shape == (5, 6)
@@ -280,7 +284,7 @@ def test_correlations_show_every_pair_and_all_values(fits):
 
 
 def test_held_focal_lengths_have_a_line_per_head_in_every_panel(held):
-    fig = drawn(plot.held_focal_lengths(held))
+    fig = drawn(held_focal_lengths(held))
     assert_texts_apart(fig)
     assert all(UNIT.search(ax.get_ylabel()) for ax in panels(fig))
     assert [len(ax.lines) for ax in panels(fig)] == [4, 4, 5, 4, 4, 4]
@@ -289,7 +293,7 @@ def test_held_focal_lengths_have_a_line_per_head_in_every_panel(held):
 
 @pytest.mark.parametrize(
     "draw",
-    [plot.mean_residuals, plot.radial_distortion, plot.correlations],
+    [mean_residuals, radial_distortion, correlations],
     ids=lambda f: f.__name__,
 )
 def test_without_a_head_there_is_a_sentence(draw):
@@ -301,7 +305,7 @@ def test_without_a_head_there_is_a_sentence(draw):
 
 def test_footprints_show_the_frame_and_every_head(orientation, synthetic):
     readings = [orientation, transposed(orientation)]
-    fig = drawn(plot.footprints(readings, synthetic, ["one", "two"]))
+    fig = drawn(footprints(readings, synthetic, ["one", "two"]))
     assert_labelled(fig)
     assert_texts_apart(fig)
     for ax in panels(fig):
@@ -315,7 +319,7 @@ def test_footprints_show_the_frame_and_every_head(orientation, synthetic):
 
 def test_a_figure_is_the_same_every_time(orientation, synthetic):
     one, two = (
-        np.asarray(drawn(plot.footprints([orientation], synthetic, ["a"])).canvas.buffer_rgba())
+        np.asarray(drawn(footprints([orientation], synthetic, ["a"])).canvas.buffer_rgba())
         for _ in range(2)
     )
     assert np.array_equal(one, two)

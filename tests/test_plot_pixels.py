@@ -16,11 +16,20 @@ from matplotlib.text import Annotation
 from numpy.testing import assert_allclose
 
 import pictures as taken
-from acx4lib import plot
-from acx4lib.camera import inside
-from acx4lib.head_response import OverlapResponse, Response, ResponseFit, estimate_response
-from acx4lib.synthetic_image import head_from_synthetic, reduced_heads
-from acx4lib.tie_points import TiePoints, overlaps
+from acx4book.chapters.synthetic_image.figure_overlap import overlap_ties
+from acx4book.chapters.synthetic_image.figure_pictures import head_pictures, synthetic_picture
+from acx4book.chapters.synthetic_image.figure_response import response_curves
+from acx4book.chapters.synthetic_image.figure_seams import seams
+from acx4book.chapters.synthetic_image.figures import refinements
+from acx4lib.geometry.camera import inside
+from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads
+from acx4lib.synthetic_image.response import (
+    OverlapResponse,
+    Response,
+    ResponseFit,
+    estimate_response,
+)
+from acx4lib.tie_points.ties import TiePoints, overlaps
 
 mpl.use("agg")
 
@@ -135,7 +144,7 @@ def heads_of(fig):
 
 
 def test_heads_stand_as_they_lie_in_the_synthetic_image(pictures, orientation):
-    fig = drawn(plot.head_pictures(pictures, orientation))
+    fig = drawn(head_pictures(pictures, orientation))
     place = {name: ax.get_position().p0 for name, ax in heads_of(fig).items()}
     assert sorted(place) == NAMES
     # as Table 1 places them: 1 and 2 to the left, 2 and 3 above
@@ -144,7 +153,7 @@ def test_heads_stand_as_they_lie_in_the_synthetic_image(pictures, orientation):
 
 
 def test_all_heads_are_shown_with_one_stretch(pictures, orientation, images):
-    fig = drawn(plot.head_pictures(pictures, orientation))
+    fig = drawn(head_pictures(pictures, orientation))
     shown = {name: np.asarray(ax.images[0].get_array()) for name, ax in heads_of(fig).items()}
     assert all(values.shape == (*images[0].shape[:2], 3) for values in shown.values())
     middle = np.s_[60:150, 90:190]
@@ -156,7 +165,7 @@ def test_all_heads_are_shown_with_one_stretch(pictures, orientation, images):
 
 
 def test_the_arrow_shows_the_flight_as_the_heads_are_turned(pictures, orientation):
-    fig = drawn(plot.head_pictures(pictures, orientation))
+    fig = drawn(head_pictures(pictures, orientation))
     down = {}
     for name, ax in heads_of(fig).items():
         (arrow,) = (t for t in ax.texts if isinstance(t, Annotation) and t.arrow_patch)
@@ -169,7 +178,7 @@ def test_the_arrow_shows_the_flight_as_the_heads_are_turned(pictures, orientatio
 
 def test_large_pictures_are_reduced_to_what_a_figure_shows(orientation):
     images = [np.full((1683, 2246, 3), 1000 + k, np.uint16) for k in range(4)]
-    fig = drawn(plot.head_pictures(pictured(images, 4), orientation))
+    fig = drawn(head_pictures(pictured(images, 4), orientation))
     for ax in heads_of(fig).values():
         across = ax.get_window_extent().width * 150 / fig.dpi
         assert ax.images[0].get_array().shape[1] < 1.5 * across
@@ -179,7 +188,7 @@ def test_large_pictures_are_reduced_to_what_a_figure_shows(orientation):
 @pytest.mark.parametrize("bands", [1, 2, 4])
 def test_any_number_of_bands_and_bits_is_shown(orientation, dtype, bands):
     images = [np.full((210, 280, bands), 90 + k, dtype) for k in range(4)]
-    fig = drawn(plot.head_pictures(pictured(images), orientation))
+    fig = drawn(head_pictures(pictured(images), orientation))
     shown = [np.asarray(ax.images[0].get_array()) for ax in heads_of(fig).values()]
     assert all(values.shape[2] == 3 for values in shown)
 
@@ -188,7 +197,7 @@ def test_any_number_of_bands_and_bits_is_shown(orientation, dtype, bands):
 
 
 def test_tie_points_stand_where_both_heads_see_them(pictures, orientation, found):
-    fig = drawn(plot.overlap_ties(pictures, orientation, found[0]))
+    fig = drawn(overlap_ties(pictures, orientation, found[0]))
     picture = fig.axes[0]
     assert title(picture) == "CAM1 and CAM2"  # most tie points
     (marks,) = (c for c in picture.collections if isinstance(c, PathCollection))
@@ -200,7 +209,7 @@ def test_tie_points_stand_where_both_heads_see_them(pictures, orientation, found
 
 
 def test_lengths_of_differences_are_in_pixels_of_the_synthetic_image(pictures, orientation, found):
-    fig = drawn(plot.overlap_ties(pictures, orientation, found[0]))
+    fig = drawn(overlap_ties(pictures, orientation, found[0]))
     histogram = fig.axes[2]
     (marks,) = (c for c in fig.axes[0].collections if isinstance(c, PathCollection))
     assert_allclose(np.asarray(marks.get_array()), 0.5, rtol=1e-6)  # 0.3 and 0.4
@@ -215,7 +224,7 @@ def test_predicted_lengths_are_those_of_normal_errors(pictures, orientation):
     ties, _ = tied(orientation, (0, 1), 3000)
     noise = rng.standard_normal((2, 3000, 2))
     noisy = replace(ties, colrow_a=ties.colrow_a + noise[0], colrow_b=ties.colrow_b + noise[1])
-    fig = drawn(plot.overlap_ties(pictures, orientation, refined(orientation, noisy)))
+    fig = drawn(overlap_ties(pictures, orientation, refined(orientation, noisy)))
     histogram = fig.axes[2]
     (line,) = histogram.lines
     count = np.array([bar.get_height() for bar in histogram.patches])
@@ -230,7 +239,7 @@ def test_the_picture_of_an_overlap_shows_the_ground_at_its_place(orientation, fo
     ground[258:264, 100:106] = 30000.0  # columns 100 to 105, rows 258 to 263 of the image
     rng = np.random.default_rng(1)
     seen = taken.pictures(reduced_heads(orientation, K), synthetic, ground, rng, noise=0.0)
-    fig = drawn(plot.overlap_ties(pictured(seen), orientation, found[0]))
+    fig = drawn(overlap_ties(pictured(seen), orientation, found[0]))
     image = fig.axes[0].images[0]
     values = np.asarray(image.get_array())[..., 0]
     left, right, bottom, top = image.get_extent()
@@ -243,14 +252,14 @@ def test_the_picture_of_an_overlap_shows_the_ground_at_its_place(orientation, fo
 
 
 def test_a_pair_can_be_chosen(pictures, orientation, found):
-    fig = drawn(plot.overlap_ties(pictures, orientation, found[0], pair=(2, 3)))
+    fig = drawn(overlap_ties(pictures, orientation, found[0], pair=(2, 3)))
     assert title(fig.axes[0]) == "CAM3 and CAM4"
     assert "40 tie points" in fig.axes[0].texts[0].get_text()
 
 
 def test_an_overlap_without_tie_points_says_so(pictures, orientation, found):
-    chosen = plot.overlap_ties(pictures, orientation, found[0], pair=(0, 3))
-    none = plot.overlap_ties(pictures, orientation, refined(orientation, found[0].kept[:0]))
+    chosen = overlap_ties(pictures, orientation, found[0], pair=(0, 3))
+    none = overlap_ties(pictures, orientation, refined(orientation, found[0].kept[:0]))
     assert sentence(chosen) == sentence(none)
     assert "No tie point" in sentence(none)
 
@@ -268,7 +277,7 @@ def ways(orientation, n=4):
 
 
 def test_refinements_stand_beside_each_other_in_one_scale(orientation):
-    fig = drawn(plot.refinements(ways(orientation), taken.synthetic(1)))
+    fig = drawn(refinements(ways(orientation), taken.synthetic(1)))
     assert [title(ax) for ax in fig.axes] == [
         "as calibrated",
         "mean differences",
@@ -285,10 +294,10 @@ def test_refinements_stand_beside_each_other_in_one_scale(orientation):
 
 
 def test_ways_that_are_missing_are_left_out(orientation):
-    fig = drawn(plot.refinements(ways(orientation, 1), taken.synthetic(1)))
+    fig = drawn(refinements(ways(orientation, 1), taken.synthetic(1)))
     assert [title(ax) for ax in fig.axes] == ["as calibrated"]
     none = refined(orientation, ways(orientation).kept[:0])
-    assert "No two heads" in sentence(plot.refinements(none, taken.synthetic(1)))
+    assert "No two heads" in sentence(refinements(none, taken.synthetic(1)))
 
 
 # --- equalised -------------------------------------------------------------------------------
@@ -317,7 +326,7 @@ def fit():
 
 
 def test_response_curves_run_from_the_middle_to_the_corner(fit, orientation):
-    fig = drawn(plot.response_curves(fit, orientation))
+    fig = drawn(response_curves(fit, orientation))
     bands = fig.axes[:3]
     assert [title(ax) for ax in bands] == ["red", "green", "blue"]
     red = [np.asarray(line.get_ydata()) for line in bands[0].lines]
@@ -327,7 +336,7 @@ def test_response_curves_run_from_the_middle_to_the_corner(fit, orientation):
 
 
 def test_disagreements_are_in_per_cent_band_by_band(fit, orientation):
-    fig = drawn(plot.response_curves(fit, orientation))
+    fig = drawn(response_curves(fit, orientation))
     ax = fig.axes[3]
     before, after, floor = (np.asarray(line.get_xdata()) for line in ax.lines)
     assert_allclose(before, [10, 20, 5])
@@ -338,7 +347,7 @@ def test_disagreements_are_in_per_cent_band_by_band(fit, orientation):
 
 
 def test_without_overlaps_there_is_no_response(orientation):
-    assert "tells their responses" in sentence(plot.response_curves(None, orientation))
+    assert "tells their responses" in sentence(response_curves(None, orientation))
 
 
 # --- put together ----------------------------------------------------------------------------
@@ -352,7 +361,7 @@ def seamed(pictures, orientation, images):
     wrong = taken.turned_heads(orientation, 0.2, rng)  # some pixels of the reduced images
     both = refined(orientation, tied(orientation, (0, 1), 10)[0], after=orientation)
     both.orientations["as calibrated"] = wrong
-    return drawn(plot.seams(pictures, both, response))
+    return drawn(seams(pictures, both, response))
 
 
 def rows_of(fig):
@@ -398,14 +407,14 @@ def test_a_misfit_is_shown_where_it_crosses_edges(orientation):
     xyz[:2, :2] += 2 * PIXEL_MM
     both = refined(orientation, tied(orientation, (0, 1), 10)[0])
     both.orientations["as calibrated"] = replace(orientation, xyz_mm=xyz)
-    fig = drawn(plot.seams(pictured(seen), both, None))
+    fig = drawn(seams(pictured(seen), both, None))
     assert title(fig.axes[0]) == "CAM2 | CAM3"
 
 
 def test_the_synthetic_image_is_shown_the_right_way_up(pictures, orientation):
     image = np.full((506, 375, 3), 1000, np.uint16)
     image[:50, :50] = 3000
-    fig = drawn(plot.synthetic_picture(image, pictures, orientation))
+    fig = drawn(synthetic_picture(image, pictures, orientation))
     shown = fig.axes[0].images[0]
     assert shown.origin == "upper"
     values = np.asarray(shown.get_array())
@@ -419,7 +428,7 @@ def test_enlarged_parts_are_the_pixels_at_the_place_that_is_said(orientation):
     image = np.full((2025, 1500, 3), 5000, np.uint16)
     for row, col in ((400, 400), (1500, 1000)):
         image[row : row + 100, col : col + 100] = rng.integers(1000, 60000, (100, 100, 3))
-    fig = drawn(plot.synthetic_picture(image, pictured([], 8), orientation))
+    fig = drawn(synthetic_picture(image, pictured([], 8), orientation))
     crops = fig.axes[1:]
     assert len(crops) == 2
     for ax, (row, col) in zip(crops, ((400, 400), (1500, 1000)), strict=True):
@@ -438,7 +447,7 @@ def test_enlarged_parts_are_the_pixels_at_the_place_that_is_said(orientation):
 @pytest.mark.parametrize(("height_m", "unit"), [(None, "mm"), (1300.0, "m")])
 def test_the_scale_bar_is_in_the_image_or_on_the_ground(pictures, orientation, height_m, unit):
     image = np.full((506, 375, 3), 1000, np.uint16)
-    fig = drawn(plot.synthetic_picture(image, pictures, orientation, height_m=height_m))
+    fig = drawn(synthetic_picture(image, pictures, orientation, height_m=height_m))
     labels = [t.get_text() for t in fig.axes[0].texts]
     (bar,) = (label for label in labels if re.fullmatch(r"[\d.]+ m+", label))
     # a quarter of 67.2 mm at most; at 1300 m and a focal length of 74 mm 1 mm is 17.6 m
@@ -450,10 +459,10 @@ def test_the_scale_bar_is_in_the_image_or_on_the_ground(pictures, orientation, h
 
 def test_without_pixels_there_is_a_sentence(orientation, found, fit):
     figures = [
-        plot.head_pictures(None, orientation),
-        plot.overlap_ties(None, orientation, found[0]),
-        plot.synthetic_picture(None, None, orientation),
-        plot.seams(None, found[0], fit),
+        head_pictures(None, orientation),
+        overlap_ties(None, orientation, found[0]),
+        synthetic_picture(None, None, orientation),
+        seams(None, found[0], fit),
     ]
     expected = "heads/images.csv names no files with pixels."
     assert [sentence(fig) for fig in figures] == [expected] * 4
@@ -462,7 +471,7 @@ def test_without_pixels_there_is_a_sentence(orientation, found, fit):
 def test_figures_of_pixels_are_the_same_every_time_and_leave_nothing(pictures, orientation, found):
     before = dict(mpl.rcParams), plt.get_fignums()
     one, two = (
-        np.asarray(drawn(plot.overlap_ties(pictures, orientation, found[0])).canvas.buffer_rgba())
+        np.asarray(drawn(overlap_ties(pictures, orientation, found[0])).canvas.buffer_rgba())
         for _ in range(2)
     )
     assert np.array_equal(one, two)

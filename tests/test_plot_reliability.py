@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib import plot
-from acx4lib.calibration import from_bundle
-from acx4lib.mounting import Mounting
-from acx4lib.reliability import reliability
+from acx4book.chapters.mounting.figure_reliability import image_redundancy, weak_places
+from acx4lib.bundle.reliability import reliability
+from acx4lib.calibration.estimates import from_bundle
+from acx4lib.calibration.mounting import Mounting
 
 mpl.use("agg")
 
@@ -29,7 +29,7 @@ def marks(ax):
 
 
 def test_points_have_the_largest_detectable_error_of_their_rays(single_step):
-    left = drawn(plot.weak_places(single_step)).axes[0]
+    left = drawn(weak_places(single_step)).axes[0]
     ((at, value),) = marks(left)
     network = single_step.bundle.network
     detectable = reliability(single_step.bundle.solution.group("image_point")).detectable
@@ -43,14 +43,14 @@ def test_points_have_the_largest_detectable_error_of_their_rays(single_step):
 
 
 def test_control_and_positions_have_their_worst_coordinate(single_step):
-    right = drawn(plot.weak_places(single_step)).axes[1]
+    right = drawn(weak_places(single_step)).axes[1]
     for (_, value), kind in zip(marks(right), ("gnss", "control_point"), strict=True):
         detectable = reliability(single_step.bundle.solution.group(kind)).detectable
         assert_allclose(value, detectable.max(axis=1))
 
 
 def test_maps_have_one_scale_and_units(single_step):
-    fig = drawn(plot.weak_places(single_step))
+    fig = drawn(weak_places(single_step))
     left, right = fig.axes[:2]
     assert left.get_aspect() == right.get_aspect() == 1.0
     assert left.get_xlim() == right.get_xlim()
@@ -64,7 +64,7 @@ def test_maps_have_one_scale_and_units(single_step):
 
 
 def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
-    fig = drawn(plot.image_redundancy(single_step))
+    fig = drawn(image_redundancy(single_step))
     points = single_step.bundle.network.image_points
     r = single_step.bundle.solution.group("image_point").redundancy
     for d, ax in enumerate(fig.axes[:2]):
@@ -79,6 +79,6 @@ def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
         assert ax.get_ylim() == (3000, 0)  # rows count downwards
 
 
-@pytest.mark.parametrize("draw", [plot.weak_places, plot.image_redundancy])
+@pytest.mark.parametrize("draw", [weak_places, image_redundancy])
 def test_without_a_result_there_is_a_sentence(draw):
     assert [t.get_text() for t in drawn(draw(None)).axes[0].texts] == ["The method gave no result."]

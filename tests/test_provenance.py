@@ -6,22 +6,25 @@ import shutil
 
 import pytest
 
-from acx4lib import flight, own_folder, provenance, simulate
+import acx4sim
+from acx4lib import flight
 from acx4lib.errors import FlightError
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
 
 
 @pytest.fixture
 def kept(tmp_path):
     """A flight with a geoid-free layout, kept in a results folder by one stage."""
     at, folder = tmp_path / "flight", tmp_path / "results"
-    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
     keep(folder, at)
     provenance.stamp(folder, "mounting")
     return at, folder
 
 
 def keep(folder, at):
-    with own_folder.claim(folder, command="acx4 run") as own:
+    with claims.claim(folder, command="acx4 run") as own:
         provenance.keep(own, flight.read(at))
 
 
@@ -104,7 +107,7 @@ def test_what_was_changed_afterwards_is_one_line(kept, spoil, says):
 
 def test_a_kept_flight_is_the_flight_without_its_pixels(tmp_path):
     at, folder = tmp_path / "flight", tmp_path / "results"
-    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
     images = (at / "calibration/images.csv").read_text().splitlines()
     (at / "calibration/one.tif").write_bytes(b"pixels")
     rows = [f"{images[0]},file", f"{images[1]},one.tif", *(f"{line}," for line in images[2:])]

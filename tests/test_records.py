@@ -7,17 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flights_simulated
-from acx4lib import (
-    calibration,
-    mounting,
-    records,
-    relative_orientation,
-    restored,
-    results,
-    validation,
-    validation_records,
-    weights,
-)
+from acx4lib.calibration import estimates, mounting, weights
+from acx4lib.calibration import heads as relative_orientation
+from acx4lib.georeferencing import validation
+from acx4lib.results import adjustments, read_back
+from acx4lib.results import folder as results
+from acx4lib.results import validations as validation_records
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
 
@@ -35,20 +30,20 @@ def mountings(flown):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, flown, mountings):
     path = tmp_path_factory.mktemp("results")
-    records.write(path, "mounting", records.of_mountings(mountings))
+    adjustments.write(path, "mounting", adjustments.of_mountings(mountings))
     found = results.read(path)
     validations = [
         validation.validate(flown.validation, said, method=method)
-        for method, said in restored.calibrations_for(flown, found).items()
+        for method, said in read_back.calibrations_for(flown, found).items()
     ]
-    records.write(path, "validation", validation_records.of_validations(validations))
+    adjustments.write(path, "validation", validation_records.of_validations(validations))
     return path
 
 
 @pytest.mark.parametrize("method", mounting.METHODS)
 def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, folder, method):
     said = mountings[method].calibration
-    back = restored.read_calibration(
+    back = read_back.read_calibration(
         results.read(folder), f"mounting/{method}", flown.calibration.cameras
     )
     (a,), (b,) = said.cameras, back.cameras
@@ -56,7 +51,7 @@ def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, fol
     assert_allclose(b.T_b_c.R, a.T_b_c.R, atol=1e-14)  # rad
     assert_allclose(b.T_b_c.r, a.T_b_c.r, atol=1e-15)  # m
     assert_allclose(back.cov, said.cov, rtol=1e-9)
-    assert_allclose(calibration.reported_covariance(back), calibration.reported_covariance(said))
+    assert_allclose(estimates.reported_covariance(back), estimates.reported_covariance(said))
 
 
 def test_sigma_in_parameters_is_the_root_of_the_covariance(folder):
@@ -103,7 +98,7 @@ def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
 
 
 def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
-    without = restored.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    without = read_back.calibrations_for(_only_validation(flown), results.read(tmp_path))
     assert list(without) == ["given"]
     assert without["given"].n_columns == 0
     checked = validation.validate(flown.validation, without["given"], method="given")
@@ -118,8 +113,8 @@ def _only_validation(flown):
 
 
 def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
-    record = records.of_left_out("mounting", "two_step", "no control")
-    records.write(tmp_path, "mounting", [record])
+    record = adjustments.of_left_out("mounting", "two_step", "no control")
+    adjustments.write(tmp_path, "mounting", [record])
     found = results.read(tmp_path)
     assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
     assert len(found.parameters) == 0
@@ -133,14 +128,14 @@ def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(f
     wrong = camera.with_interior(replace(camera.interior, f=1.03 * camera.interior.f))
     spoilt = replace(block, cameras=(wrong,))
     bundle = mounting.two_step(spoilt, free=("xp", "yp")).bundle
-    assert records.height_scale(bundle) == pytest.approx(1.03 * 50 / 50.128, abs=0.005)
-    (record,) = records.of_mountings(
+    assert adjustments.height_scale(bundle) == pytest.approx(1.03 * 50 / 50.128, abs=0.005)
+    (record,) = adjustments.of_mountings(
         mounting.Mountings(
             methods={"two_step": mounting.two_step(spoilt, free=("xp", "yp"))}, failures={}
         )
     )
     note = record.summary["mounting/two_step"]["notes"][-1]
-    percent = 100 * abs(records.height_scale(bundle) - 1)
+    percent = 100 * abs(adjustments.height_scale(bundle) - 1)
     assert f"control and trajectory differ by {percent:.1f} % in scale: the height system" in note
 
 
@@ -151,12 +146,12 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     )
     said = relative_orientation.relative_orientation(heads.bundles, flown.cameras["SYN"])
     bundles = [
-        records.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
+        adjustments.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
         for name, fit in heads.bundles.items()
     ]
-    oriented = records.of_relative_orientation("heads", "relative_orientation", said)
-    records.write(tmp_path, "heads", [*bundles, oriented])
-    back = restored.read_relative_orientation(
+    oriented = adjustments.of_relative_orientation("heads", "relative_orientation", said)
+    adjustments.write(tmp_path, "heads", [*bundles, oriented])
+    back = read_back.read_relative_orientation(
         results.read(tmp_path), "heads/relative_orientation", flown.cameras
     )
     assert_allclose(back.xyz_mm, said.xyz_mm, atol=1e-12)
@@ -168,16 +163,18 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
 
 
 def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
-    records.write(tmp_path, "heads", [records.of_left_out("heads", "relative_orientation", "no")])
+    adjustments.write(
+        tmp_path, "heads", [adjustments.of_left_out("heads", "relative_orientation", "no")]
+    )
     left_out = results.read(tmp_path).summary["heads/relative_orientation"]
     assert left_out["n_observations"] is None
     for entry in results.read(folder).summary.values():
-        assert records.NO_ADJUSTMENT.keys() < entry.keys()
+        assert adjustments.NO_ADJUSTMENT.keys() < entry.keys()
 
 
 def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
     block = weights.scaled(flown.calibration, {"heading": 0.25})
-    record = records.of_mounting(mounting.single_step(block, **SETTINGS))
+    record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS))
     entry = json.loads(json.dumps(record.summary["mounting/single_step"]))
     heading = entry["sigma_factors"]["heading"]
     assert heading["factor"] == pytest.approx(4, abs=3.3 * 4 * heading["sigma"])
@@ -190,7 +187,7 @@ def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(fl
 def test_the_summary_says_by_what_sigma_were_multiplied(flown):
     applied = {"GNSS": 1.5}
     block = weights.scaled(flown.calibration, applied)
-    record = records.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
+    record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
     entry = record.summary["mounting/single_step"]
     assert entry["sigma_factors"]["GNSS"]["applied"] == 1.5
     assert "the sigma were multiplied by 1.50 ± " in entry["notes"][0]
@@ -206,20 +203,20 @@ def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
     images = replace(block.images, camera_idx=turns)
     both = replace(block, cameras=(replace(camera, name="A/B"), camera), images=images)
     said = mounting.single_step(both, **SETTINGS)
-    records.write(tmp_path, "mounting", [records.of_mounting(said)])
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(said)])
     found = results.read(tmp_path)
-    back = restored.read_calibration(found, "mounting/single_step", block.cameras)
+    back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
     assert back.n_columns == said.calibration.n_columns // 2 == 14
     sigma = results.parameters(found, "mounting/single_step", "CAM")["sigma"]
-    reported = calibration.reported_covariance(back)
+    reported = estimates.reported_covariance(back)
     assert_allclose(np.sort(np.sqrt(np.diag(reported))), np.sort(sigma), rtol=1e-9)
 
 
 def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, tmp_path):
     held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
-    records.write(tmp_path, "mounting", [records.of_mounting(held)])
-    (method,) = restored.calibrated_methods(results.read(tmp_path))
-    back = restored.read_calibration(
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(held)])
+    (method,) = read_back.calibrated_methods(results.read(tmp_path))
+    back = read_back.read_calibration(
         results.read(tmp_path), f"mounting/{method}", flown.calibration.cameras
     )
     assert back.n_columns == 0
@@ -231,7 +228,7 @@ def test_a_validation_says_what_spoils_all_of_its_points(flown):
     from dataclasses import replace  # noqa: PLC0415 used once
 
     block = flown.validation
-    said = calibration.given(block.cameras)
+    said = estimates.given(block.cameras)
     checked = validation.validate(block, said, method="given")
     notes = validation_records.of_validation(checked).summary["validation/given"]["notes"]
     assert [note.partition(" measurements")[0] for note in notes] == ["validation/given: 24 of 75"]

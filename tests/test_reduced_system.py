@@ -5,15 +5,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import linalg
 
-from acx4lib.banded_system import (
+from acx4lib.errors import AdjustmentError
+from acx4lib.least_squares.banded import (
     Banded,
     BandedInverse,
     Bordered,
     BorderedCovariance,
     too_large,
 )
-from acx4lib.errors import AdjustmentError
-from acx4lib.reduced_system import SINGULAR, Dense
+from acx4lib.least_squares.dense import SINGULAR, Dense
 
 ROUNDING = 1e-11  # relative, for condition numbers of a few thousand
 

@@ -10,7 +10,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from acx4lib import reference
+from acx4book.reference import data
 from reference_files import needs
 
 OF_OTHER_IMAGES = b"""\
@@ -26,7 +26,7 @@ SETS = (
 )
 
 
-REAL = str(reference.folder())
+REAL = str(data.folder())
 """Before any test names another."""
 
 
@@ -69,7 +69,7 @@ def publish(folder, entry, content):
 
 
 def test_index_is_complete():
-    entries = reference.index()
+    entries = data.index()
     assert {entry.file.split("/")[0] for entry in entries} == set(SETS)
     for entry in entries:
         assert len(entry.sha256) == 64
@@ -79,31 +79,31 @@ def test_index_is_complete():
 
 
 def test_a_missing_file_is_one_line_with_the_way_out(empty):
-    with pytest.raises(reference.ReferenceDataError) as raised:
-        reference.path("nist-strd/BoxBOD.dat")
+    with pytest.raises(data.ReferenceDataError) as raised:
+        data.path("nist-strd/BoxBOD.dat")
     message = str(raised.value)
     assert "\n" not in message
     assert message.startswith(f"nist-strd/BoxBOD.dat is missing in {empty}: run `make reference")
-    assert not reference.is_here("nist-strd")
+    assert not data.is_here("nist-strd")
 
 
 def test_another_file_of_the_same_name_is_refused(empty):
     file = empty / "nist-strd" / "BoxBOD.dat"
     file.parent.mkdir()
     file.write_text("NIST/ITL StRD\n")
-    with pytest.raises(reference.ReferenceDataError, match="is not the file that was indexed"):
-        reference.path("nist-strd/BoxBOD.dat")
+    with pytest.raises(data.ReferenceDataError, match="is not the file that was indexed"):
+        data.path("nist-strd/BoxBOD.dat")
 
 
 def test_an_unknown_name_is_the_programmers_mistake():
     with pytest.raises(ValueError, match=r"no file 'nist-strd/BoxBox\.dat'"):
-        reference.path("nist-strd/BoxBox.dat")
+        data.path("nist-strd/BoxBox.dat")
 
 
 def test_nothing_is_lost_where_the_server_has_nothing(empty, server):
     url, _ = server
-    outcomes = list(reference.fetch(base=url))
-    assert len(outcomes) == len(reference.index())
+    outcomes = list(data.fetch(base=url))
+    assert len(outcomes) == len(data.index())
     for outcome in outcomes:
         assert not outcome.is_here
         assert "cannot be fetched" in outcome.text
@@ -115,11 +115,11 @@ def test_nothing_is_lost_where_the_server_has_nothing(empty, server):
 @needs("nist-strd")
 def test_files_are_fetched_selected_and_verified(server, tmp_path, monkeypatch):
     url, folder = server
-    entries = {entry.file: entry for entry in reference.index()}
+    entries = {entry.file: entry for entry in data.index()}
     for file, entry in entries.items():
         if file.startswith(("ign-uce-m3/", "nist-strd/")):
-            content = reference.path(file).read_bytes()
-            if file in reference.TIE_POINTS:
+            content = data.path(file).read_bytes()
+            if file in data.TIE_POINTS:
                 # the flight's own files: other images, points seen once, blanks at the line ends
                 other = (
                     b"MES_1 23FD1305x00001_00001 1.0 2.0 \nMES_2 23FD1305x00026_01306 1.0 2.0 \n"
@@ -131,27 +131,25 @@ def test_files_are_fetched_selected_and_verified(server, tmp_path, monkeypatch):
     files = tmp_path / "files"
     monkeypatch.setenv("ACX4_REFERENCE_DATA", str(files))
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    failed = {
-        outcome.text.split()[0] for outcome in reference.fetch(base=url) if not outcome.is_here
-    }
+    failed = {outcome.text.split()[0] for outcome in data.fetch(base=url) if not outcome.is_here}
     expected = {"nist-strd/Rat42.dat"} | {
         file for file in entries if not file.startswith(("ign-uce-m3/", "nist-strd/"))
     }
     assert failed == expected
-    assert reference.is_here("ign-uce-m3")
+    assert data.is_here("ign-uce-m3")
     for file in set(entries) - expected:
-        found = hashlib.sha256(reference.path(file).read_bytes()).hexdigest()
+        found = hashlib.sha256(data.path(file).read_bytes()).hexdigest()
         assert found == entries[file].sha256
 
 
 @needs("noaa-dss-dg")
 def test_what_is_there_is_not_fetched_again(empty):
     file = "noaa-dss-dg/C19748959.geom"
-    with reference.at(REAL):
-        original = reference.path(file)
-    with reference.at(""):  # an empty name changes nothing
-        assert reference.folder() == empty
+    with data.at(REAL):
+        original = data.path(file)
+    with data.at(""):  # an empty name changes nothing
+        assert data.folder() == empty
     (empty / file).parent.mkdir()
     shutil.copy(original, empty / file)
-    outcomes = reference.fetch(base="http://127.0.0.1:9")
+    outcomes = data.fetch(base="http://127.0.0.1:9")
     assert next(o.text for o in outcomes if o.text.startswith(file)) == f"{file} is here"

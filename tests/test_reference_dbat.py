@@ -9,15 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib.camera import Camera, Interior, correct, xy_from_colrow
-from acx4lib.checked import comparison, dbat, dbat_blocks, dbat_statements
-from acx4lib.formats import dbat as dbat_files
-from acx4lib.formats import dbat_report
+from acx4book.reference.dbat import blocks, comparison, statements
+from acx4book.reference.dbat import files as dbat_files
+from acx4book.reference.dbat import printed as dbat_report
+from acx4book.reference.dbat import report as dbat
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from reference_files import needs
 
 PROJECTS = [
-    pytest.param(dbat_blocks.camcal, id="camcal", marks=needs("dbat-camcal")),
-    pytest.param(dbat_blocks.sxb, id="sxb", marks=needs("dbat-sxb")),
+    pytest.param(blocks.camcal, id="camcal", marks=needs("dbat-camcal")),
+    pytest.param(blocks.sxb, id="sxb", marks=needs("dbat-sxb")),
 ]
 
 
@@ -44,7 +45,7 @@ def test_no_decimal_number_of_the_report_is_left_out(project, table):
     course = [  # of the other program's computation
         number
         for place, line in dbat_report.read(project.report).items()
-        if not dbat_statements.is_result(place)
+        if not statements.is_result(place)
         for number in line.numbers
     ]
     assert left_out == Counter(number for number in course if "." in number)

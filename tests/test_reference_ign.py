@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acx4lib.checked import ign
-from acx4lib.formats import borea
+from acx4book.reference.ign import files, points
 from reference_files import needs
 
 AXES = ["east", "north", "height"]
@@ -14,17 +13,17 @@ AXES = ["east", "north", "height"]
 
 @pytest.fixture(scope="module")
 def table():
-    return ign.results().set_index("point")
+    return points.results().set_index("point")
 
 
 @pytest.fixture(scope="module")
 def steps():
-    return ign.forgotten_steps().set_index("reading")
+    return points.forgotten_steps().set_index("reading")
 
 
 @needs("ign-uce-m3")
 def test_680_tie_points_intersect_within_a_fifth_of_a_pixel():
-    residuals = ign.residuals()
+    residuals = points.residuals()
     tie = residuals[residuals["kind"] == "tie point"]
     assert tie["point"].nunique() == 680
     assert np.sqrt((tie[["v_col", "v_row"]] ** 2).mean()).max() < 0.2  # px
@@ -53,7 +52,7 @@ def test_point_1005(table):
     The least-squares point has the smaller image residuals and lies 3 mm farther away.
     """
     own = table.loc["1005"]
-    pixel_m = ign.ground_pixel_m(ign.load())
+    pixel_m = points.ground_pixel_m(points.load())
     assert own["rays"] == 2
     assert own["nearest_ground_pixels"] < 2.5
     assert max(abs(own[f"d_{axis}_m"]) for axis in AXES) < 2.5 * pixel_m
@@ -86,5 +85,5 @@ def test_each_forgotten_step_costs_what_it_should(steps):
 def test_linear_alteration_is_undone():
     true = np.array([1763.0, 900.0])
     altered = 4.0 + 1.000283 * (true - 4.0)
-    got = borea.unaltered(altered, ground=4.0, scale=1.000283)
+    got = files.unaltered(altered, ground=4.0, scale=1.000283)
     np.testing.assert_allclose(got, true, atol=1e-9)

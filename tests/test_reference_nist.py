@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acx4lib.checked import nist
-from acx4lib.formats import strd
+from acx4book.reference.nist import files, regressions
 from reference_files import needs
 
 pytestmark = needs("nist-strd")
@@ -19,12 +18,12 @@ DIGITS = 8
 
 @pytest.fixture(scope="module")
 def table():
-    return nist.results()
+    return regressions.results()
 
 
 def test_all_twenty_are_there(table):
-    assert len(strd.MODELS) == 20
-    assert set(table["dataset"]) == set(strd.MODELS)
+    assert len(files.MODELS) == 20
+    assert set(table["dataset"]) == set(files.MODELS)
     assert set(table["start"]) == {1, 2}
 
 
@@ -45,4 +44,4 @@ def test_where_it_does_not_get_there_it_says_so(table):
     own = table[(table["start"] == 1) & table["dataset"].isin(NOT_FROM_START_1)]
     assert own["outcome"].str.startswith("not determined").all()
     others = table[~table.index.isin(own.index)]
-    assert (others["outcome"] == nist.CONVERGED).all()
+    assert (others["outcome"] == regressions.CONVERGED).all()

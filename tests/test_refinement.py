@@ -8,23 +8,23 @@ from hypothesis import given, settings
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4lib.camera import Interior
-from acx4lib.errors import AdjustmentError
-from acx4lib.experiments import (
+from acx4book.chapters.synthetic_image.wrong_heads import (
     refinements,
     simulated_ties,
     with_turned_heads,
     with_wrong_interiors,
 )
-from acx4lib.frames import exp, opk_from_rotation, rotation_from_opk
-from acx4lib.head_differences import (
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
+from acx4lib.synthetic_image.frame import synthetic_from_head
+from acx4lib.tie_points.differences import (
     frame_differences,
     synthetic_from_head_jacobian,
     tie_differences,
 )
-from acx4lib.refinement import refine_by_rotations
-from acx4lib.synthetic_image import synthetic_from_head
-from acx4lib.tie_points import varied
+from acx4lib.tie_points.refinement import refine_by_rotations
+from acx4lib.tie_points.ties import varied
 from helpers import numeric_jacobian
 from strategies import vectors
 from test_synthetic_image import ORIENTATION, SYNTHETIC

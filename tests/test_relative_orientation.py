@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import frames
-from acx4lib import relative_orientation as ro
-from acx4lib.bundle import adjust, free_orientation
-from acx4lib.camera import Interior
+from acx4lib.bundle.adjust import adjust, free_orientation
+from acx4lib.calibration import heads as ro
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.geometry import frames
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from helpers import numeric_jacobian, rotation_angle
 
 SYNTHETIC = replace(

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib.bundle import adjust, mounted_orientation
-from acx4lib.normal_equations import Equations, Group
-from acx4lib.reduced_system import Dense
-from acx4lib.reliability import gains, noncentrality, parameter_effects, reliability
+from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.reliability import gains, noncentrality, parameter_effects, reliability
+from acx4lib.least_squares.dense import Dense
+from acx4lib.least_squares.normal_equations import Equations, Group
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 STEP = 0.02  # of sigma: effects of second order are then 1e-4 of those of first order

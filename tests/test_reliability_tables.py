@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib.calibration import from_bundle
-from acx4lib.mounting import Mounting
-from acx4lib.reliability import noncentrality
-from acx4lib.reliability_tables import FORMATS, largest_effect, reliability_table
+from acx4book.chapters.mounting.reliability import FORMATS, largest_effect, reliability_table
+from acx4lib.bundle.reliability import noncentrality
+from acx4lib.calibration.estimates import from_bundle
+from acx4lib.calibration.mounting import Mounting
 
 
 @pytest.fixture(scope="module")

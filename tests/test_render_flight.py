@@ -12,14 +12,14 @@ from scipy.ndimage import binary_erosion
 import flights as small
 import pictured_flights as pictured
 from acx4lib import flight as flights
-from acx4lib import records
-from acx4lib import results as found_results
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.folder_marks import MARK
-from acx4lib.render_exposure import RenderOptions
-from acx4lib.render_flight import render_flight
-from acx4lib.render_workers import Workers
-from acx4lib.synthetic_tiff import read_about
+from acx4lib.production.exposure import RenderOptions
+from acx4lib.production.flight_images import render_flight
+from acx4lib.production.tiff import read_about
+from acx4lib.production.workers import Workers
+from acx4lib.results import adjustments
+from acx4lib.results import folder as found_results
+from acx4lib.results.own_folder.marks import MARK
 
 
 @pytest.fixture(scope="module")
@@ -215,8 +215,8 @@ def test_a_flight_without_heads_has_nothing_to_render(tmp_path, rendered, made):
 def test_a_refined_orientation_goes_before_the_other(rendered, own):
     refined = pictured.orientation()
     (own[1] / MARK).unlink()
-    records.write(
-        own[1], "synthetic", [records.of_relative_orientation("synthetic", "refined", refined)]
+    adjustments.write(
+        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", refined)]
     )
     _, report = rendered(of=own)
     assert report.notes[0] == f"heads as {own[1]} has them, synthetic/refined"
@@ -228,8 +228,8 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
     wrong = pictured.orientation()
     wrong.opk[1, 2] += np.radians(0.2)
     (own[1] / MARK).unlink()
-    records.write(
-        own[1], "synthetic", [records.of_relative_orientation("synthetic", "refined", wrong)]
+    adjustments.write(
+        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", wrong)]
     )
     rms = {}
     for refine in ("flight", "image"):

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib.image_map import HeadMap
-from acx4lib.rendering import RenderPlan, render, render_plan, render_rows, resample
-from acx4lib.synthetic_image import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.head_map import HeadMap
+from acx4lib.synthetic_image.rendering import RenderPlan, render, render_plan, render_rows, resample
 from exact_rendering import blended, exact_positions, sampled, sampled_cubic
 from test_image_map import HEADS, SYN
 

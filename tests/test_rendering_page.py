@@ -6,7 +6,7 @@ import json
 import pandas as pd
 import pytest
 
-from acx4lib import rendering_goals, rendering_page
+from acx4book.pages import rendering, rendering_goals
 from acx4lib._data import data_path
 
 ABOUT = {
@@ -62,7 +62,7 @@ def benchmark(rows=RUNS, **about):
 
 @pytest.fixture(scope="module")
 def text():
-    return rendering_page.page(benchmark())
+    return rendering.page(benchmark())
 
 
 def lines(text, label):
@@ -132,29 +132,29 @@ def test_commands_are_sorted_by_size(text):
 
 
 def test_what_is_not_installed_is_said():
-    text = rendering_page.page(benchmark(missing={"nona": "nona", "skimage": "skimage"}))
+    text = rendering.page(benchmark(missing={"nona": "nona", "skimage": "skimage"}))
     assert "left out: nona, scikit-image warp, order 1." in text
-    assert "left out" not in rendering_page.page(benchmark())
+    assert "left out" not in rendering.page(benchmark())
 
 
 def test_a_part_of_the_runs_makes_a_page_too():
-    text = rendering_page.page(benchmark([run("nona", 30.0, 24.0, samples=None)], ties=[]))
+    text = rendering.page(benchmark([run("nona", 30.0, 24.0, samples=None)], ties=[]))
     assert "| nona |" in text
     assert "tab-rendering-time" not in text
     assert "tab-rendering-ties" not in text
     assert len(lines(text, "tab-rendering-goals")) == 2  # positions and responses
-    assert rendering_page.limits(benchmark([RUNS[0]])) == ""
+    assert rendering.limits(benchmark([RUNS[0]])) == ""
 
 
 def test_limits_are_told_in_copies():
-    text = rendering_page.limits(benchmark())
+    text = rendering.limits(benchmark())
     assert "takes 0.100 s" in text
     assert "1.25 times as many" in text
     assert "33.0 copies; two in 20.0, 1.65 times as fast" in text
     assert "A sample takes 15000.0 ns" in text
     assert "hard seam" not in text
     more = [run("ours_plain_1", 2.0, 2.2), run("ours_fresh", 3.0, 5.5)]
-    text = rendering_page.limits(benchmark([*RUNS, *more]))
+    text = rendering.limits(benchmark([*RUNS, *more]))
     assert "hard seam, it takes 10000.0 ns" in text
     assert "difference of 1.5 s" in text
 
@@ -167,7 +167,7 @@ def test_a_missing_benchmark_names_the_cure(tmp_path):
 def test_the_page_builds_from_the_stored_files():
     stored = rendering_goals.read(data_path("benchmarks", "rendering.csv").parent)
     json.dumps(stored.about)
-    text = rendering_page.page(stored)
+    text = rendering.page(stored)
     assert all(goal.measured > 0 for goal in rendering_goals.goals(stored))
     assert text.count("```{table}") == 5
     assert "nan" not in text

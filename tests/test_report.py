@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
-from acx4lib import report
-from acx4lib.plain_text import Markup
+from acx4book.typesetting import myst
+from acx4book.typesetting.plain_text import Markup
 
 
 def rows(markdown: str) -> list[list[str]]:
@@ -29,7 +29,7 @@ def rows(markdown: str) -> list[list[str]]:
 def test_directive_has_caption_name_and_body():
     frame = pd.DataFrame({"parameter": ["f"], "value": [74.4404]})
     caption = Markup("Interior\norientation")
-    got = report.myst_table(frame, caption, name="tab-f", formats={"value": ".3f"})
+    got = myst.myst_table(frame, caption, name="tab-f", formats={"value": ".3f"})
     assert got == (
         "```{table} Interior orientation\n:name: tab-f\n\n"
         "| parameter | value |\n| :--- | ---: |\n| f | 74.440 |\n```"
@@ -39,7 +39,7 @@ def test_directive_has_caption_name_and_body():
 def test_markup_survives_a_markdown_parser():
     cells = [Markup("x | y"), Markup("two\nlines"), Markup("$k_1$")]
     frame = pd.DataFrame({Markup("a|b"): cells, "n": [1, 2, 3]})
-    got = rows(report.myst_table(frame, "c", name="tab-x"))
+    got = rows(myst.myst_table(frame, "c", name="tab-x"))
     assert got == [["a|b", "n"], ["x | y", "1"], ["two lines", "2"], ["$k_1$", "3"]]
 
 
@@ -47,38 +47,38 @@ def test_missing_values_are_dashes_and_text_takes_no_number_format():
     frame = pd.DataFrame(
         {"v": [np.nan, 0.5], "s": [None, "ND"], "m": pd.Series([1.0, "A"], dtype=object)}
     )
-    got = rows(report.myst_table(frame, "c", name="t", formats={"v": ".1e", "m": ".2f", "s": "f"}))
-    assert got[1:] == [[report.MISSING, report.MISSING, "1.00"], ["5.0e-01", "ND", "A"]]
+    got = rows(myst.myst_table(frame, "c", name="t", formats={"v": ".1e", "m": ".2f", "s": "f"}))
+    assert got[1:] == [[myst.MISSING, myst.MISSING, "1.00"], ["5.0e-01", "ND", "A"]]
 
 
 def test_no_line_ends_between_plus_minus_and_the_sigma():
-    got = report.myst_table(pd.DataFrame({"v": [Markup("0.5 ± 0.1")]}), "c", name="t")
+    got = myst.myst_table(pd.DataFrame({"v": [Markup("0.5 ± 0.1")]}), "c", name="t")
     assert "0.5 ±\N{NO-BREAK SPACE}0.1" in got
 
 
 def test_text_is_no_markup_in_a_cell_a_heading_or_a_caption():
     frame = pd.DataFrame({"*a* $x$": ["`b` mm^-2 ± 1", "{{ c }}"], "n": ["-1", "--"]})
-    got = report.myst_table(frame, "*d* {e}`f`", name="t")
+    got = myst.myst_table(frame, "*d* {e}`f`", name="t")
     assert not set("*$`{}^") & set(got.replace("```{table}", "").removesuffix("```"))
     said = [[html.unescape(cell) for cell in row] for row in rows(got)]
     assert said == [["*a* $x$", "n"], ["`b` mm^-2 ± 1", "-1"], ["{{ c }}", "--"]]
 
 
 def test_markup_stays_markup_on_its_way_through_a_table():
-    frame = report.marked(pd.DataFrame({"$a$": ["$b$", "$c$"], "n": [1.5, 2.5]}))
+    frame = myst.marked(pd.DataFrame({"$a$": ["$b$", "$c$"], "n": [1.5, 2.5]}))
     turned = frame.assign(more=frame["$a$"]).iloc[::-1].rename(columns={"n": "m"})
-    got = rows(report.myst_table(turned, "c", name="t"))
+    got = rows(myst.myst_table(turned, "c", name="t"))
     assert got == [["$a$", "m", "more"], ["$c$", "2.5", "$c$"], ["$b$", "1.5", "$b$"]]
 
 
 def test_table_without_rows_keeps_its_head():
     frame = pd.DataFrame({"a": pd.Series(dtype=float)})
-    assert rows(report.myst_table(frame, "c", name="t")) == [["a"]]
+    assert rows(myst.myst_table(frame, "c", name="t")) == [["a"]]
 
 
 def test_format_of_an_unknown_column_is_refused():
     with pytest.raises(ValueError, match="sigma"):
-        report.myst_table(pd.DataFrame({"a": [1]}), "c", name="t", formats={"sigma": ".1f"})
+        myst.myst_table(pd.DataFrame({"a": [1]}), "c", name="t", formats={"sigma": ".1f"})
 
 
 @pytest.mark.parametrize(
@@ -86,4 +86,4 @@ def test_format_of_an_unknown_column_is_refused():
     [(2.27e-6, 2, "2.27·10⁻⁶"), (-1.04e-10, 1, "-1.0·10⁻¹⁰"), (4e23, 0, "4·10²³"), (1, 0, "1·10⁰")],
 )
 def test_scientific_numbers(value, digits, expected):
-    assert report.scientific(value, digits=digits) == expected
+    assert myst.scientific(value, digits=digits) == expected

@@ -8,10 +8,16 @@ from matplotlib.collections import LineCollection
 from matplotlib.quiver import Quiver
 from numpy.testing import assert_allclose
 
-from acx4lib import plot
-from acx4lib.camera import Camera, Interior
-from acx4lib.frames import Pose
-from acx4lib.gross_errors import CRITICAL
+from acx4book.report.figures import (
+    boresight_over_time,
+    check_points,
+    residual_plane,
+    residuals_by_strip,
+    vector,
+)
+from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose
 
 mpl.use("agg")
 
@@ -63,9 +69,7 @@ def points(ax):
 
 
 def test_a_vector_drawing_is_the_same_twice_and_has_no_date(residuals):
-    drawn = [
-        plot.vector(plot.residual_plane({"One": residuals}, {"CAM": CAMERA})).data for _ in range(2)
-    ]
+    drawn = [vector(residual_plane({"One": residuals}, {"CAM": CAMERA})).data for _ in range(2)]
     assert drawn[0] == drawn[1]
     assert drawn[0].lstrip().startswith("<svg") or "<svg" in drawn[0][:400]
     assert "<dc:date>" not in drawn[0]
@@ -74,7 +78,7 @@ def test_a_vector_drawing_is_the_same_twice_and_has_no_date(residuals):
 def test_the_plane_has_a_panel_for_every_camera_and_marks_what_is_systematic(residuals):
     other = residuals.assign(camera="CAM2", v_col=residuals["v_col"] + 0.4)
     both = pd.concat([residuals, other])
-    fig = plot.residual_plane({"Adjusted": both}, {"CAM": CAMERA, "CAM2": CAMERA})
+    fig = residual_plane({"Adjusted": both}, {"CAM": CAMERA, "CAM2": CAMERA})
     assert [ax.get_title(loc="left") for ax in fig.axes] == ["Adjusted, CAM", "Adjusted, CAM2"]
     coloured = []
     for ax in fig.axes:
@@ -87,7 +91,7 @@ def test_the_plane_has_a_panel_for_every_camera_and_marks_what_is_systematic(res
 
 
 def test_a_strip_stands_at_its_ratio_under_its_limits(residuals):
-    fig = plot.residuals_by_strip({"One": residuals})
+    fig = residuals_by_strip({"One": residuals})
     cols, rows, largest, _ = fig.axes
     assert_allclose(points(cols)[:, 1], 1.0, atol=0.06)  # 2000 residuals: 4 sigma of the ratio
     assert_allclose(points(rows)[:, 1], [1.0, 2.0], atol=0.1)
@@ -99,12 +103,12 @@ def test_a_strip_stands_at_its_ratio_under_its_limits(residuals):
 
 
 def test_boresights_have_their_line_over_time_in_minutes(boresights):
-    fig = plot.boresight_over_time(boresights)
+    fig = boresight_over_time(boresights)
     assert [ax.get_ylabel() for ax in fig.axes] == [f"about {axis} (°)" for axis in "xyz"]
     assert fig.axes[-1].get_xlabel() == "time after the first image (min)"
     (line,) = [a for a in fig.axes[0].get_lines() if a.get_linestyle() == "--"]
     assert_allclose(line.get_xydata(), [[0, 0], [3, 0.03]], atol=1e-12)
-    untimed = plot.boresight_over_time(boresights.assign(time_s=np.nan))
+    untimed = boresight_over_time(boresights.assign(time_s=np.nan))
     assert untimed.axes[-1].get_xlabel() == "image number"
 
 
@@ -113,7 +117,7 @@ def test_check_points_stand_on_bars_of_twice_their_sigma():
     for axis, d in (("east", 0.1), ("north", -0.2), ("height", 0.3)):
         table[f"d_{axis}_m"] = [d, 2 * d]
         table[f"sigma_{axis}_m"] = [0.05, 0.15]
-    fig = plot.check_points(table)
+    fig = check_points(table)
     assert [ax.get_ylabel() for ax in fig.axes] == ["east (m)", "north (m)", "height (m)"]
     spans = [(bar.get_y(), bar.get_y() + bar.get_height()) for bar in fig.axes[1].patches]
     assert_allclose(spans, [(-0.1, 0.1), (-0.3, 0.3)])
@@ -123,9 +127,9 @@ def test_check_points_stand_on_bars_of_twice_their_sigma():
 
 def test_what_is_not_there_is_said():
     nothing = [
-        plot.residual_plane({}, {}),
-        plot.residuals_by_strip({}),
-        plot.boresight_over_time(pd.DataFrame()),
-        plot.check_points(pd.DataFrame()),
+        residual_plane({}, {}),
+        residuals_by_strip({}),
+        boresight_over_time(pd.DataFrame()),
+        check_points(pd.DataFrame()),
     ]
     assert all(len(fig.axes[0].texts) == 1 for fig in nothing)

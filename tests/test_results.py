@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4lib import results
 from acx4lib.errors import FlightError
+from acx4lib.results import folder as results
 
 THIRD = 1e-14 / 3
 

@@ -9,13 +9,14 @@ from numpy.testing import assert_allclose
 
 import blocks
 import flights_simulated as flights
-from acx4lib import bundle, rig
-from acx4lib import relative_orientation as ro
-from acx4lib.block import ImagePoints, mountings, select_cameras
-from acx4lib.calibration import from_bundle, not_determined
-from acx4lib.camera import Interior
+from acx4lib.bundle import adjust
+from acx4lib.calibration import heads as ro
+from acx4lib.calibration import rig
+from acx4lib.calibration.estimates import from_bundle, not_determined
 from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, log, rotation_from_opk
+from acx4lib.flight.block import ImagePoints, mountings, select_cameras
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, log, rotation_from_opk
 from helpers import numeric_jacobian, rotation_angle
 
 FREE = ("xp", "yp", "k1")
@@ -262,7 +263,7 @@ def test_a_gross_measurement_leaves_no_shared_point(exact):
 
 def test_observed_heights_are_those_of_the_nearest_points(exact):
     """Points of known ground, on rays of known heads: x, y within their relief times the tilt."""
-    fit = bundle.adjust(bundle.mounted_orientation(exact, free=()))
+    fit = adjust.adjust(adjust.mounted_orientation(exact, free=()))
     lonely = split(exact, shared=True)
     added = rig.observe_heights(lonely, fit, rig.one_exposure_points(lonely))
     new = added.control[len(exact.control) :]

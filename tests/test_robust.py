@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib.bundle import adjust, mounted_orientation
-from acx4lib.robust import reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.start.robust import reweighted, robust_phase, sizes, spread
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 

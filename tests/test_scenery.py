@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
-from acx4lib.simulate import scenery
-from acx4lib.simulate.country import Country
-from acx4lib.simulate.noise import GroundWindow, cell_m, fractal, white
-from acx4lib.simulate.scenery import Landscape
+from acx4sim.scenery import scenery
+from acx4sim.scenery.country import Country
+from acx4sim.scenery.noise import GroundWindow, cell_m, fractal, white
+from acx4sim.scenery.scenery import Landscape
 
 MIDDLE = (671_000.0, 7_189_500.0)
 COUNTRY = Country(seed=1, middle=MIDDLE)

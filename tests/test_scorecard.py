@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4lib import paper, scorecard
-from acx4lib.scorecard import Ours
+from acx4book.paper import printed, scorecard
+from acx4book.paper.scorecard import Ours
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_rounding_of_the_print_is_half_a_unit_of_its_last_digit(text, what, valu
 def test_a_verdict_counts_combined_standard_deviations(off, verdict):
     f = next(
         scorecard.as_printed_row(row)
-        for row in paper.table(3).to_dict("records")
+        for row in printed.table(3).to_dict("records")
         if row["parameter"] == "f_mm" and row["column"] == "single_step"
     )
     ours_sigma = 0.002

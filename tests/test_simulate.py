@@ -17,26 +17,27 @@ from numpy.testing import assert_allclose
 from pyproj import CRS, Transformer
 from scipy.stats import chi2
 
-from acx4lib import simulate
-from acx4lib.simulate import earth, lens
-from acx4lib.simulate.designs import SYNTHETIC, acx4_plan, single_head_plan
+import acx4sim
+from acx4sim import earth
+from acx4sim.designs import SYNTHETIC, acx4_plan, single_head_plan
+from acx4sim.optics import lens as lens
 
-EXACT = simulate.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
+EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
 
 
 @pytest.fixture(scope="module")
 def flight():
-    return simulate.acx4(seed=1)
+    return acx4sim.acx4(seed=1)
 
 
 @pytest.fixture(scope="module")
 def exact():
-    return simulate.acx4(seed=1, options=EXACT)
+    return acx4sim.acx4(seed=1, options=EXACT)
 
 
 @pytest.fixture(scope="module")
 def exact_single_head():
-    return simulate.single_head(seed=1, options=EXACT)
+    return acx4sim.single_head(seed=1, options=EXACT)
 
 
 def all_bytes(folder):
@@ -227,8 +228,8 @@ def test_heads_share_tie_points_at_one_exposure(flight):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_validation_gives_about_the_papers_262_pairs(seed):
-    options = simulate.Options(blocks=("validation",))
-    measured = simulate.acx4(seed=seed, options=options).tables["validation/image_points.csv"]
+    options = acx4sim.Options(blocks=("validation",))
+    measured = acx4sim.acx4(seed=seed, options=options).tables["validation/image_points.csv"]
     rays = measured.groupby("point").size()
     assert len(rays) == 36
     assert rays.min() >= 2
@@ -406,7 +407,7 @@ def test_a_point_behind_the_camera_is_nan():
 
 @pytest.mark.parametrize("name", ["acx4", "single-head"])
 def test_measurements_lie_on_their_sensor(name):
-    flight = simulate.DESIGNS[name](seed=4)
+    flight = acx4sim.DESIGNS[name](seed=4)
     sensors = tomllib.loads(flight.toml)["cameras"]
     for path in [path for path in flight.tables if path.endswith("image_points.csv")]:
         images = flight.tables[path.replace("image_points", "images")]
@@ -463,8 +464,8 @@ def test_trajectory_noise_is_what_the_flight_says(flight, exact):
 
 
 def test_apriori_states_the_true_sigma():
-    options = simulate.Options(image_noise=2.0, gnss_noise=0.0, blocks=("calibration",))
-    apriori = tomllib.loads(simulate.acx4(options=options).toml)["apriori"]
+    options = acx4sim.Options(image_noise=2.0, gnss_noise=0.0, blocks=("calibration",))
+    apriori = tomllib.loads(acx4sim.acx4(options=options).toml)["apriori"]
     assert apriori == {
         "image_point_px": 1.0,
         "gnss_horizontal_m": 0.02,
@@ -475,8 +476,8 @@ def test_apriori_states_the_true_sigma():
 
 
 def test_noise_of_one_kind_leaves_the_others_alone(flight):
-    options = simulate.Options(control_noise=0.0)
-    other = simulate.acx4(seed=1, options=options)
+    options = acx4sim.Options(control_noise=0.0)
+    other = acx4sim.acx4(seed=1, options=options)
     for path, table in flight.tables.items():
         same = table.equals(other.tables[path])
         assert same == (not path.endswith("control_points.csv"))
@@ -484,7 +485,7 @@ def test_noise_of_one_kind_leaves_the_others_alone(flight):
 
 def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
     options = replace(EXACT, gnss_shift_m=(0.1, -0.2, 0.3), gnss_drift_m_per_min=(0.0, 0.01, 0.0))
-    shifted = simulate.acx4(seed=1, options=options)
+    shifted = acx4sim.acx4(seed=1, options=options)
     for path, table in exact.tables.items():
         if not path.endswith("trajectory.csv"):
             pd.testing.assert_frame_equal(table, shifted.tables[path])
@@ -503,16 +504,16 @@ def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
 @pytest.mark.parametrize("name", ["acx4", "single-head"])
 def test_same_seed_gives_the_same_bytes(name, tmp_path):
     for folder in ("a", "b"):
-        simulate.write(simulate.DESIGNS[name](seed=7), tmp_path / folder / "flight")
+        acx4sim.write(acx4sim.DESIGNS[name](seed=7), tmp_path / folder / "flight")
     assert all_bytes(tmp_path / "a") == all_bytes(tmp_path / "b")
-    simulate.write(simulate.DESIGNS[name](seed=8), tmp_path / "c" / "flight")
+    acx4sim.write(acx4sim.DESIGNS[name](seed=8), tmp_path / "c" / "flight")
     a, c = all_bytes(tmp_path / "a"), all_bytes(tmp_path / "c")
     differing = {name for name in a if a[name] != c[name]}
     assert all(name in differing for name in a if "image_points" in name or "trajectory" in name)
 
 
 def test_truth_lies_beside_the_flight_and_never_inside(flight, tmp_path):
-    simulate.write(flight, tmp_path / "my_flight")
+    acx4sim.write(flight, tmp_path / "my_flight")
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["my_flight", "my_flight.truth.json"]
     assert not [path for path in all_bytes(tmp_path / "my_flight") if "truth" in path]
@@ -526,7 +527,7 @@ def test_truth_lies_beside_the_flight_and_never_inside(flight, tmp_path):
 
 
 def test_tables_read_back_as_they_were(flight, tmp_path):
-    simulate.write(flight, tmp_path / "f")
+    acx4sim.write(flight, tmp_path / "f")
     for path, table in flight.tables.items():
         back = pd.read_csv(tmp_path / "f" / path, dtype={"strip": str})
         pd.testing.assert_frame_equal(back, table, check_dtype=False, check_exact=True)
@@ -542,20 +543,20 @@ def test_an_existing_flight_is_not_touched(flight, tmp_path, content):
         (target / "mine.txt").write_text("mine")
     before = all_bytes(tmp_path)
     with pytest.raises(FileExistsError, match="exists already and is not an empty folder"):
-        simulate.write(flight, target)
+        acx4sim.write(flight, target)
     assert all_bytes(tmp_path) == before
 
 
 def test_an_empty_folder_is_filled(flight, tmp_path):
     (tmp_path / "f").mkdir()
-    simulate.write(flight, tmp_path / "f")
+    acx4sim.write(flight, tmp_path / "f")
     assert (tmp_path / "f" / "flight.toml").exists()
 
 
 def test_a_failure_while_writing_leaves_nothing(flight, tmp_path):
     broken = replace(flight, truth={"not JSON": object()})
     with pytest.raises(TypeError):
-        simulate.write(broken, tmp_path / "f")
+        acx4sim.write(broken, tmp_path / "f")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -574,8 +575,8 @@ def test_head_mounts_are_table_1_rounded(flight):
 
 
 def test_blocks_can_be_simulated_alone(flight):
-    options = simulate.Options(blocks=("calibration",))
-    alone = simulate.acx4(seed=1, options=options)
+    options = acx4sim.Options(blocks=("calibration",))
+    alone = acx4sim.acx4(seed=1, options=options)
     assert set(alone.tables) == {
         "control_points.csv",
         "calibration/images.csv",
@@ -589,11 +590,11 @@ def test_blocks_can_be_simulated_alone(flight):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: simulate.acx4(seed=-1), "seed must be zero or positive"),
-        (lambda: simulate.Options(image_noise=-1.0), "image_noise must be"),
-        (lambda: simulate.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
+        (lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive"),
+        (lambda: acx4sim.Options(image_noise=-1.0), "image_noise must be"),
+        (lambda: acx4sim.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
         (
-            lambda: simulate.single_head(options=simulate.Options(blocks=("heads",))),
+            lambda: acx4sim.single_head(options=acx4sim.Options(blocks=("heads",))),
             r"blocks \['heads'\] asked for",
         ),
     ],

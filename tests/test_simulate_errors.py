@@ -13,8 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4lib import simulate
-from acx4lib.simulate import air, fly
+import acx4sim
+from acx4sim import air, fly
 
 BLOCK = ("calibration",)
 EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise": 0}
@@ -22,11 +22,11 @@ SHIFT = ["east_m", "north_m", "height_m"]
 
 
 def acx4(**options):
-    return simulate.acx4(seed=1, options=simulate.Options(blocks=BLOCK, **options))
+    return acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 def single_head(**options):
-    return simulate.single_head(seed=1, options=simulate.Options(blocks=BLOCK, **options))
+    return acx4sim.single_head(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def spoiled():
-    return acx4(gross_errors=simulate.GrossErrors())
+    return acx4(gross_errors=acx4sim.GrossErrors())
 
 
 def changed(flight, other, name):
@@ -89,7 +89,7 @@ def test_one_position_is_3_m_off_and_no_other(plain, spoiled):
 
 def test_another_exposures_heading_is_wrong_by_what_is_listed():
     """Where the tables have headings; body and horizon are a degree apart, hence the tolerance."""
-    flights = single_head(), single_head(gross_errors=simulate.GrossErrors())
+    flights = single_head(), single_head(gross_errors=acx4sim.GrossErrors())
     (told,) = mistakes(flights[1], "attitude")
     found = changed(*flights, "calibration/trajectory.csv")["heading_deg"]
     found = found[found.abs() > 1e-5]
@@ -120,12 +120,12 @@ def test_the_truth_with_its_mistakes_is_json_and_the_flight_hides_them(spoiled, 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: simulate.GrossErrors(image_points=1.2), "must be a share"),
-        (lambda: simulate.GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
-        (lambda: acx4(gross_errors=simulate.GrossErrors(block="heads")), "'heads' is not simul"),
-        (lambda: simulate.SlowErrors(gnss=-0.1), "gnss must be a share"),
-        (lambda: simulate.SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
-        (lambda: simulate.Options(refraction="some"), "refraction is 'none' or 'standard'"),
+        (lambda: acx4sim.GrossErrors(image_points=1.2), "must be a share"),
+        (lambda: acx4sim.GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
+        (lambda: acx4(gross_errors=acx4sim.GrossErrors(block="heads")), "'heads' is not simul"),
+        (lambda: acx4sim.SlowErrors(gnss=-0.1), "gnss must be a share"),
+        (lambda: acx4sim.SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
+        (lambda: acx4sim.Options(refraction="some"), "refraction is 'none' or 'standard'"),
     ],
 )
 def test_misuse_is_a_value_error(make, message):
@@ -158,15 +158,15 @@ def errors(**options):
 
 def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
     white = errors()
-    slow = errors(slow_errors=simulate.SlowErrors(gnss=1.0, attitude=0.0))
-    both = errors(slow_errors=simulate.SlowErrors(gnss=0.8, attitude=0.0))
+    slow = errors(slow_errors=acx4sim.SlowErrors(gnss=1.0, attitude=0.0))
+    both = errors(slow_errors=acx4sim.SlowErrors(gnss=0.8, attitude=0.0))
     assert_allclose(both[0], 0.8 * slow[0] + 0.6 * white[0], atol=3e-6)
     # attitudes refer to the grid's north at the recorded position, 1e-7 deg elsewhere
     assert_allclose(slow[1], white[1], atol=1e-6)
 
 
 def test_slow_errors_of_an_endless_time_constant_are_one_shift():
-    forever = simulate.SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
+    forever = acx4sim.SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
     position, attitude = errors(slow_errors=forever)
     assert_allclose(position - position[0], 0.0, atol=5e-6)
     assert_allclose(attitude - attitude[0], 0.0, atol=1e-6)

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from acx4lib import plot, speed_page
+from acx4book.pages import speed
+from acx4book.pages.figure_speed import seconds_by_points
 from acx4lib._data import data_path
 
 SIZE = {"images": 52, "points": 556, "image_points": 6694, "observations": 13868}
@@ -42,7 +43,7 @@ def run(solver, cpu_s, *, number=1, problem="a", **changed):
 
 
 def benchmark(rows, about=ABOUT):
-    return speed_page.Benchmark(runs=pd.DataFrame(rows), about=about)
+    return speed.Benchmark(runs=pd.DataFrame(rows), about=about)
 
 
 COMPARED = [
@@ -60,7 +61,7 @@ COMPARED = [
 
 @pytest.fixture(scope="module")
 def text():
-    return speed_page.page(benchmark(COMPARED))
+    return speed.page(benchmark(COMPARED))
 
 
 def lines(text, label):
@@ -101,7 +102,7 @@ def test_processor_flags_date_and_commit_are_said(text):
 
 def test_a_benchmark_without_ceres_has_a_page():
     about = ABOUT | {"agreement": [], "versions": dict.fromkeys(("python", "numpy", "numba"), "1")}
-    text = speed_page.page(benchmark([run("ours", 0.2)], about))
+    text = speed.page(benchmark([run("ours", 0.2)], about))
     assert "Ceres was not there" in text
     assert lines(text, "tab-speed-cpu")[0][3:] == ["0.200", "–", "–", "–", "–"]
 
@@ -122,18 +123,18 @@ def sweep(power):
 
 @pytest.mark.parametrize("power", [1.0, 1.5])
 def test_the_power_of_the_growth_is_found(power):
-    text = speed_page.growth(benchmark(sweep(power)))
+    text = speed.growth(benchmark(sweep(power)))
     assert text.startswith("From 2,000 to 4,000 points")
     assert f"power {power:.2f} " in text
 
 
 def test_the_sweep_is_no_problem_of_the_tables():
-    text = speed_page.page(benchmark([*COMPARED, *sweep(1.0)]))
+    text = speed.page(benchmark([*COMPARED, *sweep(1.0)]))
     assert len(lines(text, "tab-speed-cpu")) == 1
 
 
 def test_time_that_is_proportional_is_level_for_each_measurement():
-    figure = plot.seconds_by_points(benchmark(sweep(1.0)).sweep)
+    figure = seconds_by_points(benchmark(sweep(1.0)).sweep)
     FigureCanvasAgg(figure).draw()
     total, each = figure.axes
     for line, factor in zip(each.lines, (1e-5, 5e-5), strict=True):
@@ -146,22 +147,22 @@ def test_time_that_is_proportional_is_level_for_each_measurement():
 
 
 def test_without_a_sweep_the_figure_says_so():
-    figure = plot.seconds_by_points(benchmark(COMPARED).sweep)
+    figure = seconds_by_points(benchmark(COMPARED).sweep)
     assert [t.get_text() for t in figure.axes[0].texts] == [
         "No numbers of tie points were compared."
     ]
-    assert speed_page.growth(benchmark(COMPARED)) == ""
+    assert speed.growth(benchmark(COMPARED)) == ""
 
 
 def test_files_that_are_missing_are_named(tmp_path):
     with pytest.raises(FileNotFoundError, match="make bench"):
-        speed_page.read(tmp_path)
+        speed.read(tmp_path)
 
 
 def test_the_files_of_the_repository_make_a_page():
     folder = data_path("benchmarks", "adjustment.csv").parent
-    stored = speed_page.read(folder)
+    stored = speed.read(folder)
     assert stored.about == json.loads((folder / "adjustment.json").read_text("utf-8"))
-    text = speed_page.page(stored)
+    text = speed.page(stored)
     assert len(lines(text, "tab-speed-cpu")) == len(stored.problems)
     assert "nan" not in text

@@ -8,13 +8,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4lib import errata, paper, records, results, runner, simulate
+import acx4sim
+from acx4book.chapters.flight import tables as contents
+from acx4book.chapters.heads import sentences as head_sentences
+from acx4book.chapters.heads import steps, tables
+from acx4book.chapters.synthetic_image import refined as refining
+from acx4book.chapters.synthetic_image import steps as synthetic
+from acx4book.chapters.synthetic_image import tables as pixel_tables
+from acx4book.notebooks import stages
+from acx4book.paper import printed as paper
+from acx4book.paper.errata import audit
 from acx4lib import flight as flights
+from acx4lib.calibration.heads import Heads
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.relative_orientation import Heads
-from acx4lib.stages import flight as contents
-from acx4lib.stages import head_sentences, head_tables, heads, pixel_tables, synthetic
-from acx4lib.stages import refinement as refining
+from acx4lib.results import adjustments
+from acx4lib.results import folder as results
 from flights_simulated import HEADS, fly
 
 NAMES = {"CAM2": "port", "CAM3": "starboard"}
@@ -27,14 +35,14 @@ def flight():
 
 @pytest.fixture(scope="module")
 def stage(flight):
-    return heads.orient(flight, heads.calibrate(flight))
+    return steps.orient(flight, steps.calibrate(flight))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, stage):
     """Return a results folder that the heads stage has left."""
     folder = tmp_path_factory.mktemp("results")
-    records.write(folder, "heads", heads.records(stage))
+    adjustments.write(folder, "heads", steps.records(stage))
     return folder
 
 
@@ -42,8 +50,8 @@ def folder(tmp_path_factory, stage):
 def other_path(tmp_path_factory):
     """Write a flight of two heads that are not the paper's."""
     path = tmp_path_factory.mktemp("other") / "flight"
-    options = simulate.Options(blocks=("heads",))
-    simulate.write(simulate.DESIGNS["acx4"](seed=1, options=options), path)
+    options = acx4sim.Options(blocks=("heads",))
+    acx4sim.write(acx4sim.DESIGNS["acx4"](seed=1, options=options), path)
     toml = (path / "flight.toml").read_text()
     toml = re.sub(r"\[cameras\.CAM[14]\]\n(.+\n)+\n", "", toml)
     for old, new in {**NAMES, "SYN": "virtual"}.items():
@@ -127,15 +135,15 @@ def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder
     keys = {f"heads/bundle/{name}" for name in HEADS} | {"heads/relative_orientation"}
     assert set(found.summary) == keys
     assert results.cameras(found, "heads/relative_orientation") == HEADS
-    largest = errata.largest_correlations(folder)
+    largest = audit.largest_correlations(folder)
     assert {name.split()[0] for name in largest} == set(HEADS)
     assert all(0.1 < value <= 1 for value in largest.values())
-    assert "Cannot be the maximum" in errata.audit(largest)[10].verdict
+    assert "Cannot be the maximum" in audit.audit(largest)[10].verdict
 
 
 def test_table_1_has_every_printed_number(flight, stage):
-    interior = head_tables.interior(flight, stage)
-    relative = head_tables.orientation(flight, stage)
+    interior = tables.interior(flight, stage)
+    relative = tables.orientation(flight, stage)
     assert (len(interior), len(relative)) == (5 * 4, 6 * 4)
     assert interior["Printed"].iloc[2] == "0.2619 ± 0.0032"
     assert relative.set_index(["Parameter", "Head"])["Printed"]["$Z_c$", "CAM2"] == "74.272"
@@ -153,9 +161,9 @@ def test_the_sentences_have_the_papers_claims(flight, stage):
 
 
 def test_held_focal_lengths_are_tabled_and_said(flight, stage):
-    tried = heads.hold(flight, stage, (-0.5, 0.0, 0.5))
-    one = heads.hold_last(flight, stage, 0.5)
-    table = head_tables.held(stage, [*tried, one])
+    tried = steps.hold(flight, stage, (-0.5, 0.0, 0.5))
+    one = steps.hold_last(flight, stage, 0.5)
+    table = tables.held(stage, [*tried, one])
     assert table["Held $f$"].tolist() == [
         "all heads -0.5 mm",
         "unchanged",
@@ -167,26 +175,26 @@ def test_held_focal_lengths_are_tabled_and_said(flight, stage):
 
 
 def test_other_heads_are_not_compared_with_the_paper(other):
-    stage = heads.orient(other, heads.calibrate(other))
+    stage = steps.orient(other, steps.calibrate(other))
     assert [head.name for head in stage.orientation.heads] == ["port", "starboard"]
     for table in (
-        head_tables.quality(other, stage),
-        head_tables.interior(other, stage),
-        head_tables.orientation(other, stage),
-        head_tables.border(other, stage),
+        tables.quality(other, stage),
+        tables.interior(other, stage),
+        tables.orientation(other, stage),
+        tables.border(other, stage),
     ):
         assert not [column for column in table.columns if "rinted" in column or "Table" in column]
         assert len(table)
     for sentence in (head_sentences.border, head_sentences.correlation):
         assert "paper" not in sentence(other, stage)
     assert "other cameras" in head_sentences.agreement(other, stage)
-    assert head_tables.claim(other, "max_correlation") is None
+    assert tables.claim(other, "max_correlation") is None
 
 
 def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
-    failed = heads.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
-    records.write(tmp_path, "heads", heads.records(failed))
+    failed = steps.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
+    adjustments.write(tmp_path, "heads", steps.records(failed))
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
     assert summary["heads/bundle/CAM1"]["converged"] is True
@@ -195,20 +203,20 @@ def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     with pytest.raises(AdjustmentError, match="CAM2 could not be adjusted"):
         synthetic.read_heads(flight, tmp_path)
     assert "CAM2 could not" in head_sentences.orientation(flight, failed)
-    assert len(head_tables.orientation(flight, failed)) == 1
+    assert len(tables.orientation(flight, failed)) == 1
 
 
 def test_heads_without_control_points_are_told_so(flight):
     block = without_control(flight.heads)
-    said = heads.calibrate(replace(flight, blocks={"heads": block}))
+    said = steps.calibrate(replace(flight, blocks={"heads": block}))
     assert set(said.failures) == set(HEADS)
     assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
 
 
 def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
     as_declared = replace(flight, estimate_heads=())
-    stage = heads.orient(as_declared, heads.calibrate(as_declared))
-    records.write(tmp_path, "heads", heads.records(stage))
+    stage = steps.orient(as_declared, steps.calibrate(as_declared))
+    adjustments.write(tmp_path, "heads", steps.records(stage))
     read = synthetic.read_heads(as_declared, tmp_path)
     assert [head.interior.k1 for head in read.heads] == [0.0] * 4
     assert "no correlations to show" in head_sentences.correlation(as_declared, stage)
@@ -221,11 +229,11 @@ def test_the_paper_is_beside_no_other_choice_of_heads(flight):
 
 
 def test_without_any_head_everything_still_says_so(flight):
-    none = heads.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
-    tried = heads.hold(flight, none, (-0.5, 0.0, 0.5))
-    for table in (head_tables.quality, head_tables.interior, head_tables.border):
+    none = steps.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
+    tried = steps.hold(flight, none, (-0.5, 0.0, 0.5))
+    for table in (tables.quality, tables.interior, tables.border):
         assert table(flight, none)["Head"].tolist() == ["none could be adjusted"]
-    assert len(head_tables.held(none, [*tried, heads.hold_last(flight, none, 0.5)])) == 1
+    assert len(tables.held(none, [*tried, steps.hold_last(flight, none, 0.5)])) == 1
     sentences = [
         head_sentences.held(none, tried),
         head_sentences.gnss(tried),
@@ -254,7 +262,7 @@ def test_results_of_the_heads_are_asked_for(flight, tmp_path):
 
 
 def test_the_refined_heads_are_written(refinement, folder, tmp_path):
-    records.write(tmp_path, "synthetic", refining.records(refinement))
+    adjustments.write(tmp_path, "synthetic", refining.records(refinement))
     found = results.read(tmp_path)
     assert results.cameras(found, "synthetic/refined") == HEADS
     said = found.summary["synthetic/refined"]
@@ -321,7 +329,7 @@ def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_
     alone = replace(block, image_points=block.image_points[rows])
     bare = replace(flight, blocks={"heads": alone})
     refinement = refining.refine(bare, orientation, None)
-    records.write(tmp_path, "synthetic", refining.records(refinement))
+    adjustments.write(tmp_path, "synthetic", refining.records(refinement))
     entry = results.read(tmp_path).summary["synthetic/refined"]
     (reason,) = results.messages(entry, "left_out")
     assert reason.startswith("synthetic/refined: ")
@@ -335,7 +343,7 @@ def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_
 
 @pytest.mark.slow
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(other_path, tmp_path):
-    report = runner.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
+    report = stages.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
     assert report.ran == ("heads", "synthetic")
     assert report.not_determined == report.left_out == ()
     found = results.read(tmp_path / "results")

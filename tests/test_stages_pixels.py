@@ -7,12 +7,14 @@ import pytest
 import tifffile
 
 import pictured_flights as pictured
+from acx4book.chapters.synthetic_image import pixels, tables
+from acx4book.chapters.synthetic_image import refined as refinement
+from acx4book.notebooks import stages
 from acx4lib import flight as flights
-from acx4lib import results, runner
 from acx4lib.errors import FlightError
-from acx4lib.head_differences import tie_differences
-from acx4lib.stages import pixel_tables, pixels, refinement
-from acx4lib.synthetic_image import head_from_synthetic
+from acx4lib.results import folder as results
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.tie_points.differences import tie_differences
 
 K = pictured.REDUCTION
 
@@ -49,10 +51,10 @@ def test_a_flight_without_files_has_no_pictures(path, orientation, tmp_path):
     (bare / "heads" / "images.csv").write_text("\n".join(lines) + "\n")
     read = flights.read(bare)
     assert pixels.read_pictures(read, orientation) is None
-    assert "nothing is rendered" in pixel_tables.rendering(read, None)
+    assert "nothing is rendered" in tables.rendering(read, None)
     said = [
-        pixel_tables.found_table(orientation, None),
-        pixel_tables.response_table(orientation, None),
+        tables.found_table(orientation, None),
+        tables.response_table(orientation, None),
     ]
     assert [table.to_dict("records") for table in said] == [[pixels.NO_PIXELS]] * 2
 
@@ -60,7 +62,7 @@ def test_a_flight_without_files_has_no_pictures(path, orientation, tmp_path):
 def test_the_size_of_the_files_says_by_how_much_they_are_reduced(flight, pictures):
     assert pictures.reduction == K
     assert [one.exposure for one in pictures.exposed] == ["E0", "E1"]
-    assert f"at 1/{K} of the full size" in pixel_tables.rendering(flight, pictures)
+    assert f"at 1/{K} of the full size" in tables.rendering(flight, pictures)
 
 
 def test_pixels_can_be_averaged_first(flight, orientation, pictures):
@@ -101,9 +103,9 @@ def test_refining_what_is_right_moves_it_by_hundredths_of_a_pixel(flight, orient
 
 def test_grey_values_agree_after_equalisation(pictures, orientation):
     fit = pixels.fit(pictures, orientation, seed=1)
-    after = pixel_tables.response_table(orientation, fit)["after (%)"]
+    after = tables.response_table(orientation, fit)["after (%)"]
     assert (after.astype(float) < 1.0).all()
-    assert "disagree by" in pixel_tables.response_sentence(orientation, fit)
+    assert "disagree by" in tables.response_sentence(orientation, fit)
 
 
 @pytest.mark.parametrize("feather_px", [0.0, 150.0])
@@ -129,7 +131,7 @@ def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(path, orien
 @pytest.mark.slow
 def test_the_notebook_runs_on_pixels(path, tmp_path):
     folder = pictured.write_results(tmp_path / "results", path)
-    report = runner.run(path, folder, stages=("synthetic",))
+    report = stages.run(path, folder, stages=("synthetic",))
     assert report.ran == ("synthetic",)
     kept = results.read(folder)
     assert results.cameras(kept, "synthetic/refined") == pictured.HEADS

@@ -9,9 +9,26 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.quiver import Quiver
 
-from acx4lib import experiments, paper, plot
-from acx4lib.experiments.examined_images import rms_of_coordinates
-from acx4lib.stages import quality
+from acx4book.chapters.image_quality import tables
+from acx4book.chapters.image_quality.examined import (
+    border_distortion_of_targets,
+    drawn_calibration,
+    drawn_errors,
+    every_refinement,
+    examine_all,
+    geometry_errors,
+    measured_ties,
+    rms_of_coordinates,
+)
+from acx4book.chapters.image_quality.figures import (
+    deviation_fields,
+    distortion_taken_up,
+    overlap_differences,
+    seam_profiles,
+)
+from acx4book.chapters.image_quality.known_exposure import heads_response
+from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
+from acx4book.paper import printed
 from known_pictures import known
 
 mpl.use("agg")
@@ -26,32 +43,32 @@ def exposure():
 
 @pytest.fixture(scope="module")
 def response(exposure):
-    return experiments.heads_response(exposure)
+    return heads_response(exposure)
 
 
 @pytest.fixture(scope="module")
 def heads(exposure):
-    wrong = experiments.drawn_calibration(exposure.orientation, seed=1, angle_deg=0.01)
-    ties = experiments.measured_ties(exposure, wrong)
+    wrong = drawn_calibration(exposure.orientation, seed=1, angle_deg=0.01)
+    ties = measured_ties(exposure, wrong)
     return {
         "true": exposure.orientation,
-        **experiments.every_refinement(wrong, ties),
+        **every_refinement(wrong, ties),
     }
 
 
 @pytest.fixture(scope="module")
 def examined(exposure, response, heads):
-    return experiments.examine_all(exposure, heads, response)
+    return examine_all(exposure, heads, response)
 
 
 @pytest.fixture(scope="module")
 def draws(exposure):
-    return experiments.drawn_errors(exposure, 3, seed=1, angle_deg=0.01)
+    return drawn_errors(exposure, 3, seed=1, angle_deg=0.01)
 
 
 @pytest.fixture(scope="module")
 def targets(exposure):
-    return experiments.border_distortion_of_targets(exposure, 20, sigma_px=0.5, seed=1)
+    return border_distortion_of_targets(exposure, 20, sigma_px=0.5, seed=1)
 
 
 def drawn(fig):
@@ -65,7 +82,7 @@ def drawn(fig):
 
 
 def test_the_parts_of_the_frame_are_counted(exposure, examined):
-    table = quality.zone_table(exposure, examined["true"]).set_index("Part")
+    table = tables.zone_table(exposure, examined["true"]).set_index("Part")
     whole = table.loc["whole frame", "Points"]
     assert whole == len(examined["true"].found)
     assert table.loc["one head", "Points"] + table.loc["several heads", "Points"] == whole
@@ -74,9 +91,9 @@ def test_the_parts_of_the_frame_are_counted(exposure, examined):
 
 
 def test_the_ways_are_tabled_with_pixels_beside_geometry(exposure, examined):
-    geometry = experiments.geometry_errors(exposure, examined)
-    table = quality.way_table(examined, geometry)
-    assert list(table["Heads"]) == [quality.NAMES[name] for name in WAYS]
+    geometry = geometry_errors(exposure, examined)
+    table = tables.way_table(examined, geometry)
+    assert list(table["Heads"]) == [tables.NAMES[name] for name in WAYS]
     for column, least in (("RMS (px)", 0.5), ("Radial (px)", 1.0)):
         pixels, exact = map(float, re.findall(r"[\d.]+", table.loc[1, column]))
         assert exact > least
@@ -84,30 +101,28 @@ def test_the_ways_are_tabled_with_pixels_beside_geometry(exposure, examined):
 
 
 def test_sentences_have_the_numbers_found(exposure, examined, draws, targets):
-    said = quality.acceptance_sentence(exposure, examined["true"])
+    said = tables.acceptance_sentence(exposure, examined["true"])
     assert said.startswith(f"Of {len(examined['true'].found)} points")
     assert f"{exposure.height_m:.0f} m below" in said
-    said = quality.agreement_sentence(examined)
+    said = tables.agreement_sentence(examined)
     slope = float(re.search(r"measured as ([\d.]+) times", said)[1])
     assert slope == pytest.approx(1, abs=0.02)
-    assert "decentring" in quality.self_calibration_sentence(examined["true"])
-    assert "98 %" in quality.draw_sentence(draws) or "three rotations" in quality.draw_sentence(
-        draws
-    )
+    assert "decentring" in tables.self_calibration_sentence(examined["true"])
+    assert "98 %" in tables.draw_sentence(draws) or "three rotations" in tables.draw_sentence(draws)
 
 
 def test_the_papers_numbers_stand_beside_ours(exposure, examined, draws, targets):
-    said = quality.paper_sentence(examined, exposure)
+    said = tables.paper_sentence(examined, exposure)
     assert "about 3 µm (0.5 px)" in said
     assert "close to 2 px" in said
-    said = quality.target_sentence(targets, draws)
-    share = 100 * np.mean(targets.radial_px >= paper.statement("synthetic_border_distortion_px"))
+    said = tables.target_sentence(targets, draws)
+    share = 100 * np.mean(targets.radial_px >= printed.statement("synthetic_border_distortion_px"))
     assert f"reaches 2 px in {share:.0f} %" in said
 
 
 def test_the_draws_are_tabled_by_refinement(draws):
-    table = quality.draw_table(draws)
-    assert list(table["Heads"]) == [quality.NAMES[name] for name in WAYS[1:]]
+    table = tables.draw_table(draws)
+    assert list(table["Heads"]) == [tables.NAMES[name] for name in WAYS[1:]]
     middle = draws.loc[draws["refinement"] == "rotations", "oriented_px"].median()
     assert table.loc[2, "Oriented (px)"].startswith(f"{middle:.2f} (")
 
@@ -120,9 +135,9 @@ def quivers(fig):
 
 
 def test_the_fields_have_one_scale(exposure, examined):
-    fields = quality.self_calibration_fields(examined)
+    fields = tables.self_calibration_fields(examined)
     assert len(fields) == 6
-    fig = drawn(plot.deviation_fields(fields, exposure.synthetic, exposure.orientation))
+    fig = drawn(deviation_fields(fields, exposure.synthetic, exposure.orientation))
     keys = {text.get_text() for ax in fig.axes for text in ax.texts if "px" in text.get_text()}
     keys = {key for key in keys if re.fullmatch(r"[\d.]+ px", key)}
     assert len(keys) == 1
@@ -131,25 +146,25 @@ def test_the_fields_have_one_scale(exposure, examined):
 
 
 def test_the_fields_of_the_true_heads_are_measured_geometry_and_rest(examined):
-    measured, geometry, left = quality.acceptance_fields(examined["true"]).values()
+    measured, geometry, left = tables.acceptance_fields(examined["true"]).values()
     np.testing.assert_allclose(measured.d_px, geometry.d_px + left.d_px, atol=1e-12)
     assert rms_of_coordinates(geometry.d_px) < rms_of_coordinates(left.d_px)
 
 
 def test_seams_and_overlaps_are_drawn(exposure, response, heads):
-    profile = experiments.seam_profile(exposure, heads["rotations"], response)
-    fig = drawn(plot.seam_profiles(profile))
+    profile = seam_profile(exposure, heads["rotations"], response)
+    fig = drawn(seam_profiles(profile))
     assert [len(ax.lines) for ax in fig.axes] == [3, 3, 3]
     pair = heads["before"], heads["rotations"]
-    picture = experiments.overlap_picture(exposure, pair, response, size_px=(60, 80))
-    fig = drawn(plot.overlap_differences(picture))
+    picture = overlap_picture(exposure, pair, response, size_px=(60, 80))
+    fig = drawn(overlap_differences(picture))
     assert [len(ax.images) for ax in fig.axes[:4]] == [1, 1, 1, 1]
 
 
 def test_the_papers_two_pixels_are_drawn_beside_the_distortion(examined, draws, targets):
-    fits = quality.lens_fits(examined)
+    fits = tables.lens_fits(examined)
     assert list(fits) == [name for name in WAYS if name != "before"]
-    fig = drawn(plot.distortion_taken_up(fits, quality.NAMES, draws, targets))
+    fig = drawn(distortion_taken_up(fits, tables.NAMES, draws, targets))
     left, right = fig.axes
     diamonds = [line.get_ydata()[0] for line in left.lines if line.get_marker() == "D"]
     assert sorted(diamonds) == [-2, 2]

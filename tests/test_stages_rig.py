@@ -5,44 +5,46 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import acx4sim
+from acx4book.chapters.rig import steps, tables
+from acx4book.chapters.rig.figures import rig_correlations, rig_deformations, rig_gains
 from acx4lib import flight as flights
-from acx4lib import plot, records, results, simulate
-from acx4lib.block import select_images
-from acx4lib.stages import rig, rig_tables
+from acx4lib.flight.block import select_images
+from acx4lib.results import adjustments, folder
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     """The heads of a simulated flight, its truth beside it."""
     path = tmp_path_factory.mktemp("rig") / "flight"
-    options = simulate.Options(blocks=("heads",), tie_points={"heads": 60})
-    simulate.write(simulate.DESIGNS["acx4"](seed=3, options=options), path)
+    options = acx4sim.Options(blocks=("heads",), tie_points={"heads": 60})
+    acx4sim.write(acx4sim.DESIGNS["acx4"](seed=3, options=options), path)
     return flights.read(path)
 
 
 @pytest.fixture(scope="module")
 def stage(flight):
-    return rig.calibrate(flight)
+    return steps.calibrate(flight)
 
 
 @pytest.fixture(scope="module")
 def ways(flight, stage):
-    return rig.orient(flight, stage)
+    return steps.orient(flight, stage)
 
 
 def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, stage):
-    results.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
-    records.write(tmp_path, "mounting/rig", rig.records(stage))
-    found = results.read(tmp_path)
+    folder.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
+    adjustments.write(tmp_path, "mounting/rig", steps.records(stage))
+    found = folder.read(tmp_path)
     assert set(found.summary) == {"mounting/single_step", "mounting/rig"}
-    assert results.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
-    head = results.parameters(found, "mounting/rig", "CAM3")
+    assert folder.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
+    head = folder.parameters(found, "mounting/rig", "CAM3")
     assert list(head.index[:3]) == ["f_mm", "xp_mm", "yp_mm"]
     assert len(head) == 12
-    assert results.covariance(found, "mounting/rig").shape == (48, 48)
-    images = results.rows(found, "exterior_orientation", "mounting/rig")
+    assert folder.covariance(found, "mounting/rig").shape == (48, 48)
+    images = folder.rows(found, "exterior_orientation", "mounting/rig")
     assert len(images) == len(stage.block.images)
-    kinds = results.rows(found, "residuals", "mounting/rig")["kind"]
+    kinds = folder.rows(found, "residuals", "mounting/rig")["kind"]
     assert set(kinds) == {"image_point", "control_point", "gnss", "attitude"}
     entry = found.summary["mounting/rig"]
     assert entry["converged"]
@@ -52,33 +54,33 @@ def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, stage
 def test_heads_stand_in_the_order_of_the_synthetic_table(flight, stage):
     names = ("CAM4", "CAM2")
     some = replace(flight, synthetic=replace(flight.synthetic, heads=names))
-    found = rig.calibrate(some)
+    found = steps.calibrate(some)
     assert tuple(camera.name for camera in found.block.cameras) == names
     assert len(found.block.images) == len(stage.block.images) / 2
 
 
 def test_the_truth_is_that_of_the_simulation(flight, stage):
-    true = rig.true_heads(flight, stage)
+    true = steps.true_heads(flight, stage)
     assert true[1].interior.f == 73.863353  # the simulator's constants
     assert list(true[1].T_b_c.r) == [0.143, -0.319, -0.201]
     assert np.degrees(true[1].T_b_c.opk) == pytest.approx([14.782598, 12.163894, -93.408507])
-    exact = rig.true_orientation(flight, stage)
+    exact = steps.true_orientation(flight, stage)
     assert np.degrees(exact.opk[1]) == pytest.approx([14.782598, 12.163894, -93.408507])
 
 
 def test_a_flight_without_truth_has_no_column_of_errors(flight, stage, ways, tmp_path):
     measured = replace(flight, pictures=tmp_path)
-    assert rig.true_heads(measured, stage) == ()
-    assert rig.true_orientation(measured, stage) is None
-    found = rig.deform(measured, ways, None)
-    table = rig_tables.image(measured, ways, found)
+    assert steps.true_heads(measured, stage) == ()
+    assert steps.true_orientation(measured, stage) is None
+    found = steps.deform(measured, ways, None)
+    table = tables.image(measured, ways, found)
     assert not [column for column in table.columns if "true" in column]
-    assert "Farthest from the truth (σ)" not in rig_tables.calibration(stage, ())
-    assert plot.rig_deformations(measured, found).axes
+    assert "Farthest from the truth (σ)" not in tables.calibration(stage, ())
+    assert rig_deformations(measured, found).axes
 
 
 def test_tables_set_the_ways_beside_each_other(flight, stage, ways):
-    orientation = rig_tables.orientation(ways)
+    orientation = tables.orientation(ways)
     assert len(orientation) == 24
     assert list(orientation.columns) == [
         "Parameter", "Head", "One by one", "One by one, $f$ estimated", "Rig", "Gain",
@@ -86,28 +88,28 @@ def test_tables_set_the_ways_beside_each_other(flight, stage, ways):
     gain = ways["one by one"].sigma[2, 0] / ways["rig"].sigma[2, 0]
     assert orientation["Gain"][2] == f"{gain:.1f}"
     assert orientation["Gain"][8] == ""  # Zc of the first head is held one by one
-    found = rig.deform(flight, ways, rig.true_orientation(flight, stage))
-    image = rig_tables.image(flight, ways, found)
+    found = steps.deform(flight, ways, steps.true_orientation(flight, stage))
+    image = tables.image(flight, ways, found)
     assert list(image["Heads"]) == list(ways)
     predicted = [float(v) for v in image["Misfit in overlaps, predicted RMS (px)"]]
     assert predicted[-1] == min(predicted)
-    far = rig_tables.calibration(stage, rig.true_heads(flight, stage))
+    far = tables.calibration(stage, steps.true_heads(flight, stage))
     assert max(map(float, far["Farthest from the truth (σ)"])) < 4
     for figure in (
-        plot.rig_gains(ways),
-        plot.rig_correlations(ways),
-        plot.rig_deformations(flight, found),
+        rig_gains(ways),
+        rig_correlations(ways),
+        rig_deformations(flight, found),
     ):
         figure.canvas.draw()
 
 
 def test_sentences_have_the_numbers_of_the_run(flight, stage, ways):
-    assert "times by 2" in rig_tables.shared(stage)
-    assert "in other exposures too" in rig_tables.shared(stage)
-    assert "times smaller for $X_c$ and $Y_c$" in rig_tables.gain(stage, ways)
-    found = rig.deform(flight, ways, None)
+    assert "times by 2" in tables.shared(stage)
+    assert "in other exposures too" in tables.shared(stage)
+    assert "times smaller for $X_c$ and $Y_c$" in tables.gain(stage, ways)
+    found = steps.deform(flight, ways, None)
     ratio = found["rig, no shared points"].gap_sigma_mm / found["rig"].gap_sigma_mm
-    assert f"{ratio:.1f} times less" in rig_tables.without_shared_points(flight, found)
+    assert f"{ratio:.1f} times less" in tables.without_shared_points(flight, found)
 
 
 # --- no rig ----------------------------------------------------------------------------------
@@ -123,36 +125,36 @@ def test_a_rig_that_is_not_determined_ends_no_run(flight):
     block = select_images(block, np.array(block.images.strips) == block.images.strips[0])
     points = block.image_points
     kept = ~np.isin(points.point_idx, block.control.point_idx)
-    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
-    entry = rig.records(stage)[0].summary["mounting/rig"]
+    stage = steps.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = steps.records(stage)[0].summary["mounting/rig"]
     assert any("lever" in line and "control points" in line for line in entry["left_out"])
-    assert rig.orient(flight, stage) == {}
-    assert "nothing to compare" in rig_tables.gain(stage, {})
+    assert steps.orient(flight, stage) == {}
+    assert "nothing to compare" in tables.gain(stage, {})
 
 
 def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(flight, stage):
     failed = replace(stage, rig=None, left_out="it does not converge")
-    (record,) = rig.records(failed)
+    (record,) = steps.records(failed)
     entry = record.summary["mounting/rig"]
     assert entry["left_out"] == ["mounting/rig: it does not converge"]
     assert not entry["converged"]
-    assert rig_tables.gain(failed, {}) == "There is no rig: it does not converge."
-    assert len(rig_tables.quality(failed)) == len(rig_tables.calibration(failed, ())) == 1
-    assert len(rig_tables.orientation({})) == len(rig_tables.image(flight, {}, {})) == 1
+    assert tables.gain(failed, {}) == "There is no rig: it does not converge."
+    assert len(tables.quality(failed)) == len(tables.calibration(failed, ())) == 1
+    assert len(tables.orientation({})) == len(tables.image(flight, {}, {})) == 1
     for figure in (
-        plot.rig_gains({}),
-        plot.rig_correlations({}),
-        plot.rig_deformations(flight, {}),
+        rig_gains({}),
+        rig_correlations({}),
+        rig_deformations(flight, {}),
     ):
         assert len(figure.axes) == 1
 
 
 def test_a_flight_without_a_synthetic_image_has_a_rig_all_the_same(flight):
     plain = replace(flight, synthetic=None)
-    stage = rig.calibrate(plain)
+    stage = steps.calibrate(plain)
     assert stage.rig is not None
-    assert rig.orient(plain, stage) == {}
-    assert rig.deform(plain, {}, None) == {}
+    assert steps.orient(plain, stage) == {}
+    assert steps.deform(plain, {}, None) == {}
 
 
 def test_points_of_one_exposure_only_are_said(flight):
@@ -164,10 +166,10 @@ def test_points_of_one_exposure_only_are_said(flight):
     tie = ~np.isin(points.point_idx, block.control.point_idx)
     row = np.flatnonzero(tie & (np.bincount(together)[together] == 2))[0]
     kept = (points.point_idx != points.point_idx[row]) | (exposure == exposure[row])
-    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
-    entry = rig.records(stage)[0].summary["mounting/rig"]
+    stage = steps.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = steps.records(stage)[0].summary["mounting/rig"]
     assert entry["notes"] == [
         "mounting/rig: 1 points that heads share at one exposure only are as high as the nearest"
     ]
     assert entry["n_left_out"] == 0
-    assert "1 points are in that exposure only" in rig_tables.shared(stage)
+    assert "1 points are in that exposure only" in tables.shared(stage)

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib import accuracy, standards
 from acx4lib._data import data_path
+from acx4lib.georeferencing import accuracy, standards
 
 # Table 4 of the paper, east, north, height, m; n = 36
 TWO_STEP = accuracy.from_summary(

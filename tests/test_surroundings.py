@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import acx4lib
-from acx4lib import simulate
+import acx4sim
 
 COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
 SOURCES = Path(acx4lib.__file__).parents[1]
@@ -25,8 +25,8 @@ NOWHERE = "/proc/nonexistent"
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("surroundings") / "flight"
-    options = simulate.Options(blocks=("validation",))
-    simulate.write(simulate.DESIGNS["single-head"](seed=1, options=options), folder)
+    options = acx4sim.Options(blocks=("validation",))
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1, options=options), folder)
     toml = folder / "flight.toml"
     lines = toml.read_text(encoding="utf-8").splitlines()
     named = ['name = "Größe 相机"' if line.startswith("name =") else line for line in lines]

@@ -11,11 +11,16 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 
 import printed_camera
-from acx4lib import synthetic_image
-from acx4lib.camera import correct, distortion, inside, xy_from_colrow
-from acx4lib.frames import opk_from_rotation, rotation_from_opk
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.synthetic_image import coverage, footprint, head_from_synthetic, synthetic_from_head
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import correct, distortion, inside, xy_from_colrow
+from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
+from acx4lib.synthetic_image import frame
+from acx4lib.synthetic_image.frame import (
+    coverage,
+    footprint,
+    head_from_synthetic,
+    synthetic_from_head,
+)
 from strategies import image_points
 
 SYNTHETIC = printed_camera.synthetic()
@@ -135,6 +140,6 @@ def test_points_that_a_head_cannot_see_are_nowhere():
 
 
 def test_a_heads_pose_is_counted_in_millimetres_over_the_plane():
-    T = synthetic_image.head_pose(ORIENTATION, 1)
+    T = frame.head_pose(ORIENTATION, 1)
     assert_allclose(T.r, [0.042, 0.052, 74.272], atol=0)
     assert_allclose(np.degrees(T.opk), [14.782598, 12.163894, -93.408507], atol=1e-10)

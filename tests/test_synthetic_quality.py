@@ -6,12 +6,7 @@ from numpy.testing import assert_allclose
 from scipy import ndimage
 
 import printed_camera
-from acx4lib.calibration import from_bundle, parameters
-from acx4lib.camera import Camera, Interior
-from acx4lib.errors import AdjustmentError
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.lens import radial_profile
-from acx4lib.synthetic_quality import (
+from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
     KnownGround,
@@ -22,6 +17,11 @@ from acx4lib.synthetic_quality import (
     self_calibrate,
     zones,
 )
+from acx4lib.calibration.estimates import from_bundle, parameters
+from acx4lib.calibration.lens import radial_profile
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
 from blocks import FRAME
 
 SYN = Camera(

@@ -13,8 +13,8 @@ import rasterio
 import tifffile
 
 from acx4lib.errors import FlightError
-from acx4lib.pyramid import halved, level_sizes
-from acx4lib.synthetic_tiff import (
+from acx4lib.production.pyramid import halved, level_sizes
+from acx4lib.production.tiff import (
     COMPRESSIONS,
     GAMMA,
     PREVIEW_PX,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acx4lib import sentences, tables
+from acx4book.chapters.mounting import sentences, tables
 
 
 @pytest.mark.parametrize(
@@ -22,10 +22,10 @@ def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
 
 
 def test_every_printed_parameter_has_a_label():
-    from acx4lib import paper  # noqa: PLC0415 used once
+    from acx4book.paper import printed  # noqa: PLC0415 used once
 
     for number in (1, 2, 3, 4):
-        assert set(paper.table(number)["parameter"]) <= set(tables.LABELS)
+        assert set(printed.table(number)["parameter"]) <= set(tables.LABELS)
 
 
 def test_without_a_validation_the_tables_keep_their_columns():

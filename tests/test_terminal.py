@@ -4,7 +4,8 @@ import io
 
 import pytest
 
-from acx4lib import plain_text, terminal
+from acx4book.command import terminal
+from acx4book.typesetting import plain_text
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib import tie_points
-from acx4lib.camera import Interior
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.tie_points import overlaps, refine_by_mean_differences, shared_points
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.tie_points import ties as tie_points
+from acx4lib.tie_points.ties import overlaps, refine_by_mean_differences, shared_points
 
 OPK = np.radians([[-5.0, 6.0, 90.0], [5.0, 6.0, -90.0], [5.0, -6.0, -90.0]])
 LABELS = ("A", "B", "C")

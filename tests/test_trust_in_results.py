@@ -10,12 +10,16 @@ import pandas as pd
 import pytest
 from bs4 import BeautifulSoup
 
+import acx4sim
 import pictured_flights as pictured
+from acx4book.command.acx4 import main
+from acx4book.notebooks import stages
 from acx4lib import flight as flights
-from acx4lib import own_folder, provenance, results, runner, simulate
-from acx4lib.cli import main
 from acx4lib.errors import FlightError
-from acx4lib.folder_marks import MARK
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.marks import MARK
 from run_results import leave_results
 from small_notebooks import write
 
@@ -66,30 +70,30 @@ def contents(folder):
 @pytest.mark.slow
 def test_a_file_that_changes_while_a_run_is_going_does_not_reach_its_results(tmp_path):
     at = tmp_path / "flight"
-    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
     before = (at / "control_points.csv").read_bytes()
     notebooks = tmp_path / "notebooks"
     write(notebooks / "00-flight.ipynb", PARAMETERS, "seed")
     write(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, CHANGE)
     write(notebooks / "04-validation.ipynb", PARAMETERS, "seed")
-    runner.run(at, tmp_path / "results", notebooks_path=notebooks)
+    stages.run(at, tmp_path / "results", notebooks_path=notebooks)
     kept = tmp_path / "results" / "flight"
     assert (at / "control_points.csv").read_bytes() != before
     assert (kept / "control_points.csv").read_bytes() == before
     block = flights.read_kept(kept).calibration
     read = results.read(tmp_path / "results").summary["mounting/single_step"]["read"]
     assert read["east"] == block.frame.to_grid(block.control.x_m)[0, 0]
-    own_folder.verify(tmp_path / "results", cure="")
+    claims.verify(tmp_path / "results", cure="")
 
 
 def test_a_table_that_changed_after_it_was_read_is_not_kept(tmp_path):
     at = tmp_path / "flight"
-    simulate.write(simulate.DESIGNS["single-head"](seed=1), at)
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
     read = flights.read(at)
     with (at / "calibration" / "trajectory.csv").open("a") as file:
         file.write("\n")
     with (
-        own_folder.claim(tmp_path / "results", command=runner.COMMAND) as own,
+        claims.claim(tmp_path / "results", command=stages.COMMAND) as own,
         pytest.raises(FlightError, match=r"trajectory\.csv: changed while it was read; run again"),
     ):
         provenance.keep(own, read)
@@ -136,11 +140,11 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     at, folder = own
     notebooks = tmp_path / "notebooks"
     for stage in ("flight", "mounting", "validation"):
-        write(notebooks / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
+        write(notebooks / f"{stages.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
     (folder / "parameters.csv").write_text("mine\n")
-    runner.run(at, folder, notebooks_path=notebooks)
+    stages.run(at, folder, notebooks_path=notebooks)
     assert results.read(folder).parameters.empty
-    own_folder.verify(folder, cure="")
+    claims.verify(folder, cure="")
 
 
 def test_a_book_is_not_made_of_changed_results(own):
@@ -294,7 +298,7 @@ def test_simulate_writes_over_nothing(acx4, tmp_path):
     (tmp_path / "flight.truth.json").unlink()
     assert acx4("simulate", "single-head", "--out", tmp_path / "new" / "below" / "flight")[0] == 0
     assert acx4("simulate", "single-head", "--out", out)[0] == 0
-    own_folder.clear(out)
+    claims.clear(out)
     assert acx4("simulate", "single-head", "--out", out, "--seed", "2")[0] == 0  # an older truth
     for place in ("/dev/full", tmp_path, out):
         status, err = acx4("simulate", "single-head", "--out", place)

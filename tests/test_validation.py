@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import blocks
-from acx4lib.calibration import from_bundle, given
-from acx4lib.collinearity import project
-from acx4lib.frames import Pose, transform
-from acx4lib.validation import compare, validate
+from acx4lib.calibration.estimates import from_bundle, given
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, transform
+from acx4lib.georeferencing.validation import compare, validate
 
 
 @pytest.fixture(scope="module")

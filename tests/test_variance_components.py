@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import acx4sim
 import blocks
 import flights_simulated as flown
-from acx4lib import simulate, variance_components, weights
-from acx4lib.adjustment import solve
-from acx4lib.bundle import adjust, free_orientation, mounted_orientation
-from acx4lib.camera import Camera, Interior
-from acx4lib.frames import Pose
+from acx4lib.bundle import variance_components
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
+from acx4lib.calibration import weights
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose
+from acx4lib.least_squares.adjustment import solve
 
 FREE = ("f", "xp", "yp", "k1")
 PLAIN = Camera(
@@ -229,8 +231,8 @@ LITTLE = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
 
 def fly(seed, **options):
     """Simulate noise that the flight's sigma do not know."""
-    true = simulate.single_head(seed=seed, options=simulate.Options(**LITTLE, **options))
-    told = simulate.single_head(seed=seed, options=simulate.Options(**LITTLE))
+    true = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE, **options))
+    told = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE))
     return flown.read_back(replace(true, toml=told.toml)).flight
 
 

@@ -5,10 +5,12 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
+import acx4sim
 import blocks
 import flights_simulated as flown
-from acx4lib import simulate, variance_components, weights
-from acx4lib.bundle import adjust, mounted_orientation
+from acx4lib.bundle import variance_components
+from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.calibration import weights
 from acx4lib.errors import AdjustmentError
 
 FREE = ("f", "xp", "yp", "k1")
@@ -80,8 +82,8 @@ def test_factors_that_do_not_settle_are_an_error_that_names_them(block, monkeypa
 def test_a_flights_gnss_that_is_2_5_times_worse_than_stated_is_found_so():
     """Through the flight's files; the bound is 3.3 of the factor's own standard deviations."""
     options = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
-    true = simulate.single_head(seed=2, options=simulate.Options(**options, gnss_noise=2.5))
-    told = simulate.single_head(seed=2, options=simulate.Options(**options))
+    true = acx4sim.single_head(seed=2, options=acx4sim.Options(**options, gnss_noise=2.5))
+    told = acx4sim.single_head(seed=2, options=acx4sim.Options(**options))
     toml = told.toml + 'weights = "estimated"\n'
     flight = flown.read_back(replace(true, toml=toml)).flight
     assert flight.weights == "estimated"

@@ -7,18 +7,19 @@ from pathlib import Path
 
 import matplotlib as mpl
 
-from acx4lib import coverage_page, plot
+from acx4book.pages import sigma
+from acx4book.pages.figure_sigma import normalised_errors
 
 
 def main(benchmarks: Path, folder: Path) -> None:
     """Write coverage.md, coverage-shares.md and coverage.svg."""
-    errors = coverage_page.read(benchmarks)
+    errors = sigma.read(benchmarks)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "coverage.md").write_text(coverage_page.page(errors), encoding="utf-8")
-    (folder / "coverage-shares.md").write_text(coverage_page.shares(errors), encoding="utf-8")
-    own = [t[t["method"] == coverage_page.MAIN] for t in (errors.parameters, errors.points)]
+    (folder / "coverage.md").write_text(sigma.page(errors), encoding="utf-8")
+    (folder / "coverage-shares.md").write_text(sigma.shares(errors), encoding="utf-8")
+    own = [t[t["method"] == sigma.MAIN] for t in (errors.parameters, errors.points)]
     with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
-        plot.normalised_errors(*own).savefig(folder / "coverage.svg", metadata={"Date": None})
+        normalised_errors(*own).savefig(folder / "coverage.svg", metadata={"Date": None})
 
 
 if __name__ == "__main__":

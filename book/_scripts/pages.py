@@ -13,19 +13,16 @@ from pathlib import Path
 
 import nbformat
 
-from acx4lib import (
-    flight,
-    notebooks,
-    own_folder,
-    provenance,
-    results,
-    runner,
-    scorecard_page,
-    simulate,
-    simulation_page,
-)
+import acx4sim
+from acx4book.chapters.mounting import determination
+from acx4book.notebooks import execute, stages
+from acx4book.pages import simulation
+from acx4book.paper import scorecard_page
+from acx4lib import flight
 from acx4lib.errors import Acx4Error
-from acx4lib.stages import determination_tables
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
 
 ALWAYS = (
     "05-reference-data",
@@ -39,12 +36,12 @@ ALWAYS = (
 
 def main(flight_path: Path, results_path: Path, book: Path) -> None:
     """Fill ``_executed``; write scorecard.md, simulation.md, geometry.md into ``_generated``."""
-    own_folder.verify(results_path, cure="run acx4 run again")
+    claims.verify(results_path, cure="run acx4 run again")
     executed, generated = book / "_executed", book / "_generated"
-    for name in runner.NOTEBOOKS.values():
+    for name in stages.NOTEBOOKS.values():
         done, source = (
             folder / f"{name}.ipynb"
-            for folder in (results_path / "notebooks", runner.NOTEBOOKS_PATH)
+            for folder in (results_path / "notebooks", stages.NOTEBOOKS_PATH)
         )
         if done.is_file():
             fold(done, executed / done.name)
@@ -52,19 +49,19 @@ def main(flight_path: Path, results_path: Path, book: Path) -> None:
             text = f"{title(source)}\n\nThis flight has no data for this stage.\n"
             (executed / f"{name}.md").write_text(text, encoding="utf-8")
     for name in ALWAYS:
-        source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
-        values = notebooks.with_defaults(source, {"results_path": str(results_path)})
-        notebooks.execute(source, executed / source.name, parameters=values, on_cell=_silent)
-        notebooks.scrub(executed / source.name)
+        source = stages.NOTEBOOKS_PATH / f"{name}.ipynb"
+        values = execute.with_defaults(source, {"results_path": str(results_path)})
+        execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
+        execute.scrub(executed / source.name)
         fold(executed / source.name, executed / source.name)
     flown = flight.read_kept(results_path / provenance.KEPT)
     found = results.read(results_path)
-    truth_path = simulate.truth_path(flight_path)
+    truth_path = acx4sim.truth_path(flight_path)
     truth = json.loads(truth_path.read_text("utf-8")) if truth_path.is_file() else None
     for name, text in (
         ("scorecard", scorecard_page.page(found, flown, simulated=truth is not None)),
-        ("simulation", simulation_page.page(flown, truth)),
-        ("geometry", determination_tables.geometry_page()),
+        ("simulation", simulation.page(flown, truth)),
+        ("geometry", determination.geometry_page()),
     ):
         (generated / f"{name}.md").write_text(text, encoding="utf-8")
 

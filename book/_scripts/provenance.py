@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from acx4lib.plain_text import code
-from acx4lib.provenance import KEPT
+from acx4book.typesetting.plain_text import code
+from acx4lib.results.provenance import KEPT
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -1,7 +1,8 @@
-"""How functions are compiled, and where the result is kept."""
+"""How functions are compiled, and in which folder of the user the result is kept."""
 
 from __future__ import annotations
 
+import os
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,31 +14,10 @@ import numba.core.config
 from numba import njit
 from numba.core.caching import FunctionCache
 
-from acx4lib.user_folders import is_writable, user_folder
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 _HERE = Path(__file__).parent
 _CONFIG: Any = numba.core.config
-
-_SOURCES = (
-    "compiling.py",
-    "collinearity.py",
-    "small_products.py",
-    "rays.py",
-    "packing.py",
-    "image_kernel.py",
-    "image_quality.py",
-    "reduction.py",
-    "spline_kernel.py",
-    "correlation_kernel.py",
-    "matching_kernel.py",
-    "memory_hints.py",
-    "pixel_lanes.py",
-    "blend_weights.py",
-    "resampling_kernel.py",
-)
-"""Modules with compiled functions, and with what these are compiled from."""
 
 _HOW: dict[str, Any] = {
     "nogil": True,
@@ -80,13 +60,38 @@ def _folder() -> Path | None:
     A compiled function is kept under the date of its own module only, though what it calls in
     other modules is compiled into it.
     """
-    sources = b"".join((_HERE / name).read_bytes() for name in _SOURCES)
+    cellars = sorted(_HERE.glob("**/compiled/*.py"))
+    used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
+    sources = b"".join(path.read_bytes() for path in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
     cache = user_folder("XDG_CACHE_HOME", ".cache")
     roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]
     if _CONFIG.CACHE_DIR:
         roots.insert(0, Path(_CONFIG.CACHE_DIR))
     return next((root / name for root in roots if is_writable(root / name)), None)
+
+
+def is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder, which is made where it is not there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
+def user_folder(variable: str, default: str) -> Path | None:
+    """Return a folder of the user; None where there is no home.
+
+    Parameters
+    ----------
+    variable : str
+        Environment variable that names it, such as ``XDG_CACHE_HOME``.
+    default : str
+        Below the home, where the variable says nothing.
+    """
+    named = Path(os.environ.get(variable) or os.path.expanduser(f"~/{default}"))  # noqa: PTH111 Path's raises
+    return named if named.is_absolute() else None
 
 
 _FOLDER = _folder()

@@ -1,10 +1,16 @@
-"""What can go wrong with a user's data, a user's folders, or an adjustment."""
+"""What can go wrong with a user's data, a user's folders, or an adjustment, each in one line."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
-from acx4lib.plain_text import visible
+UNSEEN = re.compile(
+    "[\x00-\x1f\x7f-\x9f"  # control characters, the end of a line among them
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # these turn the direction of what follows
+    "\u2028\u2029\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"  # ends of lines, halves, none at all
+)
+"""Characters that are no text: they move the cursor, end a line or reorder what is read."""
 
 
 class Acx4Error(Exception):
@@ -32,3 +38,13 @@ class OutputError(Acx4Error):
 
 class AdjustmentError(Acx4Error):
     """An adjustment does not converge or is not determined by its data."""
+
+
+def visible(text: str) -> str:
+    r"""Return text as one line, what is no text in it written as Python writes it: ``\x1b``."""
+    return UNSEEN.sub(lambda found: _escape(found[0]), text)
+
+
+def _escape(c: str) -> str:
+    """Return the escape of a character; a byte that is no text is a surrogate in Python."""
+    return f"\\x{ord(c) - 0xDC00:02x}" if "\udc80" <= c <= "\udcff" else ascii(c)[1:-1]

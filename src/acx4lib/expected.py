@@ -1,4 +1,4 @@
-"""What a function expects of its arguments, checked at its door.
+"""What a function expects of its arguments: types of arrays, and checks at its door.
 
 A wrong argument is a `ValueError` of one sentence: its name, what was expected, what was given.
 Values are checked where they are made; what is made of checked values is not checked again.
@@ -11,12 +11,17 @@ from collections.abc import Iterable, Sequence, Sized
 from dataclasses import fields
 from pathlib import Path
 from types import EllipsisType
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from acx4lib._typing import Array, Index, Mask
 from acx4lib.errors import FlightError
+
+Array = NDArray[np.floating[Any]]
+Index = NDArray[np.integer[Any]]
+Mask = NDArray[np.bool_]
+Raster = NDArray[np.unsignedinteger[Any]]
 
 T = TypeVar("T")
 

@@ -24,7 +24,7 @@ import bench_blocks
 import ceres_solver
 import machine
 import problem_file
-from acx4lib.frames import log, rotation_from_opk
+from acx4lib.geometry.frames import log, rotation_from_opk
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "data" / "benchmarks"

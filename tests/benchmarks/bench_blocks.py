@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import bundle
-from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
-from acx4lib.camera import INTERIOR, Camera, Interior, inside
-from acx4lib.collinearity import project
-from acx4lib.frames import Pose, exp, rotation_from_opk, transform
-from acx4lib.geodesy import GridSystem, MappingFrame
-from acx4lib.network import Network
+from acx4lib.bundle import adjust
+from acx4lib.bundle.network import Network
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 
 FREE = INTERIOR[:8]
 """All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2."""
@@ -161,7 +161,7 @@ def make(design: Design, *, seed: int = 1) -> Made:
 
 def network(made: Made, *, seed: int = 2) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
-    ready = bundle.mounted_orientation(made.block, free=FREE)
+    ready = adjust.mounted_orientation(made.block, free=FREE)
     rng = np.random.default_rng(seed)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m

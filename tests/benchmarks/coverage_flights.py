@@ -21,7 +21,8 @@ import pandas as pd
 
 import flights_simulated as simulated
 import machine
-from acx4lib import mounting, validation
+from acx4lib.calibration import mounting
+from acx4lib.georeferencing import validation
 
 OUT = Path(__file__).parents[2] / "data" / "benchmarks"
 DESIGN = "acx4"

@@ -15,14 +15,14 @@ from typing import Any
 import cv2
 import numpy as np
 
+import acx4sim
 import printed_camera
-from acx4lib import simulate
-from acx4lib.camera import Camera, xy_from_colrow
-from acx4lib.image_overlaps import grey_window, shared_windows
-from acx4lib.image_ties import find_ties
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.simulate.pictures import camera_image
-from acx4lib.synthetic_image import head_from_synthetic, reduced_camera, reduced_heads
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
+from acx4lib.tie_points.overlaps import grey_window, shared_windows
+from acx4lib.tie_points.search import find_ties
+from acx4sim.pictures.pictures import camera_image
 from measure import timed
 
 EXPOSURE, HEADS, SEED = "H3-04", ("CAM1", "CAM2"), 1
@@ -51,20 +51,20 @@ class Pair:
 
 def simulated(reduce: int = 1) -> Pair:
     """Simulate two heads at one exposure; at full size this takes minutes."""
-    at = simulate.station(simulate.acx4_plan(), EXPOSURE, seed=SEED)
-    ground = simulate.Tiles(ground=simulate.landscape(at, seed=SEED))
+    at = acx4sim.station(acx4sim.acx4_plan(), EXPOSURE, seed=SEED)
+    ground = acx4sim.Tiles(ground=acx4sim.landscape(at, seed=SEED))
     images = [camera_image(at, name, ground, reduce=reduce, seed=SEED) for name in HEADS]
     return pair_of(images, reduce)
 
 
 def pair_of(images: Sequence[np.ndarray], reduce: int) -> Pair:
     """Return simulated images of the two heads, reduced so, as a pair with its truth."""
-    at = simulate.station(simulate.acx4_plan(), EXPOSURE, seed=SEED)
-    lenses = [simulate.reduced(at.plan.cameras[name], reduce) for name in HEADS]
+    at = acx4sim.station(acx4sim.acx4_plan(), EXPOSURE, seed=SEED)
+    lenses = [acx4sim.reduced(at.plan.cameras[name], reduce) for name in HEADS]
 
     def truth(colrow: np.ndarray) -> np.ndarray:
-        return simulate.pixels_from_ground(
-            at, lenses[1], simulate.ground_from_pixels(at, lenses[0], colrow)
+        return acx4sim.pixels_from_ground(
+            at, lenses[1], acx4sim.ground_from_pixels(at, lenses[0], colrow)
         )
 
     return Pair(

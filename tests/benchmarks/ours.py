@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import problem_file
-from acx4lib import bundle
+from acx4lib.bundle import adjust
 from measure import memory_mb, report, timed
 
 
@@ -18,8 +18,8 @@ def main(path: Path) -> None:
     """Read, adjust twice, report the second time."""
     baseline_mb = memory_mb("VmRSS")
     network = problem_file.read(path)
-    bundle.adjust(network)
-    found, seconds = timed(lambda: bundle.adjust(network))
+    adjust.adjust(network)
+    found, seconds = timed(lambda: adjust.adjust(network))
     peak_mb = memory_mb("VmHWM")
     solution, T_b_c = found.solution, found.state.T_b_c
     report(

@@ -11,12 +11,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
-from acx4lib.camera import Camera, Interior
-from acx4lib.frames import Pose
-from acx4lib.network import Network, State
-from acx4lib.observations import PoseObservations
-from acx4lib.unknowns import MOUNT, layout
+from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.unknowns import layout
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.parameters import MOUNT
 from bench_blocks import FRAME, FREE
 
 
@@ -136,7 +137,7 @@ def _block(
 
 
 def _network(block: Block, observed: PoseObservations, x_m: np.ndarray) -> Network:
-    """Return what `bundle.mounted_orientation` does, without a search for start values."""
+    """Return what `adjust.mounted_orientation` does, without a search for start values."""
     n, camera = len(block.images), block.cameras[0]
     return Network(
         block=block,

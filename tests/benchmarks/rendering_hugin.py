@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.synthetic_image import synthetic_from_head
+from acx4lib.synthetic_image.frame import synthetic_from_head
 from rendering_scene import Scene
 
 PROGRAMS = ("nona", "enblend")

@@ -13,9 +13,9 @@ import numpy as np
 
 import rendering_peers
 import rendering_scene
-from acx4lib.head_response import Response
-from acx4lib.image_map import between_nodes
-from acx4lib.rendering import RenderPlan, render, render_rows
+from acx4lib.synthetic_image.head_map import between_nodes
+from acx4lib.synthetic_image.rendering import RenderPlan, render, render_rows
+from acx4lib.synthetic_image.response import Response
 from measure import memory_mb, report, timed
 from rendering_scene import Scene
 

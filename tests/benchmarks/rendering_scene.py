@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib import flight as flights
-from acx4lib.camera import Camera, xy_from_colrow
-from acx4lib.head_images import HeadImages, head_files, read_heads
-from acx4lib.head_response import Response
-from acx4lib.image_map import HeadMap, between_nodes
-from acx4lib.relative_orientation import RelativeOrientation
-from acx4lib.render_flight import read_rig
-from acx4lib.rendering import RenderPlan, render_plan
-from acx4lib.synthetic_image import reduced_camera, reduced_heads, synthetic_from_head
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.production.flight_images import read_rig
+from acx4lib.production.head_images import HeadImages, head_files, read_heads
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
+from acx4lib.synthetic_image.head_map import HeadMap, between_nodes
+from acx4lib.synthetic_image.rendering import RenderPlan, render_plan
+from acx4lib.synthetic_image.response import Response
 
 EXPOSURE = "H3-04"
 FEATHER_PX = 150.0  # the renderer's default, pixels at full size

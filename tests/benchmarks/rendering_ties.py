@@ -9,7 +9,7 @@ import cv2
 
 import matching
 from acx4lib import flight as flights
-from acx4lib.head_images import head_files, read_heads
+from acx4lib.production.head_images import head_files, read_heads
 from measure import report
 
 

@@ -14,11 +14,11 @@ import numpy as np
 import exact_rendering
 import rendering_peers
 import rendering_scene
-from acx4lib.camera import inside, xy_from_colrow
-from acx4lib.head_response import Response, ResponseFit, estimate_response
-from acx4lib.image_map import between_nodes
-from acx4lib.rendering import render_rows
-from acx4lib.synthetic_image import head_from_synthetic
+from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.synthetic_image.head_map import between_nodes
+from acx4lib.synthetic_image.rendering import render_rows
+from acx4lib.synthetic_image.response import Response, ResponseFit, estimate_response
 from measure import report
 from rendering_scene import Scene, Window
 

@@ -11,8 +11,8 @@ from scipy import sparse
 from scipy.optimize import least_squares
 
 import problem_file
-from acx4lib.frames import log_jacobian
-from acx4lib.network import Network, State
+from acx4lib.bundle.network import Network, State
+from acx4lib.geometry.frames import log_jacobian
 from measure import memory_mb, report, timed
 
 EVALUATIONS = 200

@@ -16,8 +16,8 @@ import bench_blocks
 import ceres_solver
 import problem_file
 import scipy_solver
-from acx4lib import bundle
-from acx4lib.frames import exp, log
+from acx4lib.bundle import adjust
+from acx4lib.geometry.frames import exp, log
 from helpers import numeric_jacobian
 
 SMALL = bench_blocks.Design(layout="52", ties=60)
@@ -35,7 +35,7 @@ def network(made):
 
 @pytest.fixture(scope="module")
 def adjusted(network):
-    return bundle.adjust(network)
+    return adjust.adjust(network)
 
 
 @pytest.fixture(scope="module")

@@ -22,10 +22,10 @@ import rendering_peers
 import rendering_run
 import rendering_scene
 import rendering_truth
-from acx4lib.head_images import HeadImages
-from acx4lib.head_response import OverlapResponse, Response, ResponseFit
-from acx4lib.rendering import render
-from acx4lib.synthetic_image import synthetic_from_head
+from acx4lib.production.head_images import HeadImages
+from acx4lib.synthetic_image.frame import synthetic_from_head
+from acx4lib.synthetic_image.rendering import render
+from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
 from rendering_scene import Scene
 
 K = 16

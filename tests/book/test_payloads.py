@@ -19,8 +19,9 @@ from bs4 import BeautifulSoup, Comment
 
 import payload_flights
 import payloads
-from acx4lib import flight, results
+from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
+from acx4lib.results import folder as results
 
 pytestmark = pytest.mark.slow
 

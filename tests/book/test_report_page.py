@@ -2,7 +2,8 @@
 
 import pytest
 
-from acx4lib import calibration_report, provenance
+from acx4book import report
+from acx4lib.results import provenance
 
 SEEN = """() => ({
     overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
@@ -19,7 +20,7 @@ def report_path(html, tmp_path_factory):
     if not (folder / provenance.FILE).is_file():
         pytest.skip("the book was made from another flight")
     out = tmp_path_factory.mktemp("report") / "report.html"
-    calibration_report.write(folder, out)
+    report.write(folder, out)
     return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import tifffile
 
-from acx4lib import simulate
+import acx4sim
 from flights import write_flight
 
 KEPT = 5
@@ -25,8 +25,8 @@ def write_all(folder: Path) -> list[Path]:
     above_geoid = write_flight(folder / "geoid", form="geographic")
     _add_geoid(above_geoid)
     simulated = folder / "simulated"
-    simulate.write(simulate.DESIGNS["single-head"](seed=1, options=simulate.Options()), simulated)
-    simulate.truth_path(simulated).unlink()
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1, options=acx4sim.Options()), simulated)
+    acx4sim.truth_path(simulated).unlink()
     _thin(simulated)
     return [pictured, above_geoid, simulated]
 

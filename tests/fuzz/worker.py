@@ -21,11 +21,13 @@ import traceback
 import warnings
 from pathlib import Path
 
-from acx4lib import cli, flight, mounting, validation
-from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.image_files import image_from_file
-from acx4lib.plain_text import UNSEEN
-from acx4lib.stages import heads as heads_stage
+from acx4book.chapters.heads import steps as heads_stage
+from acx4book.command import acx4
+from acx4lib import flight
+from acx4lib.calibration import mounting
+from acx4lib.errors import UNSEEN, AdjustmentError, FlightError
+from acx4lib.georeferencing import validation
+from acx4lib.production.image_files import image_from_file
 from fuzz.mutations import spoil
 
 SECONDS = 20
@@ -53,7 +55,7 @@ def checked(folder: Path) -> tuple[int, str, str]:
     status = 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            cli.main(["check", str(folder)])
+            acx4.main(["check", str(folder)])
         except SystemExit as end:
             status = int(end.code or 0)
     out.flush()

@@ -6,23 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib import (
-    adjustment,
-    block,
-    bundle,
-    calibration,
-    camera,
-    data_snooping,
-    mounting,
-    observations,
-    relative_orientation,
-    rig,
-    unknowns,
-    variance_components,
-    weights,
-)
+from acx4book.chapters.mounting import variants as mounting_experiments
+from acx4lib.bundle import adjust, observations, unknowns, variance_components
+from acx4lib.bundle.gross_errors import data_snooping
+from acx4lib.calibration import estimates, heads, mounting, rig, weights
 from acx4lib.errors import AdjustmentError
-from acx4lib.experiments import mounting as mounting_experiments
+from acx4lib.flight import block
+from acx4lib.geometry import camera
+from acx4lib.least_squares import adjustment
 from wrong_calls.material import (
     BLOCK,
     CAMERA,
@@ -97,11 +88,11 @@ def adjusted() -> list[Wrong]:
             "refraction: expected one of none, standard, got True",
         ),
         Wrong(
-            lambda: relative_orientation.calibrate_heads(RIG, ["CAM"], free=FREE, refraction="air"),
+            lambda: heads.calibrate_heads(RIG, ["CAM"], free=FREE, refraction="air"),
             "refraction: expected one of none, standard, got 'air'",
         ),
         Wrong(
-            lambda: bundle.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
+            lambda: adjust.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
             "free_mount: expected names of lever_x, .*, got 'lever_arm'",
         ),
         Wrong(lambda: mounting.calibrate(None, free=FREE), "block: expected a Block, got None"),
@@ -111,10 +102,10 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(lambda: mounting.two_step(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
-            lambda: bundle.free_orientation(None, free=FREE), "block: expected a Block, got None"
+            lambda: adjust.free_orientation(None, free=FREE), "block: expected a Block, got None"
         ),
         Wrong(
-            lambda: relative_orientation.calibrate_heads(None, ["CAM"], free=FREE),
+            lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),
             "block: expected a Block, got None",
         ),
         Wrong(lambda: rig.calibrate(None, free=FREE), "block: expected a Block, got None"),
@@ -127,23 +118,23 @@ def adjusted() -> list[Wrong]:
             "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(
-            lambda: relative_orientation.calibrate_heads(RIG, "CAM", free=FREE),
+            lambda: heads.calibrate_heads(RIG, "CAM", free=FREE),
             "heads: expected a sequence of names, got the text 'CAM'",
         ),
         Wrong(
-            lambda: relative_orientation.calibrate_heads(RIG, ["TAIL"], free=FREE),
+            lambda: heads.calibrate_heads(RIG, ["TAIL"], free=FREE),
             "has no camera 'TAIL', only CAM, SIDE",
         ),
         Wrong(
-            lambda: relative_orientation.relative_orientation({}, SYNTHETIC),
+            lambda: heads.relative_orientation({}, SYNTHETIC),
             "bundles: expected one Bundle at least, got none",
         ),
         Wrong(
-            lambda: relative_orientation.relative_orientation([fit()], SYNTHETIC),
+            lambda: heads.relative_orientation([fit()], SYNTHETIC),
             "bundles: expected a mapping of Bundle, got a list",
         ),
         Wrong(
-            lambda: relative_orientation.relative_orientation({"CAM": fit()}, "SYN"),
+            lambda: heads.relative_orientation({"CAM": fit()}, "SYN"),
             "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(
@@ -151,7 +142,7 @@ def adjusted() -> list[Wrong]:
             r"CAM: expected a focal length in mm, got f=0.05 \(metres\?\)",
         ),
         Wrong(
-            lambda: bundle.free_orientation(
+            lambda: adjust.free_orientation(
                 block.select_images(BLOCK, IMAGES.exposure_idx < 6),
                 free=FREE,
                 positions=with_positions,
@@ -159,7 +150,7 @@ def adjusted() -> list[Wrong]:
             "positions: expected 6 poses, got 12",
         ),
         Wrong(
-            lambda: bundle.free_orientation(BLOCK, free=FREE, positions=POSES),
+            lambda: adjust.free_orientation(BLOCK, free=FREE, positions=POSES),
             "positions: expected a PoseObservations, got a Pose",
         ),
         Wrong(
@@ -174,7 +165,7 @@ def adjusted() -> list[Wrong]:
             lambda: mounting.single_step(fit().network, free=FREE),
             "block: expected a Block, got a Network",
         ),
-        Wrong(lambda: bundle.adjust(BLOCK), "network: expected a Network, got a Block"),
+        Wrong(lambda: adjust.adjust(BLOCK), "network: expected a Network, got a Block"),
         Wrong(
             lambda: mounting.single_step(lonely, free=FREE),
             "72 observations cannot determine 82 unknowns",
@@ -192,19 +183,19 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: bundle.mounted_orientation(b, free=FREE), critical=-3.9
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=-3.9
             ),
             "critical: expected a positive number, got -3.9",
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: bundle.mounted_orientation(b, free=FREE), critical=np.nan
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=np.nan
             ),
             "critical: expected a positive number, got nan",
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: bundle.mounted_orientation(b, free=FREE), sigma0="guess"
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), sigma0="guess"
             ),
             "sigma0: expected one of known, estimated, got 'guess'",
         ),
@@ -257,11 +248,11 @@ def adjusted() -> list[Wrong]:
             "n_cameras: expected a whole number of 0 or more, got -1",
         ),
         Wrong(
-            lambda: calibration.given(CAMERA),
+            lambda: estimates.given(CAMERA),
             "cameras: expected a sequence of Camera, got a Camera",
         ),
         Wrong(
-            lambda: calibration.parameters(calibrated()["single_step"]),
+            lambda: estimates.parameters(calibrated()["single_step"]),
             "calibration: expected a Calibration, got a Mounting",
         ),
         Wrong(

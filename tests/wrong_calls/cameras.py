@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acx4lib import camera, collinearity, frames, intersection
-from acx4lib.frames import Pose, rotation_from_opk
+from acx4lib.geometry import camera, collinearity, frames, intersection
+from acx4lib.geometry.frames import Pose, rotation_from_opk
 from wrong_calls.material import CAMERA, Wrong
 
 

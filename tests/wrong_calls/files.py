@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib import flight, results, simulate
+import acx4sim
+from acx4lib import flight
 from acx4lib.errors import FlightError
+from acx4lib.results import folder
 from wrong_calls.material import Wrong, flown, no_results
 
 NOWHERE = "/nowhere/at/all"
@@ -18,59 +20,59 @@ def files() -> list[Wrong]:
     table = {"parameters": no_results().parameters}
     return [
         Wrong(
-            lambda: results.read(NOWHERE),
+            lambda: folder.read(NOWHERE),
             "/nowhere/at/all: no such folder; expected the results of a run",
             FlightError,
         ),
         Wrong(
-            lambda: results.read(here),
+            lambda: folder.read(here),
             "files.py: not a folder; expected the results of a run",
             FlightError,
         ),
-        Wrong(lambda: results.read(""), "folder: expected a path, got ''"),
-        Wrong(lambda: results.read(None), "folder: expected a path, got None"),
+        Wrong(lambda: folder.read(""), "folder: expected a path, got ''"),
+        Wrong(lambda: folder.read(None), "folder: expected a path, got None"),
         Wrong(lambda: flight.read(NOWHERE), "/nowhere/at/all", FlightError),
         Wrong(lambda: flight.read(here), "files.py", FlightError),
         Wrong(lambda: flight.read(None), "path: expected a path, got None"),
         Wrong(
-            lambda: results.rows(no_results(), "parameter", "mounting"),
+            lambda: folder.rows(no_results(), "parameter", "mounting"),
             "table: expected one of parameters, .*, got 'parameter'",
         ),
         Wrong(
-            lambda: results.rows(no_results(), "parameters", "mountings"),
+            lambda: folder.rows(no_results(), "parameters", "mountings"),
             "stage: expected one of heads, .*, got 'mountings'",
         ),
         Wrong(
-            lambda: results.rows(no_results(), "parameters", "mounting"),
+            lambda: folder.rows(no_results(), "parameters", "mounting"),
             "no results of mounting; run stage mounting first",
             FlightError,
         ),
         Wrong(
-            lambda: results.has(no_results(), "single_step"),
+            lambda: folder.has(no_results(), "single_step"),
             "stage: expected one of heads, .*, got 'single_step'",
         ),
         Wrong(
-            lambda: results.has(NOWHERE, "mounting"),
+            lambda: folder.has(NOWHERE, "mounting"),
             "results: expected a Results, got '/nowhere/at/all'",
         ),
         Wrong(
-            lambda: results.replace(NOWHERE, "mounting", tables={}, summary={}),
+            lambda: folder.replace(NOWHERE, "mounting", tables={}, summary={}),
             "stage_methods: expected a sequence of names, got the text 'mounting'",
         ),
         Wrong(
-            lambda: results.replace(NOWHERE, ["mountings"], tables=table, summary={}), "mountings"
+            lambda: folder.replace(NOWHERE, ["mountings"], tables=table, summary={}), "mountings"
         ),
     ]
 
 
 def invented() -> list[Wrong]:
-    options = simulate.Options
+    options = acx4sim.Options
     return [
-        Wrong(lambda: simulate.acx4(seed=-1), "seed must be zero or positive, got -1"),
-        Wrong(lambda: simulate.acx4(seed=1.5), "seed must be a whole number, got 1.5"),
-        Wrong(lambda: simulate.acx4(seed="1"), "seed must be a whole number, got '1'"),
+        Wrong(lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive, got -1"),
+        Wrong(lambda: acx4sim.acx4(seed=1.5), "seed must be a whole number, got 1.5"),
+        Wrong(lambda: acx4sim.acx4(seed="1"), "seed must be a whole number, got '1'"),
         Wrong(lambda: options(blocks="heads"), "blocks must be a tuple of names, got 'heads'"),
-        Wrong(lambda: simulate.acx4(options=options(blocks=("head",))), "blocks .*head"),
+        Wrong(lambda: acx4sim.acx4(options=options(blocks=("head",))), "blocks .*head"),
         Wrong(lambda: options(image_noise=-1.0), "image_noise must be zero or positive, got -1.0"),
         Wrong(lambda: options(image_noise="1"), "image_noise must be a number, got '1'"),
         Wrong(lambda: options(gnss_shift_m=0.5), "gnss_shift_m must be three numbers, got 0.5"),
@@ -85,17 +87,17 @@ def invented() -> list[Wrong]:
         Wrong(lambda: options(tie_points={"heads": 10.5}), "tie_points"),
         Wrong(lambda: options(refraction="ICAO"), "refraction is 'none' or 'standard', got 'ICAO'"),
         Wrong(
-            lambda: simulate.GrossErrors(image_points=5),
+            lambda: acx4sim.GrossErrors(image_points=5),
             "image_points must be a share from 0 to 1, got 5",
         ),
         Wrong(
-            lambda: simulate.GrossErrors(gnss_m=np.nan), "gnss_m must be a finite number, got nan"
+            lambda: acx4sim.GrossErrors(gnss_m=np.nan), "gnss_m must be a finite number, got nan"
         ),
-        Wrong(lambda: simulate.SlowErrors(gnss=95), "gnss must be a share from 0 to 1, got 95"),
+        Wrong(lambda: acx4sim.SlowErrors(gnss=95), "gnss must be a share from 0 to 1, got 95"),
         Wrong(
-            lambda: simulate.photograph(flown(), "C1-01"),
+            lambda: acx4sim.photograph(flown(), "C1-01"),
             "exposures must be a sequence of names, got 'C1-01'",
         ),
-        Wrong(lambda: simulate.photograph(flown(), ["X1-01"]), "X1-01"),
-        Wrong(lambda: simulate.photograph(flown(), ["C1-01"], reduce=0), "0"),
+        Wrong(lambda: acx4sim.photograph(flown(), ["X1-01"]), "X1-01"),
+        Wrong(lambda: acx4sim.photograph(flown(), ["C1-01"], reduce=0), "0"),
     ]

@@ -7,18 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 import blocks
-from acx4lib import (
-    accuracy,
-    covariance,
-    coverage,
-    geodesy,
-    georeferencing,
-    paper,
-    reliability,
-    standards,
-    validation,
-    w_test,
-)
+from acx4book.pages import sigma_tests
+from acx4book.paper import printed
+from acx4lib.bundle import reliability
+from acx4lib.geometry import geodesy
+from acx4lib.georeferencing import accuracy, direct, standards, validation
+from acx4lib.least_squares import covariance, w_test
 from wrong_calls.material import BLOCK, FOUND, FRAME, Wrong, calibrated, fit, said
 
 
@@ -60,16 +54,14 @@ def ground() -> list[Wrong]:
             "lonlat: expected one position at least, got none",
         ),
         Wrong(
-            lambda: georeferencing.georeference(replace(BLOCK, cameras=(far,)), said()),
+            lambda: direct.georeference(replace(BLOCK, cameras=(far,)), said()),
             "the calibration has no camera TAIL",
         ),
         Wrong(
-            lambda: georeferencing.georeference(BLOCK, calibrated()["single_step"]),
+            lambda: direct.georeference(BLOCK, calibrated()["single_step"]),
             "calibration: expected a Calibration, got a Mounting",
         ),
-        Wrong(
-            lambda: georeferencing.georeference(None, said()), "block: expected a Block, got None"
-        ),
+        Wrong(lambda: direct.georeference(None, said()), "block: expected a Block, got None"),
         Wrong(
             lambda: validation.validate(None, said(), method="single_step"),
             "block: expected a Block, got None",
@@ -188,17 +180,17 @@ def statistics() -> list[Wrong]:
             lambda: w_test.critical_tau(-3.9, 10.0),
             "critical: expected a positive number, got -3.9",
         ),
-        Wrong(lambda: coverage.nominal(-1.0), "level: expected a positive number, got -1.0"),
+        Wrong(lambda: sigma_tests.nominal(-1.0), "level: expected a positive number, got -1.0"),
         Wrong(
-            lambda: coverage.share_within(np.zeros(0), 1.0),
+            lambda: sigma_tests.share_within(np.zeros(0), 1.0),
             "z: expected one number at least, got none",
         ),
         Wrong(
-            lambda: coverage.sum_p(np.ones(4), 0),
+            lambda: sigma_tests.sum_p(np.ones(4), 0),
             "dof: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: coverage.holm(np.array([5.0, 20.0])),
+            lambda: sigma_tests.holm(np.array([5.0, 20.0])),
             "p: expected probabilities between 0 and 1, got 5.0 in row 0",
         ),
         Wrong(
@@ -237,8 +229,9 @@ def statistics() -> list[Wrong]:
             lambda: standards.classes(np.zeros((30, 3))),
             "accuracy: expected an Accuracy, got an array",
         ),
-        Wrong(lambda: paper.table(9), "9"),
+        Wrong(lambda: printed.table(9), "9"),
         Wrong(
-            lambda: paper.value(1, "xp", "CAM3"), "Table 1 has no parameter 'xp' in a column 'CAM3'"
+            lambda: printed.value(1, "xp", "CAM3"),
+            "Table 1 has no parameter 'xp' in a column 'CAM3'",
         ),
     ]

@@ -9,19 +9,15 @@ from functools import cache
 
 import numpy as np
 
+import acx4sim
 import blocks
 import printed_camera
-from acx4lib import (
-    accuracy,
-    bundle,
-    calibration,
-    georeferencing,
-    mounting,
-    results,
-    simulate,
-    tie_points,
-)
-from acx4lib.experiments import synthetic as synthetic_experiments
+from acx4book.chapters.synthetic_image import wrong_heads as synthetic_experiments
+from acx4lib.bundle import adjust
+from acx4lib.calibration import estimates, mounting
+from acx4lib.georeferencing import accuracy, direct
+from acx4lib.results import folder as results
+from acx4lib.tie_points import ties as tie_points
 
 FREE = ("f", "xp", "yp", "k1")
 BLOCK = blocks.standard()
@@ -45,17 +41,17 @@ def calibrated() -> mounting.Mountings:
     return mounting.calibrate(BLOCK, free=FREE)
 
 
-def fit() -> bundle.Bundle:
+def fit() -> adjust.Bundle:
     return calibrated()["single_step"].bundle
 
 
-def said() -> calibration.Calibration:
+def said() -> estimates.Calibration:
     return calibrated()["single_step"].calibration
 
 
 @cache
-def georeferenced() -> georeferencing.Georeferenced:
-    return georeferencing.georeference(BLOCK, said())
+def georeferenced() -> direct.Georeferenced:
+    return direct.georeference(BLOCK, said())
 
 
 @cache
@@ -65,8 +61,8 @@ def ties() -> tie_points.TiePoints:
 
 
 @cache
-def flown() -> simulate.SimulatedFlight:
-    return simulate.single_head(options=simulate.Options(tie_points={"calibration": 10}))
+def flown() -> acx4sim.SimulatedFlight:
+    return acx4sim.single_head(options=acx4sim.Options(tie_points={"calibration": 10}))
 
 
 @cache

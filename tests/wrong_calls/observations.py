@@ -7,8 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 import printed_camera
-from acx4lib import block, georeferencing, gross_errors, mounting, refinement, tie_points
-from acx4lib.frames import Pose
+from acx4lib.bundle.gross_errors import rejections
+from acx4lib.calibration import mounting
+from acx4lib.flight import block
+from acx4lib.geometry.frames import Pose
+from acx4lib.georeferencing import direct
+from acx4lib.tie_points import refinement
+from acx4lib.tie_points import ties as tie_points
 from wrong_calls.material import (
     BLOCK,
     CAMERA,
@@ -57,7 +62,7 @@ def rays(**wrong):
         "colrow": np.zeros((4, 2)),
         "sigma_px": np.ones(4),
     }
-    return georeferencing.Rays(**{**right, **wrong})
+    return direct.Rays(**{**right, **wrong})
 
 
 def measured() -> list[Wrong]:
@@ -163,19 +168,17 @@ def measured() -> list[Wrong]:
             "sigma_px: expected positive numbers, got 0.0 in row 0",
         ),
         Wrong(
-            lambda: georeferencing.intersect_rays(
+            lambda: direct.intersect_rays(
                 BLOCK, georeferenced(), rays(image_idx=np.array([0, 1, 2, 99]))
             ),
             r"selected.image_idx: expected whole numbers from 0 to 11, got 99 in row 3",
         ),
         Wrong(
-            lambda: georeferencing.intersect_rays(
-                BLOCK, georeferenced(), rays(), weights=np.ones(4)
-            ),
+            lambda: direct.intersect_rays(BLOCK, georeferenced(), rays(), weights=np.ones(4)),
             r"weights: expected shape \(4, 2, 2\), got \(4,\)",
         ),
         Wrong(
-            lambda: georeferencing.intersect_rays(BLOCK, georeferenced(), rays(), refraction="air"),
+            lambda: direct.intersect_rays(BLOCK, georeferenced(), rays(), refraction="air"),
             "refraction",
         ),
         Wrong(lambda: replace(ties(), head_b=ties().head_a), "head_b"),
@@ -193,18 +196,14 @@ def measured() -> list[Wrong]:
             "ties.head_a: expected whole numbers from 0 to 1, got 2 in row 63",
         ),
         Wrong(
-            lambda: gross_errors.without(
+            lambda: rejections.without(
                 BLOCK,
-                [
-                    gross_errors.Rejection(
-                        kind="image_point", row=10**6, component=-1, statistic=9.0
-                    )
-                ],
+                [rejections.Rejection(kind="image_point", row=10**6, component=-1, statistic=9.0)],
             ),
             r"rejected: image_point rows: expected whole numbers from 0 to \d+, got 1000000",
         ),
         Wrong(
-            lambda: gross_errors.Rejection(kind="image", row=0, component=-1, statistic=9.0),
+            lambda: rejections.Rejection(kind="image", row=0, component=-1, statistic=9.0),
             "kind: expected one of image_point, control_point, gnss, attitude, got 'image'",
         ),
     ]

@@ -7,73 +7,68 @@ from dataclasses import replace
 import numpy as np
 
 import printed_camera
-from acx4lib import (
-    harris,
-    head_differences,
-    head_response,
-    head_samples,
-    image_map,
-    image_ties,
-    least_squares_matching,
-    parallax,
-    refinement,
-    render_exposure,
-    rendering,
-    synthetic_image,
-    synthetic_quality,
-    synthetic_tiff,
-    tie_matching,
-    tie_points,
-)
+from acx4book.chapters.image_quality import deviations
+from acx4book.chapters.synthetic_image import parallax
 from acx4lib.errors import AdjustmentError
+from acx4lib.production import exposure, tiff
+from acx4lib.synthetic_image import frame, grey_samples, head_map, rendering, response
+from acx4lib.tie_points import (
+    differences,
+    harris,
+    least_squares_matching,
+    matching,
+    refinement,
+    search,
+)
+from acx4lib.tie_points import ties as tie_points
 from wrong_calls.material import BLOCK, GREY, HEADS, PICTURE, POINTS, SYNTHETIC, Wrong, spoilt, ties
 
 
 def pixels() -> list[Wrong]:
-    small = synthetic_image.reduced_heads(HEADS, 64)
-    synthetic = synthetic_image.reduced_camera(SYNTHETIC, 64)
+    small = frame.reduced_heads(HEADS, 64)
+    synthetic = frame.reduced_camera(SYNTHETIC, 64)
     at, near = np.array([[20, 20]]), np.array([[20.0, 20.0]])
     pictures = [np.zeros((h.height_px, h.width_px, 3), np.uint8) for h in small.heads]
     rng = np.random.default_rng(1)
     match, correlate = least_squares_matching.match, least_squares_matching.correlate
     return [
         Wrong(
-            lambda: synthetic_image.head_from_synthetic(HEADS, 4, np.zeros((1, 2))),
+            lambda: frame.head_from_synthetic(HEADS, 4, np.zeros((1, 2))),
             "k: expected a whole number from 0 to 3, got 4",
         ),
         Wrong(
-            lambda: synthetic_image.synthetic_from_head(HEADS, -1, np.zeros((1, 2))),
+            lambda: frame.synthetic_from_head(HEADS, -1, np.zeros((1, 2))),
             "k: expected a whole number from 0 to 3, got -1",
         ),
         Wrong(
-            lambda: synthetic_image.footprint(HEADS, "CAM1"),
+            lambda: frame.footprint(HEADS, "CAM1"),
             "k: expected a whole number from 0 to 3, got 'CAM1'",
         ),
         Wrong(
-            lambda: synthetic_image.head_from_synthetic(HEADS, 0, np.zeros(2)),
+            lambda: frame.head_from_synthetic(HEADS, 0, np.zeros(2)),
             r"xy: expected shape \(n, 2\), got \(2,\)",
         ),
         Wrong(
-            lambda: synthetic_image.footprint(HEADS, 0, per_side=0),
+            lambda: frame.footprint(HEADS, 0, per_side=0),
             "per_side: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: synthetic_image.coverage(HEADS, SYNTHETIC, spacing_px=0),
+            lambda: frame.coverage(HEADS, SYNTHETIC, spacing_px=0),
             "spacing_px: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: head_differences.frame_differences(HEADS, HEADS, SYNTHETIC, spacing_px=0),
+            lambda: differences.frame_differences(HEADS, HEADS, SYNTHETIC, spacing_px=0),
             "spacing_px: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: head_differences.frame_differences(
+            lambda: differences.frame_differences(
                 HEADS, printed_camera.heads(("CAM1", "CAM2")), SYNTHETIC
             ),
             "other: expected 4 heads, as of orientation, got 2",
         ),
-        Wrong(lambda: synthetic_image.reduced_camera(SYNTHETIC, 1.5), "k: expected a whole number"),
+        Wrong(lambda: frame.reduced_camera(SYNTHETIC, 1.5), "k: expected a whole number"),
         Wrong(
-            lambda: synthetic_image.reduced_camera(SYNTHETIC, 0),
+            lambda: frame.reduced_camera(SYNTHETIC, 0),
             "k: expected a whole number of 1 or more, got 0",
         ),
         Wrong(lambda: replace(HEADS, heads=()), "heads: expected one Camera at least, got none"),
@@ -115,7 +110,7 @@ def pixels() -> list[Wrong]:
             "interpolation",
         ),
         Wrong(
-            lambda: image_map.head_map(small, 0, synthetic, step_px=0),
+            lambda: head_map.head_map(small, 0, synthetic, step_px=0),
             "step_px: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
@@ -141,67 +136,61 @@ def pixels() -> list[Wrong]:
             "height and width of window: expected positive numbers, got -6 in row 0",
         ),
         Wrong(
-            lambda: render_exposure.RenderOptions(blend="multiband"),
+            lambda: exposure.RenderOptions(blend="multiband"),
             "blend 'multiband': must be one of feather, seam",
         ),
         Wrong(
-            lambda: render_exposure.RenderOptions(feather_px=-5.0),
+            lambda: exposure.RenderOptions(feather_px=-5.0),
             "feather_px: expected zero or a positive number, got -5.0",
         ),
         Wrong(
-            lambda: render_exposure.RenderOptions(feather_px=np.nan),
+            lambda: exposure.RenderOptions(feather_px=np.nan),
             "feather_px: expected zero or a positive number, got nan",
         ),
         Wrong(
-            lambda: synthetic_tiff.Format(
-                height=0, width=9, bands=3, dtype="uint8", pixel_mm=0.006
-            ),
+            lambda: tiff.Format(height=0, width=9, bands=3, dtype="uint8", pixel_mm=0.006),
             "height: expected a whole number of 1 or more, got 0",
         ),
+        Wrong(lambda: matching.TieOptions(window_px=20), "window_px must be odd"),
         Wrong(
-            lambda: tie_matching.TieOptions(detector="orb"),
-            "detector must be 'harris' or 'sift', got 'orb'",
-        ),
-        Wrong(lambda: tie_matching.TieOptions(window_px=20), "window_px must be odd"),
-        Wrong(
-            lambda: tie_matching.TieOptions(search_px=-1),
+            lambda: matching.TieOptions(search_px=-1),
             "search_px: expected a whole number of 1 or more, got -1",
         ),
         Wrong(
-            lambda: tie_matching.TieOptions(cells=0),
+            lambda: matching.TieOptions(cells=0),
             "cells: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: tie_matching.TieOptions(least_correlation=np.nan),
+            lambda: matching.TieOptions(least_correlation=np.nan),
             "least_correlation: expected a number from -1 to 1, got nan",
         ),
         Wrong(
-            lambda: image_ties.find_ties(pictures[:2], small, synthetic),
+            lambda: search.find_ties(pictures[:2], small, synthetic),
             "4 heads need as many images, got 2",
         ),
-        Wrong(lambda: image_ties.find_ties(pictures, HEADS, SYNTHETIC), "px with bands is needed"),
+        Wrong(lambda: search.find_ties(pictures, HEADS, SYNTHETIC), "px with bands is needed"),
         Wrong(
-            lambda: head_response.estimate_response(pictures[:2], small, synthetic, rng=rng),
+            lambda: response.estimate_response(pictures[:2], small, synthetic, rng=rng),
             "images: expected 4 images, one for each head, got 2",
         ),
         Wrong(
-            lambda: head_response.estimate_response([PICTURE] * 4, small, synthetic, rng=rng),
+            lambda: response.estimate_response([PICTURE] * 4, small, synthetic, rng=rng),
             r"image of CAM1: expected shape \(105, 140, bands\), got \(60, 80, 3\)",
         ),
         Wrong(
-            lambda: head_response.estimate_response(pictures, small, synthetic, rng=1),
+            lambda: response.estimate_response(pictures, small, synthetic, rng=1),
             "rng: expected a Generator, got 1",
         ),
         Wrong(
-            lambda: head_samples.overlap_samples(pictures, small, synthetic, rng=rng, n_points=0),
+            lambda: grey_samples.overlap_samples(pictures, small, synthetic, rng=rng, n_points=0),
             "n_points: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: head_response.fit_response([], n_heads=0, n_bands=3),
+            lambda: response.fit_response([], n_heads=0, n_bands=3),
             "n_heads: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: head_response.Response(coefficients=np.zeros((4, 3))),
+            lambda: response.Response(coefficients=np.zeros((4, 3))),
             r"coefficients: expected shape \(n_heads, n_bands, 3\), got \(4, 3\)",
         ),
         Wrong(
@@ -256,10 +245,10 @@ def pixels() -> list[Wrong]:
             lambda: harris.noise_level(GREY, rng=rng),
             r"image: expected shape \(rows, cols, bands\), got \(60, 80\)",
         ),
-        Wrong(lambda: synthetic_quality.measure(PICTURE, PICTURE[:30]), "the two pictures have"),
+        Wrong(lambda: deviations.measure(PICTURE, PICTURE[:30]), "the two pictures have"),
         Wrong(
-            lambda: synthetic_quality.consistent(
-                synthetic_quality.Deviations(
+            lambda: deviations.consistent(
+                deviations.Deviations(
                     ideal=np.zeros((5, 2)), d_px=np.zeros((5, 2)), sigma_px=np.ones(5)
                 ),
                 neighbours=0,

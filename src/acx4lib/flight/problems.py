@@ -8,8 +8,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from acx4lib._typing import Index
-from acx4lib.plain_text import visible
+from acx4lib.errors import visible
+from acx4lib.expected import Index
 
 SHOWN = 10
 """So many problems of one kind in one file are written out; the others are counted."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from acx4lib import expected
-from acx4lib.block import Block
-from acx4lib.errors import FlightError
-from acx4lib.flight.blocks import (
+from acx4lib.errors import FlightError, visible
+from acx4lib.flight.block import Block
+from acx4lib.flight.block_from_tables import (
     BLOCKS,
     BlockTables,
     assemble,
@@ -19,21 +19,20 @@ from acx4lib.flight.blocks import (
     read_block,
     used_exposures,
 )
-from acx4lib.flight.document import Toml, read_toml
-from acx4lib.flight.files import named_file
-from acx4lib.flight.fit import fit_problems
-from acx4lib.flight.oddities import area_notes, control_notes, without_single_rows
-from acx4lib.flight.problems import SHOWN, Problem, lines_of
-from acx4lib.flight.setup import Setup, setup_of
-from acx4lib.flight.table_checks import (
+from acx4lib.flight.checks.between_tables import (
     height_problems,
     name_problems,
     position_problems,
     sensor_problems,
     uncalibrated_problems,
 )
-from acx4lib.flight.toml_checks import toml_problems
-from acx4lib.plain_text import visible
+from acx4lib.flight.checks.fit import fit_problems
+from acx4lib.flight.checks.oddities import area_notes, control_notes, without_single_rows
+from acx4lib.flight.checks.settings import toml_problems
+from acx4lib.flight.problems import SHOWN, Problem, lines_of
+from acx4lib.flight.setup import Setup, setup_of
+from acx4lib.flight.text.document import Toml, read_toml
+from acx4lib.flight.text.files import named_file
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from acx4lib.camera import INTERIOR, Camera, Interior
-from acx4lib.flight.document import Toml
-from acx4lib.flight.files import named_file
-from acx4lib.frames import Pose, rotation_from_opk
-from acx4lib.geodesy import GridSystem
+from acx4lib.flight.text.document import Toml
+from acx4lib.flight.text.files import named_file
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
-from acx4lib._typing import Array
-from acx4lib.block import Block
-from acx4lib.design import flying_heights, forward_overlaps
+from acx4lib.errors import visible
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block
+from acx4lib.flight.design import flying_heights, forward_overlaps
 from acx4lib.flight.reader import Flight
-from acx4lib.geodesy import SHOWN
-from acx4lib.plain_text import visible
+from acx4lib.geometry.geodesy import SHOWN
 
 
 def summary(flight: Flight) -> str:

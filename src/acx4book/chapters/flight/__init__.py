@@ -1,0 +1,1 @@
+"""Chapter 0, the flight that is read (section 3.2)."""

@@ -1,0 +1,250 @@
+"""Maps of a flight: the paper's Figures 3, 4 and 6."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from scipy.spatial import ConvexHull
+
+from acx4book.typesetting.style import (
+    BLUE,
+    BRICK,
+    INK,
+    ORANGE,
+    SEQUENCE,
+    SOFT,
+    WIDTH,
+    heading,
+    legend_below,
+    north_arrow,
+    nothing,
+    padded,
+    plain,
+    scale_bar,
+    style,
+)
+from acx4lib.expected import Array
+from acx4lib.flight import design
+from acx4lib.flight.block import Block, SurveyedPoints
+
+LEVEL_COLOURS = (BLUE, ORANGE)
+"""Of the flying heights, from the highest down, from the beginning again."""
+
+
+def block_maps(*blocks: Block | None) -> Figure:
+    """Draw blocks as maps beside each other: strips, footprints, control and check points.
+
+    Parameters
+    ----------
+    *blocks : Block or None
+        Those that a flight does not have are left out.
+
+    Returns
+    -------
+    Figure
+        The ground that images cover is tinted, darker where more of them do; one exposure of
+        every flying height has its footprints outlined.
+    """
+    present = [block for block in blocks if block is not None]
+    if not present:
+        return nothing("The flight has no such block.")
+    with style():
+        fig, axes = _maps([_extent(block) for block in present])
+        handles: dict[str, Any] = {}
+        for ax, block in zip(axes, present, strict=True):
+            handles |= _draw_block(ax, block)
+        legend_below(fig, list(handles.values()))
+    return fig
+
+
+def control_maps(*blocks: Block | None) -> Figure:
+    """Draw the surveyed points of blocks: their names, heights and numbers of images.
+
+    Parameters
+    ----------
+    *blocks : Block or None
+        Blocks that share their points get one map; those that a flight does not have are left
+        out.
+
+    Returns
+    -------
+    Figure
+    """
+    fields = _fields([block for block in blocks if block is not None])
+    if not fields:
+        return nothing("No surveyed point is measured in any image.")
+    with style():
+        fig, axes = _maps([_km(block, _surveyed(block).x_m) for block in fields.values()])
+        for ax, (title, block) in zip(axes, fields.items(), strict=True):
+            _draw_points(fig, ax, title, block)
+    return fig
+
+
+def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
+    """Return axes for maps beside each other, as tall as what they have to show."""
+    size = np.array([np.nanmax(at, axis=0) - np.nanmin(at, axis=0) for at in extents])
+    tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
+    width = WIDTH / len(extents) - 0.7
+    height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
+    fig, axes = plt.subplots(1, len(extents), figsize=(WIDTH, height), squeeze=False)
+    return fig, list(axes[0])
+
+
+def _extent(block: Block) -> Array:
+    """Return what the map of a block has to show, km."""
+    corners = design.footprints(block).reshape(-1, 3)
+    seen = corners[np.isfinite(corners).all(axis=1)]
+    return _km(block, np.concatenate([block.trajectory.T_m_b.r, seen]))
+
+
+def _km(block: Block, x_m: Array) -> Array:
+    """Return grid east and north of mapping coordinates, km, any leading shape."""
+    en = block.frame.to_grid(x_m.reshape(-1, 3))[:, :2] / 1000.0
+    return en.reshape(*x_m.shape[:-1], 2)
+
+
+def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
+    """Draw one map and return legend handles by what they say."""
+    levels = design.levels(block)
+    corners = design.footprints(block)
+    at = _km(block, block.trajectory.T_m_b.r)
+    outlines = _km(block, corners[np.isfinite(corners).all(axis=(1, 2))])
+    ax.add_collection(PolyCollection(list(outlines), facecolor=SOFT, alpha=_tint(outlines), lw=0))
+    handles: dict[str, Any] = {}
+    for i, level in enumerate(levels):
+        colour = LEVEL_COLOURS[i % len(LEVEL_COLOURS)]
+        _draw_level(ax, block, level, at, colour=colour)
+        words = ("higher strips", "lower strips") if len(levels) == 2 else ("strips",)
+        name = words[min(i, len(words) - 1)] if any(level.strips) else "exposures"
+        handles[name] = Line2D([], [], color=colour, marker="o", ms=2.5, lw=1, label=name)
+    handles |= _draw_surveyed(ax, block)
+    _finish_map(ax, _extent(block))
+    heights = " and ".join(f"{level.height_m:.0f}" for level in levels)
+    known = np.isfinite(design.ground_height(block))
+    above = f" from {heights} m above ground" if known else ""
+    heading(ax, block.name, f"{len(block.images)} images{above}")
+    return handles
+
+
+def _tint(outlines: Array) -> float:
+    """Return an opacity at which the mean overlap of footprints is a light grey."""
+    if not len(outlines):
+        return 0.0
+    x, y = outlines[..., 0], outlines[..., 1]
+    areas = np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)) / 2
+    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions the area
+    return float(np.clip(0.28 * covered / areas.sum(), 0.006, 0.15))
+
+
+def _draw_level(ax: Axes, block: Block, level: design.Level, at: Array, *, colour: str) -> None:
+    """Draw the strips of one flying height with their directions, and one exposure's images."""
+    way = design.directions(block)
+    strip_of = np.array(design.strip_of_exposure(block), dtype=object)
+    for strip in level.strips:
+        own = np.flatnonzero(strip_of == strip)
+        ax.plot(*at[own].T, "o" if not strip else "o-", color=colour, lw=0.9, ms=1.9, zorder=4)
+        if strip and len(own) > 1:
+            reach = 0.9 * np.linalg.norm(at[own[-1]] - at[own[0]]) / (len(own) - 1)
+            ax.annotate(
+                "",
+                xy=at[own[-1]] + reach * way[own[-1]],
+                xytext=at[own[-1]],
+                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkA": 0},
+                zorder=4,
+            )
+    of_strip = np.flatnonzero(strip_of == level.strips[len(level.strips) // 2])
+    middle = of_strip[len(of_strip) // 2]
+    corners = design.footprints(block)[block.images.exposure_idx == middle]
+    outlines = PolyCollection(
+        list(_km(block, corners)), facecolor="none", edgecolor=colour, lw=1.1, zorder=3
+    )
+    ax.add_collection(outlines)
+
+
+def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
+    handles = {}
+    for name, points, marker, fill in (
+        ("control points", block.control, "^", BRICK),
+        ("check points", block.check, "o", "white"),
+    ):
+        if len(points):
+            marks: dict[str, Any] = {"marker": marker, "mfc": fill, "mec": INK, "mew": 0.5}
+            ax.plot(*_km(block, points.x_m).T, ls="", ms=3.0, zorder=5, **marks)
+            handles[name] = Line2D([], [], ls="", ms=4.5, label=name, **marks)
+    return handles
+
+
+def _finish_map(ax: Axes, shown: Array) -> None:
+    """Set limits, labels, scale bar and north arrow of a map in km."""
+    low, high = padded(np.nanmin(shown, axis=0), np.nanmax(shown, axis=0))
+    low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="N")
+    ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
+    ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    unit = ("km", 1.0) if high[0] - low[0] > 4 else ("m", 1000.0)
+    scale_bar(ax, per_axis_unit=unit[1], unit=unit[0], at=(0.05, 0.04))
+    north_arrow(ax, at=(0.06, 0.98))
+
+
+# --- surveyed points -------------------------------------------------------------------------
+
+
+def _fields(blocks: Sequence[Block]) -> dict[str, Block]:
+    """Return blocks with different sets of surveyed points, by what the map is to be called."""
+    fields: dict[frozenset[str], list[Block]] = {}
+    for block in blocks:
+        names = frozenset(block.points[i] for i in _surveyed(block).point_idx)
+        if names:
+            key = next((known for known in fields if known & names), names)
+            fields.setdefault(key, []).append(block)
+    return {
+        " and ".join(block.name for block in group): max(group, key=lambda b: len(_surveyed(b)))
+        for group in fields.values()
+    }
+
+
+def _surveyed(block: Block) -> SurveyedPoints:
+    control, check = block.control, block.check
+    return SurveyedPoints(
+        point_idx=np.concatenate([control.point_idx, check.point_idx]),
+        x_m=np.concatenate([control.x_m, check.x_m]),
+        R_g_m=np.concatenate([control.R_g_m, check.R_g_m]),
+        sigma_m=np.concatenate([control.sigma_m, check.sigma_m]),
+    )
+
+
+def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
+    """Draw points with the colour of their height and the size of their number of images."""
+    points = _surveyed(block)
+    at = _km(block, points.x_m)
+    height = block.frame.to_grid(points.x_m)[:, 2]
+    n_images = block.rays[points.point_idx]
+    area = 8 + 70 * n_images / n_images.max()
+    x, y = at.T
+    marks = ax.scatter(x, y, c=height, s=area, cmap=SEQUENCE, edgecolor=INK, lw=0.5, zorder=3)
+    for place, idx, size in zip(at, points.point_idx, area, strict=True):
+        ax.annotate(
+            plain(block.points[idx]),
+            xy=tuple(place),
+            xytext=(0, -4.5 - 0.55 * np.sqrt(size)),
+            textcoords="offset points",
+            fontsize=5.2,
+            color=SOFT,
+            ha="center",
+            va="center",
+        )
+    _finish_map(ax, at)
+    few, many = int(n_images.min()), int(n_images.max())
+    heading(ax, title, f"{len(points)} points, each in {few} to {many} images (size)")
+    fig.colorbar(
+        marks, ax=ax, label="height (m)", location="bottom", shrink=0.7, aspect=35, pad=0.02
+    )

@@ -1,0 +1,205 @@
+"""Figures of the heads: residuals in the image, distortion, correlations (section 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from acx4book.typesetting.field import Residuals, field_figure
+from acx4book.typesetting.style import (
+    INK,
+    PRINTED,
+    SEQUENCE,
+    SOFT,
+    WIDTH,
+    bare,
+    colour,
+    heading,
+    legend_below,
+    nothing,
+    plain,
+    style,
+)
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration.correlations import EXTERIOR, interior_exterior
+from acx4lib.calibration.lens import radial_profile
+from acx4lib.expected import Array
+
+SYMBOLS = {
+    "f_mm": "$f$",
+    "xp_mm": "$x_p$",
+    "yp_mm": "$y_p$",
+    "east_m": "$X_0$",
+    "north_m": "$Y_0$",
+    "height_m": "$Z_0$",
+    "omega_deg": r"$\omega$",
+    "phi_deg": r"$\varphi$",
+    "kappa_deg": r"$\kappa$",
+    **{name: f"${name[0]}_{name[1]}$" for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
+}
+"""The paper's symbols of parameters by their names in results."""
+
+NO_HEADS = "No head could be adjusted."
+
+# --- residuals -------------------------------------------------------------------------------
+
+
+def mean_residuals(fits: Mapping[str, Bundle]) -> Figure:
+    """Draw the mean residual vectors of the cells of every head's image.
+
+    Parameters
+    ----------
+    fits : mapping of str to Bundle
+
+    Returns
+    -------
+    Figure
+        Vectors longer than three of their standard deviations stand out in colour: such are
+        distortion that the model does not have.
+    """
+    if not fits:
+        return nothing(NO_HEADS)
+    return field_figure(
+        {
+            name: Residuals(
+                camera=fit.network.block.cameras[0],
+                colrow=fit.network.image_points.colrow,
+                v=fit.solution.group("image_point").v,
+                sigma_px=fit.network.image_points.sigma_px,
+            )
+            for name, fit in fits.items()
+        }
+    )
+
+
+# --- distortion ------------------------------------------------------------------------------
+
+
+def radial_distortion(
+    fits: Mapping[str, Bundle],
+    *,
+    printed_px: Mapping[str, float] | None = None,
+    claim_px: float | None = None,
+) -> Figure:
+    """Draw the radial distortion of every head, with one standard deviation, up to its corner.
+
+    Parameters
+    ----------
+    fits : mapping of str to Bundle
+    printed_px : mapping of str to float, optional
+        The paper's at the corner, by head.
+    claim_px : float, optional
+        What the paper's text says of the border.
+
+    Returns
+    -------
+    Figure
+    """
+    if not fits:
+        return nothing(NO_HEADS)
+    printed_px = printed_px or {}
+    with style():
+        fig, (wide, near) = plt.subplots(1, 2, figsize=(WIDTH, 3.3), width_ratios=[1.5, 1])
+        lowest, highest, corner = np.inf, -np.inf, 0.0
+        for i, (name, fit) in enumerate(fits.items()):
+            r, px, sigma = radial_profile(fit)
+            for ax in (wide, near):
+                ax.plot(r, px, color=colour(i), label=plain(name))
+                ax.fill_between(r, px - sigma, px + sigma, color=colour(i), alpha=0.25, lw=0)
+            ends = [px[-1], printed_px.get(name, px[-1])]
+            if name in printed_px:
+                near.plot(r[-1], ends[1], "D", ms=4.5, mfc="white", mec=colour(i), mew=1.3)
+            lowest, highest = min(lowest, 0.93 * min(ends)), max(highest, 1.05 * max(ends))
+            corner = max(corner, r[-1])
+        highest = max(highest, 1.04 * (claim_px or 0.0))
+        near.set(xlim=(0.955 * corner, 1.008 * corner), ylim=(lowest, highest))
+        wide.yaxis.set_major_locator(MaxNLocator(7, integer=True))
+        wide.set(xlim=(0, 1.02 * corner))
+        heading(wide, "radial distortion", "from the principal point to the corner")
+        heading(near, "at the corner", r"bands: $\pm 1\sigma$")
+        handles = wide.get_legend_handles_labels()[0]
+        handles += _claims((wide, near), claim_px, some=bool(printed_px))
+        for ax in (wide, near):
+            ax.set(xlabel="radius (mm)", ylabel="distortion (px)")
+        legend_below(fig, handles)
+    return fig
+
+
+def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list[Line2D]:
+    """Draw the paper's statement and return the legend's handles of what is the paper's."""
+    handles = []
+    if some:
+        label = "Table 1 of the paper"
+        handles.append(Line2D([], [], ls="", marker="D", mfc="white", mec=SOFT, label=label))
+    if claim_px is not None:
+        for ax in axes:
+            ax.axhline(claim_px, color=PRINTED, ls=(0, (4, 2)), lw=1)
+        label = f"its text: about {claim_px:g} px"
+        handles.append(Line2D([], [], color=PRINTED, ls=(0, (4, 2)), lw=1, label=label))
+    return handles
+
+
+# --- correlations ----------------------------------------------------------------------------
+
+
+def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> Figure:
+    """Draw how the interior orientation of the heads correlates with the exterior.
+
+    Parameters
+    ----------
+    fits : mapping of str to Bundle
+    claim : float, optional
+        Bound that the paper gives.
+
+    Returns
+    -------
+    Figure
+        Left the largest of all heads and images by pairs of parameters, right how many of all
+        correlations stay below a value.
+    """
+    if not fits:
+        return nothing(NO_HEADS)
+    found = {name: interior_exterior(fit) for name, fit in fits.items()}
+    with style():
+        fig, (pairs, shares) = plt.subplots(1, 2, figsize=(WIDTH, 3.2), width_ratios=[1.15, 1])
+        _draw_pairs(
+            pairs,
+            next(iter(found.values())).interior,
+            np.max([c.largest for c in found.values()], 0),
+        )
+        for i, (name, c) in enumerate(found.items()):
+            values = np.sort(np.abs(c.values), axis=None)
+            share = np.arange(1, len(values) + 1) / len(values)
+            shares.plot(values, 100 * share, color=colour(i), label=plain(name))
+        shares.set(xlim=(0, 1), ylim=(0, 100), xlabel="absolute correlation (1)")
+        shares.set_ylabel("share of all below (%)")
+        handles = shares.get_legend_handles_labels()[0]
+        if claim is not None:
+            line = shares.axvline(claim, color=PRINTED, ls=(0, (4, 2)), lw=1)
+            line.set_label(f"the paper: all below {claim:g}")
+            handles.append(line)
+        heading(pairs, "largest correlations", "of all heads and images")
+        heading(shares, "all correlations", "interior with exterior orientation")
+        legend_below(fig, handles)
+    return fig
+
+
+def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
+    ax.imshow(largest, cmap=SEQUENCE, vmin=0, vmax=1, aspect="auto")
+    bare(ax)
+    ax.set_xticks(range(len(EXTERIOR)), [SYMBOLS[name] for name in EXTERIOR], size=9)
+    ax.set_yticks(range(len(interior)), [SYMBOLS[name] for name in interior], size=9)
+    ax.set(xlabel="exterior orientation", ylabel="interior orientation")
+    ax.set_xticks(np.arange(len(EXTERIOR) - 1) + 0.5, minor=True)
+    ax.set_yticks(np.arange(len(interior) - 1) + 0.5, minor=True)
+    ax.tick_params(which="minor", length=0)
+    ax.grid(visible=True, which="minor", color="white", lw=1.5)
+    for i, j in np.ndindex(*largest.shape):
+        tint = "white" if largest[i, j] > 0.55 else INK
+        ax.text(j, i, f"{largest[i, j]:.2f}", ha="center", va="center", size=7.5, color=tint)

@@ -1,0 +1,236 @@
+"""Where a block is weak: how large an error must be to be found, in plan and in the image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from acx4book.typesetting.style import (
+    INK,
+    SEQUENCE,
+    WIDTH,
+    heading,
+    legend_below,
+    north_arrow,
+    nothing,
+    padded,
+    plain,
+    scale_bar,
+    style,
+)
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.reliability import reliability
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import Camera
+
+NO_RESULT = "The method gave no result."
+
+WEAK_COLOURS = SEQUENCE.reversed()
+"""Of redundancy numbers: the weak ones are dark."""
+
+RANGE_PX = (2.0, 20.0)
+"""Detectable errors from the lightest to the darkest colour; some are without bound."""
+
+CELLS = 16
+"""Cells along the longer side of an image."""
+
+FEW = 3
+"""Measurements below which a cell has no mean."""
+
+
+# --- in plan ---------------------------------------------------------------------------------
+
+
+def weak_places(mounting: Mounting | None) -> Figure:
+    """Draw a block in plan with what its tests find at every point and exposure.
+
+    Parameters
+    ----------
+    mounting : Mounting or None
+        None where a method gave no result.
+
+    Returns
+    -------
+    Figure
+        Left, the largest detectable error in any image measurement of a point. Right, that of any
+        coordinate of a control point or a position.
+    """
+    if mounting is None:
+        return nothing(NO_RESULT)
+    bundle = mounting.bundle
+    measured = np.unique(bundle.network.image_points.point_idx)
+    shown = _km(bundle, np.concatenate([bundle.state.x_m[measured], bundle.state.T_m_b.r]))
+    with style():
+        size = np.ptp(shown, axis=0)
+        height = float(np.clip(0.45 * WIDTH * size[1] / max(size[0], 1e-9), 2.0, 5.4)) + 1.5
+        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, height))
+        _draw_rays(fig, axes[0], bundle, measured)
+        handles = _draw_observed(fig, axes[1], bundle)
+        for ax in axes:
+            _as_map(ax, shown)
+        axes[1].set_ylabel("")
+        if handles:
+            legend_below(fig, handles)
+    return fig
+
+
+def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
+    """Draw the points, the weakest on top, with the largest detectable error of their rays."""
+    found = reliability(bundle.solution.group("image_point"))
+    of_point = np.zeros(bundle.network.n_points)
+    np.maximum.at(of_point, bundle.network.image_points.point_idx, found.detectable.max(axis=1))
+    order = measured[np.argsort(of_point[measured])]
+    low, high = RANGE_PX
+    east, north = _km(bundle, bundle.state.x_m[order]).T
+    marks = ax.scatter(
+        east,
+        north,
+        c=np.clip(of_point[order], low, high),
+        norm=LogNorm(low, high),
+        cmap=SEQUENCE,
+        s=11,
+        lw=0.3,
+        edgecolor=INK,
+        zorder=3,
+    )
+    _bar(fig, ax, marks, "largest detectable error of a ray (px)", [2, 3, 5, 10, 20])
+    over = int(np.sum(of_point[measured] > high))
+    heading(ax, "Object points", f"{len(measured)} points, {over} of them above {high:g} px")
+
+
+def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
+    """Draw control points and positions, and return the legend's handles."""
+    network, state = bundle.network, bundle.state
+    control = network.control[~network.held_control]
+    places = {"gnss": state.T_m_b.r, "control_point": state.x_m[control.point_idx]}
+    found = {kind: _worst(bundle, kind) for kind in places}
+    heading(ax, "Control and trajectory", "the weakest coordinate of each")
+    both = np.concatenate(list(found.values()))
+    known = both[np.isfinite(both)]
+    if len(known) == 0:
+        return []
+    norm = LogNorm(known.min(), max(known.max(), 1.01 * known.min()), clip=True)
+    handles = []
+    for kind, marker, name in (
+        ("gnss", "o", "GNSS positions"),
+        ("control_point", "^", "control points"),
+    ):
+        east, north = _km(bundle, places[kind]).T
+        look: dict[str, Any] = {"marker": marker, "s": 26, "lw": 0.5, "edgecolor": INK, "zorder": 3}
+        marks = ax.scatter(east, north, c=found[kind], norm=norm, cmap=SEQUENCE, **look)
+        handles.append(Line2D([], [], ls="", marker=marker, mfc="white", mec=INK, label=name))
+    steps = np.outer(10.0 ** np.arange(-3, 3), [1, 2, 5]).ravel()
+    ticks = [float(t) for t in steps if norm.vmin <= t <= norm.vmax]
+    _bar(fig, ax, marks, "largest detectable error (m)", ticks)
+    return handles
+
+
+def _worst(bundle: Bundle, kind: str) -> Array:
+    """Return the largest detectable error of every row of a group, NaN where none takes part."""
+    found = reliability(bundle.solution.group(kind)).detectable
+    return np.where(
+        np.isnan(found).all(axis=1), np.nan, np.nan_to_num(found, posinf=np.inf).max(axis=1)
+    )
+
+
+def _bar(fig: Figure, ax: Axes, marks: Any, label: str, ticks: list[float]) -> None:
+    bar = fig.colorbar(marks, ax=ax, location="bottom", shrink=0.8, aspect=32, pad=0.02)
+    bar.set_label(label)
+    bar.minorticks_off()
+    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    bar.outline.set_visible(False)
+
+
+def _km(bundle: Bundle, x_m: Array) -> Array:
+    """Return grid east and north of mapping coordinates, km."""
+    return bundle.network.block.frame.to_grid(x_m)[:, :2] / 1000.0
+
+
+def _as_map(ax: Axes, shown: Array) -> None:
+    low, high = padded(shown.min(axis=0), shown.max(axis=0))
+    low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    scale_bar(ax, per_axis_unit=1000.0, unit="m", at=(0.05, 0.04))
+    north_arrow(ax, at=(0.06, 0.98))
+
+
+# --- in the image ----------------------------------------------------------------------------
+
+
+def image_redundancy(mounting: Mounting | None) -> Figure:
+    """Draw the mean redundancy numbers of measurements over the image plane.
+
+    Parameters
+    ----------
+    mounting : Mounting or None
+        None where a method gave no result.
+
+    Returns
+    -------
+    Figure
+        A row for each camera: along columns and along rows.
+    """
+    if mounting is None:
+        return nothing(NO_RESULT)
+    network = mounting.bundle.network
+    cameras, points = network.block.cameras, network.image_points
+    r = mounting.bundle.solution.group("image_point").redundancy
+    camera_idx = network.block.images.camera_idx[points.image_idx]
+    with style():
+        sensor = max(c.height_px / c.width_px for c in cameras)
+        height = float(np.clip(0.43 * WIDTH * sensor, 1.6, 4.2)) + 0.7
+        fig, axes = plt.subplots(
+            len(cameras), 2, figsize=(WIDTH, height * len(cameras)), squeeze=False, sharey="row"
+        )
+        for k, (row, camera) in enumerate(zip(axes, cameras, strict=True)):
+            own = camera_idx == k
+            for d, (ax, name) in enumerate(zip(row, ("columns", "rows"), strict=True)):
+                image = _draw_cells(ax, camera, points.colrow[own], r[own, d])
+                mean = float(np.nanmean(r[own, d])) if own.any() else np.nan
+                heading(ax, f"{plain(camera.name)}, along {name}", f"mean of all {mean:.2f}")
+            row[0].set_ylabel("row (px)")
+        limits = _limits(axes)
+        for ax in axes.ravel():
+            ax.images[0].set_clim(*limits)
+        bar = fig.colorbar(image, ax=axes, shrink=0.7, aspect=28)
+        bar.set_label("mean redundancy number (no unit)")
+        bar.outline.set_visible(False)
+    return fig
+
+
+def _limits(axes: Any) -> tuple[float, float]:
+    """Return the tenths that enclose what the axes show."""
+    shown = np.concatenate([np.asarray(ax.images[0].get_array()).ravel() for ax in axes.ravel()])
+    known = shown[np.isfinite(shown)]
+    if len(known) == 0:
+        return 0.0, 1.0
+    return float(np.floor(10 * known.min()) / 10), float(np.ceil(10 * known.max()) / 10)
+
+
+def _draw_cells(ax: Axes, camera: Camera, colrow: Array, r: Array) -> Any:
+    """Draw the mean of values in square cells of a sensor, none where there are few."""
+    sides = np.array([camera.width_px, camera.height_px])
+    size = sides.max() / CELLS
+    n_cols, n_rows = np.ceil(sides / size).astype(int)
+    col, row = np.clip((colrow // size).astype(int), 0, [n_cols - 1, n_rows - 1]).T
+    cell = row * n_cols + col
+    count = np.bincount(cell, minlength=n_cols * n_rows)
+    total = np.bincount(cell, r, minlength=n_cols * n_rows)
+    mean = np.where(count >= FEW, total / np.maximum(count, 1), np.nan)
+    extent = (0.0, n_cols * size, n_rows * size, 0.0)
+    image = ax.imshow(mean.reshape(n_rows, n_cols), cmap=WEAK_COLOURS, extent=extent)
+    ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), xlabel="column (px)")
+    ax.grid(visible=False)
+    ax.locator_params(nbins=5)
+    return image

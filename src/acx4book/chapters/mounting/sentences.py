@@ -1,0 +1,89 @@
+"""Sentences of the mounting stage, with the numbers of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from acx4book.paper import printed
+from acx4book.typesetting.labels import LABELS
+from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.expected import Array
+from acx4lib.geometry.frames import log
+from acx4lib.geometry.parameters import BORESIGHT_ANGLES
+
+
+def lever_arm(seen: pd.DataFrame) -> str:
+    """Say by how much the lever arm read from the interior orientation misses the estimated one.
+
+    Parameters
+    ----------
+    seen : DataFrame
+        As `experiments.lever_arm_seen` returns it.
+    """
+    if seen.empty:
+        return "One of the two methods gave no result, so there is nothing to compare."
+    difference = seen["lever_seen_m"] - seen["lever_estimated_m"]
+    sigma = np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"])
+    if not np.any(sigma > 0):
+        return "Interior orientation and lever arm are held, so there is nothing to compare."
+    largest = float(np.max(np.abs(difference[sigma > 0]) / sigma[sigma > 0]))
+    shifts = ", ".join(
+        f"{shift:+.4f} mm in {LABELS.get(f'{key}_mm', str(key))}"
+        for shift, key in zip(seen["shift_mm"], seen["parameter"], strict=True)
+    )
+    return (
+        f"The interior orientation of the two-step method with GNSS positions differs from that "
+        f"of the single step by {shifts}. Read as a lever arm, this misses the one that the "
+        f"single step estimates by {listed(difference, '+.2f')} m, at most "
+        f"{largest:.1f} combined standard deviations."
+    )
+
+
+def scatter(mounting: Mounting | None, *, beside_paper: bool) -> str:
+    """Say how the boresights of single images scatter, beside the precision of their mean.
+
+    Parameters
+    ----------
+    mounting : Mounting or None
+        Of a two-step method with one camera; None where it was left out.
+    beside_paper : bool
+        Name the printed standard deviations too.
+    """
+    if mounting is None or mounting.per_image is None or mounting.averaged is None:
+        return "There is no boresight of single images."
+    turns = _turns_deg(mounting, mounting.per_image.R)[mounting.averaged]
+    n, found = len(turns), np.std(turns, axis=0, ddof=1)
+    sigma = {p.name: p.sigma for p in parameters(mounting.calibration)}
+    mean = [sigma[name] for name in BORESIGHT_ANGLES if name in sigma]
+    said = (
+        f"The {n} boresights scatter by {listed(found, '.4f')}° in $\\omega$, $\\varphi$, "
+        f"$\\kappa$. That over $\\sqrt{{{n}}}$ is {listed(found / np.sqrt(n), '.4f')}°; the "
+        f"propagated standard deviations of the mean are {listed(mean, '.4f')}°."
+    )
+    if not beside_paper:
+        return said
+    two, one = (
+        [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
+    )
+    return (
+        f"{said} The paper prints {listed(two, '.4f')}° for its two-step angles and "
+        f"{listed(one, '.4f')}° for the single-step ones: the former have the size of a scatter, "
+        "the latter that of the precision of a mean."
+    )
+
+
+def _turns_deg(mounting: Mounting, R_b_c: Array) -> Array:
+    """Return every image's boresight against its camera's, about the body's axes, degrees."""
+    camera_idx = mounting.bundle.network.block.images.camera_idx
+    R = np.stack([camera.T_b_c.R for camera in mounting.calibration.cameras])[camera_idx]
+    turns: Array = np.degrees(log(R_b_c @ np.swapaxes(R, 1, 2)))
+    return turns
+
+
+def listed(values: Iterable[float], spec: str) -> str:
+    """Return numbers one after the other, between commas."""
+    return ", ".join(f"{value:{spec}}" for value in values)

@@ -1,0 +1,270 @@
+"""The heads' pixels in the synthetic stage: tie points, response, the image itself (2.1, 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+from acx4lib.flight import Flight
+from acx4lib.geometry.camera import Camera
+from acx4lib.production.flight_response import spread
+from acx4lib.production.head_images import head_files, read_heads
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.grey_samples import overlap_samples
+from acx4lib.synthetic_image.rendering import render, render_plan
+from acx4lib.synthetic_image.response import ResponseFit, fit_response
+from acx4lib.tie_points.overlap_check import check_overlaps
+from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
+from acx4lib.tie_points.ties import TiePoints
+
+Image = NDArray[np.unsignedinteger]
+
+FEATHER_PX = 150.0
+"""Width of the blend of two heads, pixels at full size."""
+
+NO_PIXELS = {"Heads": "heads/images.csv names no files with pixels"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exposed:
+    """The pictures of all heads at one exposure.
+
+    Attributes
+    ----------
+    exposure : str
+    exposure_idx : int
+    images : tuple of ndarray, shape (rows, cols, bands)
+        In the order of the heads.
+    """
+
+    exposure: str
+    exposure_idx: int
+    images: tuple[Image, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pictures:
+    """What is looked at of a flight's pixels, and the cameras that fit their size.
+
+    Attributes
+    ----------
+    exposed : tuple of Exposed
+        At least one.
+    reduction : int
+        Pixels are so many times as large as those of the cameras.
+    synthetic : Camera
+        With pixels as much larger.
+    n_complete : int
+        Exposures of the flight with files of all heads.
+    """
+
+    exposed: tuple[Exposed, ...]
+    reduction: int
+    synthetic: Camera
+    n_complete: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundTies:
+    """Tie points between heads, from their pixels.
+
+    Attributes
+    ----------
+    ties : TiePoints
+        In pixels of the full-size heads.
+    overlaps : tuple of OverlapTies
+        What became of each overlap's corners, exposure by exposure.
+    exposures : tuple of str
+        Of each of `overlaps`.
+    """
+
+    ties: TiePoints
+    overlaps: tuple[OverlapTies, ...]
+    exposures: tuple[str, ...]
+
+
+# --- steps -----------------------------------------------------------------------------------
+
+
+def read_pictures(
+    flight: Flight, orientation: RelativeOrientation, *, reduce: int = 1
+) -> Pictures | None:
+    """Read the pictures of a few exposures; None where the flight names no files.
+
+    Parameters
+    ----------
+    flight : Flight
+    orientation : RelativeOrientation
+    reduce : int
+        So many pixels in each direction are averaged first.
+
+    Raises
+    ------
+    FlightError
+        With a sentence for every file that cannot be used, and for every picture that does not
+        show what its neighbours show.
+    """
+    if flight.heads is None or not any(flight.image_files["heads"]):
+        return None
+    names = [camera.name for camera in orientation.heads]
+    cameras = [flight.cameras[name] for name in names]
+    complete, incomplete = head_files(flight, names)
+    if not complete:
+        raise FlightError(list(incomplete.values()))
+    chosen = spread(list(complete.values()))
+    read = [read_heads(one.paths, cameras) for one in chosen]
+    first = read[0].reduction
+    exposed = tuple(
+        Exposed(
+            exposure=files.exposure,
+            exposure_idx=flight.heads.trajectory.exposures.index(files.exposure),
+            images=tuple(_averaged(image, reduce) for image in one.images),
+        )
+        for files, one in zip(chosen, read, strict=True)
+        if one.reduction == first
+    )
+    if flight.synthetic is None:
+        msg = "flight.toml has no table [synthetic]"
+        raise ValueError(msg)
+    synthetic = flight.cameras[flight.synthetic.camera]
+    pictures = Pictures(
+        exposed=exposed,
+        reduction=first * reduce,
+        synthetic=reduced_camera(synthetic, first * reduce),
+        n_complete=len(complete),
+    )
+    _check(pictures, orientation)
+    return pictures
+
+
+def _averaged(image: Image, k: int) -> Image:
+    """Return means of k x k pixels around the middle of an image."""
+    if k == 1:
+        return image
+    rows, cols = image.shape[0] // k, image.shape[1] // k
+    top, left = ((n - k * m) // 2 for n, m in zip(image.shape, (rows, cols), strict=False))
+    cut = image[top : top + k * rows, left : left + k * cols]
+    means = cut.reshape(rows, k, cols, k, -1).mean(axis=(1, 3))
+    return np.rint(means).astype(image.dtype)
+
+
+def _check(pictures: Pictures, orientation: RelativeOrientation) -> None:
+    """Raise where a picture cannot be that of its head."""
+    heads = reduced_heads(orientation, pictures.reduction)
+    problems = [
+        f"exposure {one.exposure}: {sentence}"
+        for one in pictures.exposed
+        for sentence in check_overlaps(one.images, heads, pictures.synthetic)
+    ]
+    if problems:
+        raise FlightError(problems)
+
+
+def find(pictures: Pictures, orientation: RelativeOrientation) -> FoundTies:
+    """Find tie points in the overlaps of all pictures.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    orientation : RelativeOrientation
+        Of the full-size heads.
+    """
+    heads = reduced_heads(orientation, pictures.reduction)
+    found = [
+        find_ties(one.images, heads, pictures.synthetic, exposure=one.exposure_idx)
+        for one in pictures.exposed
+    ]
+    return FoundTies(
+        ties=_joined(found, orientation, pictures.reduction),
+        overlaps=tuple(overlap for one in found for overlap in one.overlaps),
+        exposures=tuple(
+            taken.exposure
+            for taken, one in zip(pictures.exposed, found, strict=True)
+            for _ in one.overlaps
+        ),
+    )
+
+
+def _joined(found: Sequence[ImageTies], orientation: RelativeOrientation, k: int) -> TiePoints:
+    """Return the tie points of all exposures, in pixels of the full-size heads."""
+    parts = [one.ties for one in found]
+    names = ("head_a", "head_b", "exposure_idx", "colrow_a", "colrow_b", "sigma_px")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    joined["point_idx"] = np.arange(len(joined["head_a"]))
+    for side in ("a", "b"):
+        joined[f"colrow_{side}"] = full_size(
+            joined[f"colrow_{side}"], joined[f"head_{side}"], orientation, k
+        )
+    joined["sigma_px"] = k * joined["sigma_px"]
+    return TiePoints(**joined)
+
+
+def full_size(colrow: Array, head: Array, orientation: RelativeOrientation, k: int) -> Array:
+    """Return full-size pixels of those of images at 1/k of the size, shape (n, 2)."""
+    size = np.array([[h.width_px, h.height_px] for h in orientation.heads])
+    return k * (colrow - 0.5 * (size // k - 1)[head]) + 0.5 * (size - 1)[head]
+
+
+def fit(pictures: Pictures, orientation: RelativeOrientation, *, seed: int) -> ResponseFit:
+    """Estimate the response of the heads from the overlaps of all pictures.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    orientation : RelativeOrientation
+        Refined, of the full-size heads.
+    seed : int
+        Of the places that are compared.
+    """
+    heads = reduced_heads(orientation, pictures.reduction)
+    rng = np.random.default_rng(seed)
+    samples = [
+        part
+        for one in pictures.exposed
+        for part in overlap_samples(one.images, heads, pictures.synthetic, rng=rng)
+    ]
+    bands = pictures.exposed[0].images[0].shape[2]
+    return fit_response(samples, n_heads=len(heads.heads), n_bands=bands)
+
+
+def rendered(
+    pictures: Pictures,
+    orientation: RelativeOrientation,
+    response: ResponseFit | None,
+    *,
+    feather_px: float = FEATHER_PX,
+) -> Image:
+    """Render the synthetic image of the middle exposure.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    orientation : RelativeOrientation
+        Refined, of the full-size heads.
+    response : ResponseFit or None
+        None leaves grey values as the heads took them.
+    feather_px : float
+        At full size; 0 is a hard seam.
+
+    Returns
+    -------
+    ndarray, shape (rows, cols, bands)
+    """
+    plan = render_plan(
+        reduced_heads(orientation, pictures.reduction),
+        pictures.synthetic,
+        response=None if response is None else response.response,
+        feather_px=feather_px / pictures.reduction,
+    )
+    return render(plan, middle(pictures).images)
+
+
+def middle(pictures: Pictures) -> Exposed:
+    """Return the exposure that is shown."""
+    return pictures.exposed[len(pictures.exposed) // 2]

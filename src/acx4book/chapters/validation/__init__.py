@@ -1,0 +1,1 @@
+"""Chapter 4, direct georeferencing on an independent block (section 4.3, Table 4)."""

@@ -1,0 +1,176 @@
+"""Figures of the validation: where the check points are off, and whether the sigma is honest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy import stats
+
+from acx4book.typesetting.labels import TITLES
+from acx4book.typesetting.style import (
+    BLUE,
+    DIVERGING,
+    INK,
+    ORANGE,
+    SOFT,
+    WIDTH,
+    colour,
+    legend_below,
+    north_arrow,
+    nothing,
+    scale_bar,
+    style,
+)
+from acx4lib.georeferencing.validation import Validation
+
+AXES = ("east", "north", "height")
+
+
+NONE = "No method has all its parameters determined, so there is nothing to validate."
+
+
+def difference_map(validations: Sequence[Validation]) -> Figure:
+    """Draw the differences of all check points: arrows in plan, colours in height.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        All-ray differences of the last one are drawn.
+    """
+    if not validations:
+        return nothing(NONE)
+    block, points = validations[-1].block, validations[-1].points
+    enh = block.frame.to_grid(block.check.x_m[points.point_idx])
+    cameras = block.frame.to_grid(block.T_m_b_images.r)
+    km = 1e-3
+    limit = max(float(np.abs(points.d[:, 2]).max(initial=0.0)), 1e-3)
+    with style():
+        fig, ax = plt.subplots(figsize=(5.6, 5.2))
+        ax.plot(*(km * cameras[:, :2].T), ".", ms=1.6, color=SOFT, alpha=0.6, label="exposures")
+        east, north = km * enh[:, :2].T
+        dots = ax.scatter(
+            east,
+            north,
+            s=34,
+            c=points.d[:, 2],
+            cmap=DIVERGING,
+            vmin=-limit,
+            vmax=limit,
+            zorder=3,
+            edgecolors=INK,
+            linewidths=0.5,
+        )
+        arrows = ax.quiver(
+            *(km * enh[:, :2].T),
+            *points.d[:, :2].T,
+            angles="xy",
+            color=INK,
+            width=0.0028,
+            zorder=4,
+        )
+        longest = float(np.hypot(*points.d[:, :2].T).max(initial=0.01))
+        text = f"{longest:.2f} m in plan"
+        ax.quiverkey(arrows, 0.98, 0.04, longest, text, labelpos="W", coordinates="axes")
+        ax.set_aspect("equal")
+        ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
+        ax.ticklabel_format(useOffset=False)
+        bar = fig.colorbar(dots, ax=ax, shrink=0.7, aspect=28)
+        bar.set_label("difference in height (m)")
+        bar.outline.set_visible(False)
+        north_arrow(ax, at=(0.03, 0.98))
+        scale_bar(ax, per_axis_unit=1.0, unit="km", at=(0.04, 0.03))
+    return fig
+
+
+def normalised_differences(validations: Sequence[Validation]) -> Figure:
+    """Draw the points' differences over their predicted sigma against the normal distribution.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        One per method.
+    """
+    if not validations:
+        return nothing(NONE)
+    with style():
+        fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.7), sharey=True)
+        for i, validation in enumerate(validations):
+            z = np.sort(validation.points.d / validation.points.sigma, axis=0)
+            expected = stats.norm.ppf((np.arange(len(z)) + 0.5) / max(len(z), 1))
+            for axis, ax in enumerate(axes):
+                ax.plot(
+                    *(expected, z[:, axis], "o"),
+                    ms=3,
+                    color=colour(i),
+                    alpha=0.8,
+                    label=TITLES[validation.method],
+                )
+        for name, ax in zip(AXES, axes, strict=True):
+            ax.axline((0, 0), slope=1, color=INK, lw=0.8)
+            ax.set_title(name)
+            ax.set_xlabel("expected, normal (σ)")
+        axes[0].set_ylabel("difference / predicted σ")
+        legend_below(fig, axes[0].get_legend_handles_labels()[0])
+    return fig
+
+
+def pair_histograms(validations: Sequence[Validation]) -> Figure:
+    """Draw the differences of all pairs with the distribution that their sigma predict.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+        The last one is drawn.
+    """
+    if not validations:
+        return nothing(NONE)
+    pairs = validations[-1].pairs
+    limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
+    grid = np.linspace(-limit, limit, 201)
+    with style():
+        fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.5), sharey=True)
+        for axis, ax in enumerate(axes):
+            bins = np.linspace(-limit, limit, 41)
+            ax.hist(
+                pairs.d[:, axis], bins, color=BLUE, alpha=0.75, density=True, label="pairs found"
+            )
+            predicted = stats.norm.pdf(grid[:, None], scale=pairs.sigma[:, axis]).mean(axis=1)
+            ax.plot(grid, predicted, color=ORANGE, label="predicted by their σ")
+            ax.set_title(AXES[axis])
+            ax.set_xlabel("estimated less surveyed (m)")
+        axes[0].set_ylabel("density (1/m)")
+        legend_below(fig, axes[0].get_legend_handles_labels()[0])
+    return fig
+
+
+def mistakes(table: pd.DataFrame) -> Figure:
+    """Draw the RMS of the check points with one step of georeferencing forgotten at a time.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `experiments.validations` returns it.
+    """
+    if table.empty:
+        return nothing(NONE)
+    rows = np.arange(len(table))
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * len(table)))
+        for axis, name in enumerate(AXES):
+            ax.barh(
+                *(rows + 0.26 * (axis - 1), table[f"rms_{name}_m"]),
+                height=0.24,
+                color=colour(axis),
+                label=name,
+            )
+        ax.set_xscale("log")
+        names = ["nothing forgotten" if m == "none" else str(m) for m in table["mistake"]]
+        ax.set_yticks(rows, names)
+        ax.invert_yaxis()
+        ax.set_xlabel("RMS of the check points' differences (m, logarithmic)")
+        legend_below(fig, ax.get_legend_handles_labels()[0])
+    return fig

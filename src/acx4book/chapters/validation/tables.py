@@ -1,0 +1,147 @@
+"""Tables of the validation stage, beside the paper's where they are comparable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from acx4book.chapters.mounting.tables import PRINTED, printed_title
+from acx4book.paper import printed
+from acx4book.typesetting.labels import TITLES
+from acx4book.typesetting.plain_text import Markup
+from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing.validation import Validation
+
+
+def validation_table(
+    validations: Sequence[Validation], *, gsd_m: float, beside_paper: bool
+) -> pd.DataFrame:
+    """Return Table 4: pairs, means, scatter and RMS of every method, beside the printed ones.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+    gsd_m : float
+        Ground pixel, for the RMS in pixels.
+    beside_paper : bool
+        Show the printed columns too.
+    """
+    columns: dict[str, dict[str, str]] = {}
+    for validation in validations:
+        columns[TITLES[validation.method]] = _validation_cells(validation, gsd_m)
+        if beside_paper and validation.method in PRINTED:
+            column = PRINTED[validation.method]
+            columns[printed_title(validation.method)] = _printed_validation(column)
+    table = pd.DataFrame(columns)
+    table.insert(0, "Quantity", table.index)
+    return table.reset_index(drop=True)
+
+
+def _validation_cells(validation: Validation, gsd_m: float) -> dict[str, str]:
+    pairs = accuracy.from_differences(validation.pairs.d)
+    points = validation.points
+    norm = np.linalg.norm(points.d, axis=1)
+    cells = {
+        "Intersection pairs": f"{len(validation.pairs)}",
+        "Pairs that failed": f"{validation.n_failed}",
+        "Check points": f"{len(points)}",
+    }
+    for axis, name in enumerate(("east", "north", "height")):
+        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
+            f"{pairs.mean[axis]:+.2f} ± {pairs.std[axis]:.2f}"
+        )
+    for axis, name in enumerate(("east", "north", "height")):
+        cells[f"RMS, {name} (m [px])"] = f"{pairs.rms[axis]:.2f} [{pairs.rms[axis] / gsd_m:.1f}]"
+    within = int(np.sum(norm <= 3 * gsd_m))
+    share = 100 * within / max(len(points), 1)
+    cells["Points within 3 GSD in XYZ"] = f"{within} [{share:.1f} %]"
+    predicted = np.sqrt(np.mean(validation.pairs.sigma**2, axis=0))
+    for axis, name in enumerate(("east", "north", "height")):
+        cells[f"RMS predicted, {name} (m)"] = f"{predicted[axis]:.2f}"
+    return cells
+
+
+def _printed_validation(column: str) -> dict[str, str]:
+    def number(name: str) -> float:
+        return printed.value(4, name, column)
+
+    cells = {
+        "Intersection pairs": f"{number('n_pairs'):.0f}",
+        "Pairs that failed": f"{number('n_fail'):.0f}",
+        "Check points": f"{number('n_points'):.0f}",
+    }
+    for name in ("east", "north", "height"):
+        scatter = printed.sigma(4, f"mean_{name}_m", column)
+        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
+            f"{number(f'mean_{name}_m'):+.2f} ± {scatter:.2f}"
+        )
+        cells[f"RMS, {name} (m [px])"] = (
+            f"{number(f'rms_{name}_m'):.2f} [{number(f'rms_{name}_px'):.1f}]"
+        )
+        cells[f"RMS predicted, {name} (m)"] = "not given"
+    within, share = number("n_within_3_gsd"), number("within_3_gsd_percent")
+    cells["Points within 3 GSD in XYZ"] = f"{within:.0f} [{share:.1f} %]"
+    return cells
+
+
+BIAS = (
+    *("Method", "Axis", "Points", "Mean (m)", "RMS (m)"),
+    *("RMS, 95 % limits (m)", "t", "critical", "bias"),
+)
+
+
+def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Return Student's t of the means, one difference per point, with the verdicts."""
+    rows = []
+    for validation in validations:
+        said = accuracy.from_differences(validation.points.d)
+        test = accuracy.mean_test(said)
+        for axis, name in enumerate(("east", "north", "height")):
+            interval = accuracy.rms_interval(said.rms[axis], said.n)
+            rows.append(
+                {
+                    "Method": TITLES[validation.method],
+                    "Axis": name,
+                    "Points": said.n,
+                    "Mean (m)": said.mean[axis],
+                    "RMS (m)": said.rms[axis],
+                    "RMS, 95 % limits (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
+                    "t": test.statistic[axis],
+                    "critical": test.critical,
+                    "bias": "none seen" if test.accepted[axis] else "significant",
+                }
+            )
+    return pd.DataFrame(rows, columns=list(BIAS))
+
+
+def class_table(validations: Sequence[Validation], scales: Sequence[int]) -> pd.DataFrame:
+    """Return the accuracy classes that every method reaches under each standard.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+    scales : sequence of int
+        Denominators of the map scales of PEC-PCD.
+    """
+    columns: dict[str, dict[str, str]] = {}
+    for validation in validations:
+        said = accuracy.from_differences(validation.points.d)
+        survey = validation.block.check.sigma_m[validation.points.point_idx]
+        sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)))
+        cells: dict[str, str] = {}
+        for scale in scales:
+            reached = standards.pec_pcd(said, scale)
+            cells[f"PEC-PCD 1:{scale}, plan / height"] = f"{reached.plan} / {reached.height}"
+        cells["NSSDA"] = standards.nssda(said).statement
+        old = standards.asprs_2014(said, survey_sigma=sigma)
+        new = standards.asprs_2023(said, survey_sigma=sigma)
+        cells["ASPRS 2014, horizontal / vertical"] = f"{old.horizontal} / {old.vertical}"
+        cells["ASPRS 2023, horizontal / vertical / 3D"] = (
+            f"{new.horizontal} / {new.vertical} / {new.three_d}"
+        )
+        columns[TITLES[validation.method]] = cells
+    table = pd.DataFrame(columns)
+    table.insert(0, "Standard", table.index)
+    return table.reset_index(drop=True)

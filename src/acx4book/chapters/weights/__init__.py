@@ -1,0 +1,1 @@
+"""Chapter 9, standard deviations: given wrong, estimated, and errors that change slowly."""

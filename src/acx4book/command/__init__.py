@@ -1,0 +1,1 @@
+"""The command ``acx4``: arguments, progress, what is said, exit status."""

@@ -1,0 +1,265 @@
+"""The command ``acx4``: arguments, progress and exit statuses.
+
+Bad input ends with status 2, an adjustment or a notebook that fails with status 1; both say so
+in one line per problem on standard error.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import logging
+import signal
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from acx4book.command import render
+from acx4book.command.endings import TERMINATED, status_of
+from acx4book.command.terminal import (
+    Flight,
+    prepare_streams,
+    refuse,
+    say,
+    say_if_not_kept,
+    show,
+    stage_bars,
+)
+
+# What computes is imported by the commands themselves, so that `acx4 --help` is quick.
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and exit.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        In the place of the command line's.
+    """
+    prepare_streams()
+    logging.getLogger("papermill").addHandler(logging.NullHandler())
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run tidies up
+    given = sys.argv[1:] if arguments is None else [*arguments]
+    command = partial(app, given, prog_name="acx4", standalone_mode=False)
+    sys.exit(status_of(command, given))
+
+
+def _show_version(wanted: bool) -> None:
+    if not wanted:
+        return
+    try:
+        show(importlib.metadata.version("acx4lib"))
+    except importlib.metadata.PackageNotFoundError:
+        show("unknown: run from its sources, not installed")
+    raise typer.Exit
+
+
+@app.callback(
+    help="""In-flight calibration of aerial cameras: interior orientation, boresight, lever arm.
+
+\b
+A first run, on a flight that was never flown:
+  acx4 simulate single-head --out my_flight
+  acx4 check my_flight
+  acx4 run my_flight --results my_results
+"""
+)
+def _acx4(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
+
+@app.command(
+    help="""Read and cross-check a flight, and print a summary.
+
+Every problem is one line on standard error, with its file, line and column; the status is then 2.
+
+\b
+Example:
+  acx4 check my_flight
+"""
+)
+def check(flight: Flight) -> None:
+    """Read a flight and print a summary."""
+    from acx4lib import flight as flights  # noqa: PLC0415 quick help
+
+    show(flights.summary(flights.read(flight)))
+
+
+@app.command(
+    help="""Run the stages on a flight and keep their results.
+
+The folder gets the tables and the executed notebooks. A stage whose block is not in the flight
+is skipped. A stage that is run alone takes what it needs from the results that are there, and
+replaces only its own. The status is 1 where a stage does not
+converge or is not determined by its data.
+
+\b
+Examples:
+  acx4 run my_flight --results my_results
+  acx4 run my_flight --results my_results --stages mounting,validation
+"""
+)
+def run(
+    flight: Flight,
+    results: Annotated[
+        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
+    ],
+    stages: Annotated[
+        str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
+    ] = "heads,synthetic,mounting,validation",
+    notebooks: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
+    ] = None,
+) -> None:
+    """Run the stages of a flight."""
+    from acx4book.notebooks import stages as runner  # noqa: PLC0415 quick help
+    from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
+
+    chosen = [stage.strip() for stage in stages.split(",")]
+    for stage in chosen:
+        if stage not in STAGES:
+            refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    with stage_bars() as tell:
+        report = runner.run(
+            flight,
+            results,
+            stages=chosen,
+            notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
+            tell=tell,
+        )
+    say_if_not_kept()
+    for line in [*report.skipped, *report.left_out, *report.notes]:
+        show(line)
+    show(f"results in {results}")
+    if report.not_determined:
+        say(*report.not_determined)
+        raise typer.Exit(1)
+
+
+@app.command(
+    help="""Write a simulated flight.
+
+Its truth is in FLIGHT.truth.json beside it. It has pixels where --images names exposures: the
+pictures of all cameras that expose together, 16 bit.
+
+\b
+NAME is one of
+  acx4         the paper's: four heads, a synthetic camera, three blocks
+  single-head  one ordinary camera, turned on its mount
+
+\b
+Examples:
+  acx4 simulate single-head --out my_flight --seed 3
+  acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
+  acx4 simulate acx4 --out my_flight --images H3-04,H1-05 --reduce 4
+"""
+)
+def simulate(  # noqa: PLR0913, PLR0917 one for every option
+    name: Annotated[str, typer.Argument(metavar="NAME", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
+    ],
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="The same seed gives the same flight.")
+    ] = 1,
+    slow_errors: Annotated[
+        bool, typer.Option("--slow-errors", help="Trajectory errors that change slowly.")
+    ] = False,
+    gross_errors: Annotated[
+        bool, typer.Option("--gross-errors", help="Mistakes in the calibration block.")
+    ] = False,
+    refraction: Annotated[
+        bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
+    ] = False,
+    images: Annotated[
+        str, typer.Option(metavar="A,B", help="Exposures that get pictures.", show_default=False)
+    ] = "",
+    reduce: Annotated[
+        int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
+    ] = 1,
+    ground: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PHOTO",
+            show_default=False,
+            help="A picture to lie on the ground, a pixel every 12.5 cm; else a landscape.",
+        ),
+    ] = None,
+) -> None:
+    """Write a simulated flight."""
+    import acx4sim as simulator  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
+
+    if name not in simulator.DESIGNS:
+        refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
+    places.check_new(out)
+    truth, mark = simulator.truth_path(out), simulator.TRUTH_MARK
+    places.check_file(truth, mark=mark, what="the truth of a simulated flight")
+    options = simulator.Options(
+        slow_errors=simulator.SlowErrors() if slow_errors else None,
+        gross_errors=simulator.GrossErrors() if gross_errors else None,
+        refraction="standard" if refraction else "none",
+    )
+    exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
+    if not exposures and (reduce > 1 or ground is not None):
+        refuse("--reduce and --ground are for pictures; name exposures with --images")
+    flight = simulator.DESIGNS[name](seed=seed, options=options)
+    if exposures:
+        try:
+            flight = simulator.photograph(flight, exposures, reduce=reduce, photo=ground)
+        except ValueError as error:
+            refuse(str(error))
+    with stage_bars("rows") as tell, claims.placed(out, command="acx4 simulate") as draft:
+        simulator.write(flight, draft, tell=tell)
+    show(f"{out}; its truth in {truth}")
+
+
+@app.command(
+    help="""Write the calibration report of a run: one HTML file that can be printed.
+
+It is made from the results folder alone.
+
+\b
+Example:
+  acx4 report my_results --out my_report.html
+"""
+)
+def report(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", show_default=False, help="Folder of a run.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
+        ),
+    ] = None,
+) -> None:
+    """Write the calibration report of a run."""
+    from acx4book import report as calibration_report  # noqa: PLC0415 quick help
+
+    path = out or results / "report.html"
+    with stage_bars() as tell:
+        calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
+    show(path)
+
+
+app.command(help=render.HELP)(render.render)

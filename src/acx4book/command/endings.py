@@ -1,0 +1,132 @@
+"""How a command ends: with its result, or with a sentence and a status; never with a traceback.
+
+Foreseeable errors have their sentences where they arise. What comes through to here is said in
+one line.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shlex
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import typer
+
+from acx4book.command.terminal import NOBODY_READS, abandon, say
+from acx4lib.errors import Acx4Error, FlightError, OutputError
+
+TERMINATED = 128 + signal.SIGTERM
+INTERRUPTED = 128 + signal.SIGINT
+ENDED = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
+"""Exit statuses of a command that was stopped from outside, and what is said of it."""
+
+TRACEBACK = "ACX4_TRACEBACK"
+"""Environment variable with which an error that nobody foresaw shows where it arose."""
+
+Command = Callable[[], object]
+
+
+def status_of(command: Command, arguments: Sequence[str]) -> int:
+    """Run a command, say why it ended if it did not end well, and return its exit status.
+
+    Parameters
+    ----------
+    command : callable
+        Returns its exit status, or None for zero.
+    arguments : sequence of str
+        Of the command line, for a report of what nobody foresaw.
+    """
+    try:
+        status = _guarded(command, arguments)
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    if status in ENDED:
+        say(ENDED[status])
+    return _flushed(status)
+
+
+def _guarded(command: Command, arguments: Sequence[str]) -> int:
+    """Return the status of a command, once it was said what stopped it."""
+    try:
+        status = command()
+    except SystemExit as end:
+        status = end.code
+    except Acx4Error as error:
+        say(*getattr(error, "__notes__", ()), *str(error).splitlines())
+        status = 2 if isinstance(error, FlightError | OutputError) else 1
+    except OSError as error:
+        say(_said_of_file(error))
+        status = 2
+    except Exception as error:  # the last door: whatever comes, a user gets a sentence
+        status = _said_of_others(error, arguments)
+    return status if isinstance(status, int) else int(status is not None)
+
+
+def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
+    """Say what is neither of a flight nor of a file, and return the status."""
+    if isinstance(error, ImportError):
+        say(f"the installation is not complete: {_one_line(error)}")
+        return 1
+    if isinstance(error, MemoryError | RecursionError):
+        what = "memory" if isinstance(error, MemoryError) else "stack"
+        say(f"not enough {what} for this input ({_one_line(error)})")
+        return 1
+    return _unforeseen(error, arguments)
+
+
+def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
+    """Say what a wrong option is, as its parser does, or that something is our mistake."""
+    show: Callable[..., None] | None = getattr(error, "show", None)
+    if show is not None:  # an error of the command line has its usage, and its own status
+        text = io.StringIO()
+        show(file=text)
+        say(*text.getvalue().splitlines())
+        return int(getattr(error, "exit_code", 2))
+    if isinstance(error, typer.Abort):
+        return INTERRUPTED
+    if os.environ.get(TRACEBACK):
+        say(*"".join(traceback.format_exception(error)).splitlines())
+    said = f"{type(error).__name__}: {_one_line(error)}"
+    typed = shlex.join(["acx4", *arguments])
+    say(
+        f"this is a mistake in acx4: {said}; please report it with the command "
+        f"{typed} and what it shows with {TRACEBACK}=1"
+    )
+    return 1
+
+
+def _said_of_file(error: OSError) -> str:
+    """Return what is wrong with a file, with its name where that is known."""
+    said = error.strerror or _one_line(error)
+    if error.filename is not None:
+        name = error.filename
+        return f"{os.fsdecode(name) if isinstance(name, str | bytes) else name}: {said}"
+    try:
+        Path.cwd()
+    except OSError:
+        return f"the current folder is no more: {said}"
+    return said
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _flushed(status: int) -> int:
+    """Write what is left to be written, or else say why that is not possible."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        abandon(sys.stdout)
+        return status or NOBODY_READS
+    except OSError as error:
+        abandon(sys.stdout)
+        say(f"standard output: {error.strerror}")
+        return status or 2
+    return status

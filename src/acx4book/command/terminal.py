@@ -1,0 +1,149 @@
+"""What commands share: arguments, what they say, and how far they are.
+
+Bars on a terminal, a line for what is done where nobody looks on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from acx4book.typesetting.plain_text import shown
+
+if TYPE_CHECKING:
+    from acx4book.notebooks.stages import Tell
+
+
+Flight = Annotated[
+    Path, typer.Argument(metavar="FLIGHT", show_default=False, help="Folder with flight.toml.")
+]
+"""The first argument of most commands."""
+
+
+NOBODY_READS = 128 + signal.SIGPIPE
+"""Exit status of a command whose output nobody reads to the end; of this nothing is said."""
+
+
+def say(*lines: str) -> None:
+    """Print on standard error, one line each, where there is one."""
+    try:
+        for line in lines:
+            sys.stderr.write(f"{shown(line, 'terminal')}\n")
+        sys.stderr.flush()
+    except OSError:  # there is nobody left to tell
+        abandon(sys.stderr)
+
+
+def say_if_not_kept() -> None:
+    """Say once that compiled code cannot be kept, where that is so: the next run takes as long."""
+    try:
+        from acx4lib import compiling  # noqa: PLC0415 quick help
+    except ImportError:  # nothing is compiled
+        return
+    if compiling.NOT_KEPT:
+        say(compiling.NOT_KEPT)
+
+
+def show(text: object) -> None:
+    """Print on standard output, line by line; end the command where nobody reads it."""
+    try:
+        for line in str(text).split("\n"):
+            sys.stdout.write(f"{shown(line, 'terminal')}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        abandon(sys.stdout)
+        sys.exit(NOBODY_READS)
+    except OSError as error:
+        abandon(sys.stdout)
+        raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def abandon(stream: IO[str]) -> None:
+    """Send what is still to be written to a stream nowhere, so that Python ends in peace."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def prepare_streams() -> None:
+    """Make standard streams fit for any text, and closed ones lead nowhere.
+
+    A file that is opened later must not become the standard output of a library.
+    """
+    while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(free)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 to stay
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def refuse(message: str) -> NoReturn:
+    """End the command because of a wrong argument."""
+    say(message)
+    raise typer.Exit(2)
+
+
+@contextlib.contextmanager
+def image_bar() -> Iterator[Tell]:
+    """Show one bar over all images with the time left, or a line for each as it is done."""
+    if not sys.stdout.isatty():
+        yield lambda name, done, total: show(f"{name}: done") if 0 < total == done else None
+        return
+    from rich import progress  # noqa: PLC0415 quick help
+
+    columns = (
+        progress.TextColumn("{task.description}", markup=False),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns) as bar:
+        task = bar.add_task("reading", total=None)
+        rows: dict[str, tuple[int, int]] = {}
+
+        def tell(name: str, done: int, total: int) -> None:
+            rows[name] = done, total
+            done_rows, all_rows = (sum(column) for column in zip(*rows.values(), strict=True))
+            finished = sum(done == total for done, total in rows.values())
+            says = f"{finished} of {len(rows)} images"
+            bar.update(task, description=says, completed=done_rows, total=all_rows)
+
+        yield tell
+
+
+@contextlib.contextmanager
+def stage_bars(unit: str = "cells") -> Iterator[Tell]:
+    """Show one bar per stage, or one line per stage where nobody looks on."""
+    if not sys.stdout.isatty():
+        yield lambda stage, done, total: show(f"{stage}: done") if done == total else None
+        return
+    from rich import progress  # noqa: PLC0415 quick help
+
+    columns = (
+        progress.TextColumn("{task.description:<10}", markup=False),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TextColumn(unit, markup=False),
+        progress.TimeElapsedColumn(),
+    )
+    with progress.Progress(*columns) as bars:
+        tasks: dict[str, progress.TaskID] = {}
+
+        def tell(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(shown(stage, "terminal"), total=total)
+            bars.update(tasks[stage], completed=done)
+
+        yield tell

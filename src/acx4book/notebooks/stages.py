@@ -1,0 +1,305 @@
+"""Runs the parametrised notebooks, stage after stage, and keeps what they leave.
+
+A notebook reads the copy of the flight's tables that the results keep, and nothing else but the
+pictures. It runs beside the results folder, in a copy of it; only one that has run to its end
+changes the folder. The executed notebooks say nothing of when and where they ran, so that two
+runs of one flight are equal byte for byte.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from acx4book.notebooks import execute
+from acx4lib import flight as flights
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims, places
+from acx4lib.results.own_folder.claims import OwnFolder
+from acx4lib.results.own_folder.marks import SCRATCH, changes
+
+NOTEBOOKS_PATH = Path(__file__).parents[3] / "notebooks"
+"""Where the notebooks lie: beside ``src`` in a clone."""
+
+NOTEBOOKS: Mapping[str, str] = {
+    "flight": "00-flight",
+    "heads": "01-head-calibration",
+    "synthetic": "02-synthetic-image",
+    "mounting": "03-mounting-calibration",
+    "rig": "08-rig",
+    "validation": "04-validation",
+}
+"""The notebook of every stage; ``flight`` only shows the data, and always runs first. ``rig`` is
+the part of stage mounting that works on the block heads."""
+
+STAGE_OF: Mapping[str, str] = {"rig": "mounting"}
+"""The stage that a notebook belongs to, where it is not called by it."""
+
+ENDS = ("synthetic",)
+"""Stages whose results no later one needs: where one is not determined, the run goes on."""
+
+DECISIVE = ("heads/bundle", "mounting/single_step")
+"""Methods that must be determined; the others are left out where they are not."""
+
+COMMAND = "acx4 run"
+"""Whose mark a folder of results bears."""
+
+FAILED = "failed"
+"""Folder of the executed notebooks that failed."""
+
+NO_RIG = "there are no heads"
+"""Why a flight has no rig that nobody expects: the stage heads says so already."""
+
+GIVEN = {"flight_path", "pictures_path", "results_path"}
+"""Parameters of the notebooks that a run sets itself."""
+
+Tell = Callable[[str, int, int], None]
+"""Called with the stage, the cells that are done, and the number of cells."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOutcome:
+    """What a run did, as sentences of one line where there is something to say.
+
+    Attributes
+    ----------
+    ran : tuple of str
+        Names of the stages.
+    skipped : tuple of str
+        Stages whose block the flight does not have.
+    not_determined : tuple of str
+        Parameters of `DECISIVE` methods that the data do not determine, and what stopped a stage
+        of `ENDS`.
+    notes : tuple of str
+        What else the stages have to say of the data.
+    left_out : tuple of str
+        Methods that were left out, and why.
+    """
+
+    ran: tuple[str, ...]
+    skipped: tuple[str, ...]
+    not_determined: tuple[str, ...]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """A stage that is to run: its notebook with the values of all its parameters."""
+
+    stage: str
+    notebook: Path
+    values: dict[str, Any]
+
+
+def run(
+    flight_path: str | Path,
+    results_path: str | Path,
+    *,
+    stages: Sequence[str] = results.STAGES,
+    parameters: Mapping[str, Any] | None = None,
+    notebooks_path: Path = NOTEBOOKS_PATH,
+    tell: Tell | None = None,
+) -> RunOutcome:
+    """Run the notebooks of a flight.
+
+    A stage whose block is not in the flight is skipped, and its old results are removed.
+
+    Parameters
+    ----------
+    flight_path, results_path : path
+        The flight, and the folder for the results: new, empty, or that of an earlier run.
+    stages : sequence of str
+        Those of `folder.STAGES` that are to run; the others keep their results.
+    parameters : mapping, optional
+        Values of further parameters of the notebooks, such as ``seed``; each notebook takes
+        those that it has.
+    notebooks_path : Path
+    tell : callable, optional
+        Progress.
+
+    Raises
+    ------
+    FlightError
+        The flight's files are wrong, results of an earlier stage are missing, or files of the
+        results were changed since, and not all stages are to run.
+    OutputError
+        The folder is no place for results, or another run is writing there.
+    AdjustmentError
+        A stage does not converge, or is not determined.
+    NotebookError
+        A notebook failed for another reason. Like the two above, it carries the sentences
+        `RunOutcome.not_determined` of the stages before it as notes.
+    ValueError
+        Unknown stage, or a parameter that no notebook has or that is of another type.
+    """
+    chosen = _chosen(stages)
+    folder, tell = Path(results_path), tell or (lambda *_: None)
+    places.check_place(folder, away_from=[Path(flight_path)])
+    flight = flights.read(flight_path)
+    skipped = {stage: reason for stage in chosen if (reason := _missing(flight, stage))}
+    ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
+    given = {
+        **(parameters or {}),
+        "flight_path": str(folder / provenance.KEPT),
+        "pictures_path": str(flight_path),
+    }
+    jobs = [_job(stage, notebooks_path, given) for stage in ran]
+    _check_known(parameters or {}, jobs)
+    with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+        _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
+        done, failed = _run_jobs(jobs, own, tell)
+    return RunOutcome(
+        ran=tuple(ran[1:]),
+        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
+        not_determined=(*_messages(folder, done, "not_determined", DECISIVE), *failed),
+        left_out=tuple(_messages(folder, done, "left_out", done)),
+        notes=tuple(_messages(folder, done, "notes", done)),
+    )
+
+
+def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
+    """Run stage after stage; return those that ran, and what stopped one of `ENDS`."""
+    done: list[str] = []
+    failed: list[str] = []
+    try:
+        for job in jobs:
+            try:
+                _run_job(job, own, tell)
+                done.append(STAGE_OF.get(job.stage, job.stage))
+            except AdjustmentError as error:
+                if job.stage not in ENDS:
+                    raise
+                failed += str(error).splitlines()
+    except Acx4Error as error:
+        for line in _messages(own.path, done, "not_determined", DECISIVE):
+            error.add_note(line)
+        raise
+    return done, failed
+
+
+def _prepare(
+    own: OwnFolder, flight: flights.Flight, skipped: Mapping[str, str], *, whole: bool
+) -> None:
+    """Make a folder ready for a run: the flight kept, what it does not have removed.
+
+    What was changed in results that are all replaced does not matter; otherwise it ends the run.
+    """
+    notebook_files = [f"{name}.ipynb" for name in NOTEBOOKS.values()]
+    tables = flights.table_files(flight)
+    own.expect(
+        [
+            *(*results.FILES, provenance.FILE),
+            *(f"{provenance.KEPT}/{name.as_posix()}" for name in tables),
+            *(f"{folder}/{name}" for folder in ("notebooks", FAILED) for name in notebook_files),
+        ]
+    )
+    read = (*results.FILES, provenance.FILE)
+    changed = changes(own.path, read)
+    if changed and not whole:
+        raise FlightError([f"{line}; run all stages again" for line in changed])
+    if changed:
+        own.remove(read)
+    provenance.keep(own, flight)
+    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
+    results.replace(own.path, removed, tables={}, summary={})
+    provenance.forget(own.path, list(skipped))
+    own.remove(f"notebooks/{NOTEBOOKS[stage]}.ipynb" for stage in skipped)
+    own.seal()
+
+
+def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
+    """Return the stages in their order."""
+    unknown = [stage for stage in stages if stage not in results.STAGES]
+    if unknown:
+        known = ", ".join(results.STAGES)
+        msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
+        raise ValueError(msg)
+    return tuple(name for name in NOTEBOOKS if STAGE_OF.get(name, name) in stages)
+
+
+def _missing(flight: flights.Flight, stage: str) -> str:
+    """Return why a stage cannot run; empty where it can."""
+    block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
+    if block not in flight.blocks:
+        return NO_RIG if stage == "rig" else f"the flight has no block {block}"
+    if stage == "rig" and len(flight.blocks[block].cameras) < 2:
+        return f"block {block} has one camera only"
+    if stage == "synthetic" and flight.synthetic is None:
+        return "flight.toml has no table [synthetic]"
+    checked = flight.blocks[block].check.point_idx
+    if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
+        return "no check point of block validation is measured in two images"
+    return ""
+
+
+def _messages(
+    folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
+) -> Iterator[str]:
+    """Yield the sentences that methods of the given stages left in the summary."""
+    for name, entry in results.read(folder).summary.items():
+        mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
+        if mine and name.partition("/")[0] in stages:
+            yield from results.messages(entry, key)
+
+
+def _job(stage: str, notebooks_path: Path, given: Mapping[str, Any]) -> _Job:
+    """Return the job of a stage."""
+    notebook = notebooks_path / f"{NOTEBOOKS[stage]}.ipynb"
+    if not notebook.is_file():
+        msg = f"{notebook}: no such notebook; run from a clone of the project"
+        raise FileNotFoundError(msg)
+    return _Job(stage=stage, notebook=notebook, values=execute.with_defaults(notebook, given))
+
+
+def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
+    known = {name for job in jobs for name in job.values} - GIVEN
+    if given.keys() - known:
+        unknown = ", ".join(sorted(given.keys() - known))
+        msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
+        raise ValueError(msg)
+
+
+def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
+    """Run a notebook in a copy of the results, and keep what it left where it succeeds."""
+    folder, name = own.path, job.notebook.name
+    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
+        staging = folder / Path(temporary).name
+        for file in results.FILES:
+            shutil.copyfile(folder / file, staging / file)
+        executed = staging / "notebooks" / name
+        try:
+            execute.execute(
+                job.notebook,
+                executed,
+                parameters={**job.values, "results_path": str(staging)},
+                on_cell=lambda done, total: tell(job.stage, done, total),
+            )
+        except Acx4Error as error:
+            execute.scrub(executed, hidden=staging.name)
+            _move({executed: folder / FAILED / name})
+            own.seal()
+            if isinstance(error, FlightError):  # what it read is a copy of the results
+                own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
+                raise FlightError(own_names) from None
+            raise
+        execute.scrub(executed, hidden=staging.name)
+        written = {staging / file: folder / file for file in results.FILES}
+        _move({**written, executed: folder / "notebooks" / name})
+    stage = STAGE_OF.get(job.stage, job.stage)
+    if stage in results.STAGES:
+        provenance.stamp(folder, stage)
+    own.remove([f"{FAILED}/{name}"])
+    own.seal()
+
+
+def _move(targets: Mapping[Path, Path]) -> None:
+    for path, target in targets.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(target)

@@ -1,0 +1,249 @@
+"""How long an adjustment takes beside other solvers, as a page of the book.
+
+The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.typesetting.myst import myst_table, scientific
+
+OURS = "ours"
+CERES = {"automatic": "Ceres, automatic", "analytic": "Ceres, by hand"}
+"""Kinds of derivatives that the image equations of Ceres have."""
+
+SWEEP = "sweep-"
+"""How the names of problems begin that differ in their number of tie points only."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Benchmark:
+    """The results of a benchmark.
+
+    Attributes
+    ----------
+    runs : DataFrame
+        ``adjustment.csv``: a row for each run of a solver on a problem.
+    about : dict
+        ``adjustment.json``: date, machine, versions, and how far answers agree.
+    """
+
+    runs: pd.DataFrame
+    about: Mapping[str, Any]
+
+    @property
+    def medians(self) -> pd.DataFrame:
+        """Medians of all runs, a row for each problem and solver, in the file's order."""
+        numbers = ["wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "cost"]
+        size = ["images", "points", "image_points", "observations", "unknowns"]
+        groups = self.runs.groupby(["problem", "solver"], sort=False)
+        return groups.agg(
+            {**dict.fromkeys(size, "first"), **dict.fromkeys(numbers, "median"), "converged": "all"}
+        )
+
+    @property
+    def sweep(self) -> pd.DataFrame:
+        """The medians of the problems that differ in their number of tie points only."""
+        names = self.medians.index.get_level_values("problem")
+        return self.medians[names.str.startswith(SWEEP)]
+
+    def of(self, problem: str) -> dict[str, dict[str, Any]]:
+        """Return the medians of one problem by solver."""
+        own = self.medians.xs(problem, level="problem")
+        return {str(solver): dict(row) for solver, row in own.iterrows()}
+
+    @property
+    def problems(self) -> list[str]:
+        """Names of all other problems."""
+        return [n for n in dict.fromkeys(self.runs["problem"]) if not n.startswith(SWEEP)]
+
+
+def read(folder: Path) -> Benchmark:
+    """Read what a benchmark left in a folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where there is none: the message says how to make one.
+    """
+    table, text = folder / "adjustment.csv", folder / "adjustment.json"
+    if not (table.is_file() and text.is_file()):
+        msg = f"no benchmark in {folder}: make bench"
+        raise FileNotFoundError(msg)
+    return Benchmark(runs=pd.read_csv(table), about=json.loads(text.read_text(encoding="utf-8")))
+
+
+def page(benchmark: Benchmark) -> str:
+    """Return the measured seconds and megabytes as MyST text."""
+    parts = [
+        _machine(benchmark.about),
+        _table(
+            *_seconds(benchmark, "cpu_s"),
+            "CPU time of all threads together, in seconds; ratios of Ceres to acx4lib",
+            "cpu",
+        ),
+        _table(
+            *_seconds(benchmark, "wall_s"),
+            "Time that passed, in seconds; ratios of Ceres to acx4lib",
+            "wall",
+        ),
+        _table(*_memory(benchmark), "Peak memory of the process, in MB", "memory"),
+        _covariance(benchmark),
+        _scipy(benchmark),
+        _agreement(benchmark.about),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def growth(benchmark: Benchmark) -> str:
+    """Say with which power of the number of points the time grows; a sentence, or nothing."""
+    sweep = benchmark.sweep
+    ours = sweep[sweep.index.get_level_values("solver") == OURS].sort_values("points")
+    upper = ours.iloc[len(ours) // 2 :]
+    if len(upper) < 2:
+        return ""
+    power, _ = np.polyfit(np.log(upper["points"]), np.log(upper["cpu_s"]), 1)
+    return (
+        f"From {upper['points'].iloc[0]:,} to {upper['points'].iloc[-1]:,} points our time grows "
+        f"with the power {power:.2f} of their number.\n"
+    )
+
+
+def _table(table: pd.DataFrame, formats: dict[str, str], caption: str, name: str) -> str:
+    return myst_table(table, caption, name=f"tab-speed-{name}", formats=formats)
+
+
+def _best(benchmark: Benchmark, key: str) -> dict[str, pd.DataFrame]:
+    """Return medians by problem of ours, and of the best way of each kind of Ceres."""
+    medians = benchmark.medians.sort_values(key)
+    solver = medians.index.get_level_values("solver")
+    out = {}
+    for who in (OURS, *CERES):
+        own = medians[solver.str.startswith(who if who == OURS else f"ceres_{who}_")]
+        fastest = own.groupby("problem").first()
+        out[who] = fastest.reindex([p for p in benchmark.problems if p in fastest.index])
+    return out
+
+
+def _seconds(benchmark: Benchmark, key: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return a row for each problem: ours, Ceres, how many times as long this takes; formats."""
+    best = _best(benchmark, key)
+    ours = best[OURS]
+    table, formats = _sizes(ours)
+    table["acx4lib"] = ours[key]
+    formats["acx4lib"] = ".3f"
+    for kind, label in CERES.items():
+        table[label] = _of(best[kind], key, ours)
+        ratio = label.replace("Ceres", "Ratio")
+        table[ratio] = table[label] / ours[key]
+        formats |= {label: ".3f", ratio: ".1f"}
+    return table, formats
+
+
+def _memory(benchmark: Benchmark) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return a row for each problem: peaks, and what of ours is not Python with its libraries."""
+    best = _best(benchmark, "peak_mb")
+    ours, theirs = best[OURS], CERES["automatic"]
+    table, formats = _sizes(ours)
+    table["acx4lib"] = ours["peak_mb"]
+    table["beyond Python and its libraries"] = ours["growth_mb"]
+    table[theirs] = _of(best["automatic"], "peak_mb", ours)
+    table["Share of Ceres"] = ours["peak_mb"] / table[theirs]
+    formats |= dict.fromkeys(("acx4lib", "beyond Python and its libraries", theirs), ".0f")
+    return table, formats | {"Share of Ceres": ".2f"}
+
+
+def _sizes(ours: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return the size of every problem, and the formats of its columns."""
+    names = {"images": "Images", "points": "Points", "observations": "Observations"}
+    table = ours[list(names)].rename(columns=names)
+    return table.astype(int), dict.fromkeys(names.values(), ",d")
+
+
+def _of(theirs: pd.DataFrame, key: str, ours: pd.DataFrame) -> pd.Series:
+    """Return a column for our problems, NaN where there is no result."""
+    return theirs.reindex(index=ours.index, columns=[key])[key].astype(float)
+
+
+def _machine(about: Mapping[str, Any]) -> str:
+    versions = about["versions"]
+    text = (
+        f"Measured on {about['date']} at commit `{about['commit']}`: {about['processor']}, "
+        f"{about['cores']} cores, {about['memory_gb']:g} GB of memory, {about['system']}, "
+        f"Python {versions['python']}, numpy {versions['numpy']}, numba {versions['numba']}."
+    )
+    if "ceres" not in versions:
+        return f"{text} Ceres was not there."
+    return (
+        f"{text} Ceres {versions['ceres']} of the system, its cost functions compiled by "
+        f"`{versions['compiler']}` with `{about['flags']}`; BLAS `{versions['blas of ceres']}`."
+    )
+
+
+def _covariance(benchmark: Benchmark) -> str:
+    """Say what the covariance matrix of the calibration alone costs Ceres."""
+    sentences = []
+    for problem in benchmark.problems:
+        of_problem = benchmark.of(problem)
+        if "ceres_covariance" in of_problem:
+            found, ours = of_problem["ceres_covariance"], of_problem[OURS]
+            sentences.append(
+                f"with {ours['points']:,} points {found['cpu_s']:.2f} s and "
+                f"{found['peak_mb']:.0f} MB"
+            )
+    if not sentences:
+        return ""
+    return (
+        "The times of Ceres are without covariances. The covariance matrix of the 14 parameters of "
+        f"the calibration alone, by `ceres::Covariance`, takes {'; '.join(sentences)}."
+    )
+
+
+def _scipy(benchmark: Benchmark) -> str:
+    """Say what scipy takes, where it was asked."""
+    sentences = []
+    for problem in benchmark.problems:
+        of_problem = benchmark.of(problem)
+        if "scipy" not in of_problem:
+            continue
+        found, ours = of_problem["scipy"], of_problem[OURS]
+        times = found["cpu_s"] / ours["cpu_s"]
+        off = found["cost"] / ours["cost"] - 1
+        end = (
+            ""
+            if found["converged"]
+            else (f" and then has not converged: its cost is still {scientific(off)} too large")
+        )
+        sentences.append(
+            f"`scipy.optimize.least_squares` (trust region reflective, sparse analytic Jacobian, "
+            f"lsmr) takes {found['cpu_s']:.1f} s of CPU time on {ours['points']:,} points, "
+            f"{times:.0f} times ours, for {found['steps']:.0f} evaluations{end}."
+        )
+    return " ".join(sentences)
+
+
+def _agreement(about: Mapping[str, Any]) -> str:
+    """Say how far the answers of Ceres and ours lie apart."""
+    rows = pd.DataFrame(about["agreement"])
+    if rows.empty:
+        return ""
+    timed, cost = (rows[key].abs().max() for key in ("cost_timed", "cost"))
+    text = (
+        f"All solve the same problem. Stopped where the cost changes by less than "
+        f"{scientific(about['ceres_tolerance'])} of itself, as it was timed, Ceres ends at a cost "
+        f"that is at most {scientific(timed)} from ours. When it goes on to "
+        f"{scientific(about['ceres_exact_tolerance'])}, costs agree to {scientific(cost)} and the "
+        f"14 parameters to {scientific(rows['parameters_sigma'].max())} of their standard "
+        "deviations"
+    )
+    if "sigma" not in rows:
+        return f"{text}."
+    return f"{text}; these, where Ceres computes them, agree to {scientific(rows['sigma'].max())}."

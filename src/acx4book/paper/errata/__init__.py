@@ -1,0 +1,4 @@
+"""The paper held against itself: every finding computed from the printed numbers.
+
+Begin with `audit`.
+"""

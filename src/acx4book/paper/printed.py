@@ -1,0 +1,202 @@
+"""The numbers that the paper prints: Tables 1-4 and the checked statements of its text.
+
+They were transcribed once, into `data/paper`; nothing else in the library types them again.
+Parameters carry the names of a run's results (`parameters.csv`), so that the two can be joined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+import pandas as pd
+
+from acx4lib._data import data_path
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+
+HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
+"""Columns of Table 1."""
+
+METHODS = ("two_step", "single_step")
+"""Columns of Tables 3 and 4."""
+
+
+class HasHeads(Protocol):
+    """The synthetic camera, as far as the paper needs it."""
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Names of its heads."""
+        ...
+
+
+class HasCameras(Protocol):
+    """A flight, as far as the paper needs it."""
+
+    @property
+    def synthetic(self) -> HasHeads | None:
+        """The synthetic camera, where there is one."""
+        ...
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """Cameras by name."""
+        ...
+
+
+@cache
+def _read(name: str) -> pd.DataFrame:
+    """Read a file of `data/paper`; what was not determined is NaN, an empty text is ''."""
+    missing = {"value": [""], "sigma": [""]}
+    return pd.read_csv(data_path("paper", name), keep_default_na=False, na_values=missing)
+
+
+def table(number: int) -> pd.DataFrame:
+    """Return a table of the paper, one row per printed number.
+
+    Parameters
+    ----------
+    number : {1, 2, 3, 4}
+
+    Returns
+    -------
+    DataFrame
+        table, row (as printed), parameter (our name), column (head or method), value, sigma,
+        unit (ours), unit_printed, as_printed, note (where our reading differs from the print).
+        `value` is NaN where the paper says ND, `sigma` where it gives none.
+    """
+    if number not in (1, 2, 3, 4):
+        msg = f"the paper has Tables 1 to 4, got {number}"
+        raise ValueError(msg)
+    return _read(f"table{number}.csv").copy()
+
+
+def statements() -> pd.DataFrame:
+    """Return the numeric statements of the paper's text that are checked.
+
+    Returns
+    -------
+    DataFrame
+        section, statement (our name), subject, value, unit, as_printed, note.
+    """
+    return _read("statements.csv").copy()
+
+
+def value(number: int, parameter: str, column: str) -> float:
+    """Return one printed value; NaN where the paper says ND.
+
+    Parameters
+    ----------
+    number : {1, 2, 3, 4}
+        Table.
+    parameter, column : str
+        As in `table`, for instance ``"xp_mm", "CAM3"``.
+    """
+    return float(_row(number, parameter, column)["value"])
+
+
+def sigma(number: int, parameter: str, column: str) -> float:
+    """Return the standard deviation printed beside a value; NaN where there is none."""
+    return float(_row(number, parameter, column)["sigma"])
+
+
+def printed(number: int, parameter: str, column: str) -> str:
+    """Return a cell of a table as it is printed, misprints and all."""
+    return str(_row(number, parameter, column)["as_printed"])
+
+
+def _row(number: int, parameter: str, column: str) -> pd.Series:
+    rows = table(number)
+    found = rows[(rows["parameter"] == parameter) & (rows["column"] == column)]
+    if len(found) != 1:
+        msg = f"Table {number} has no parameter {parameter!r} in a column {column!r}"
+        raise ValueError(msg)
+    return found.iloc[0]
+
+
+def statement(name: str) -> float:
+    """Return the number of one statement of the text, in the unit that `statements` gives."""
+    rows = statements()
+    found = rows.loc[rows["statement"] == name, "value"]
+    if len(found) != 1:
+        msg = f"no statement {name!r} of the paper is transcribed"
+        raise ValueError(msg)
+    return float(found.iloc[0])
+
+
+def interior(number: int, column: str) -> Interior:
+    """Return the printed interior orientation of a head or of the synthetic image.
+
+    Parameters
+    ----------
+    number : {1, 3}
+        Table.
+    column : str
+        One of `HEADS` (Table 1) or `METHODS` (Table 3).
+
+    Returns
+    -------
+    Interior
+        What was not determined is zero.
+    """
+    rows = table(number)
+    printed = rows[rows["column"] == column].set_index("parameter")["value"].fillna(0.0)
+    names = {name: f"{name}_mm" if name in ("f", "xp", "yp") else name for name in INTERIOR}
+    return Interior(**{k: float(printed[v]) for k, v in names.items() if v in printed.index})
+
+
+def opk(head: str) -> Array:
+    """Return omega, phi, kappa of a head in Table 1, shape (3,), rad."""
+    return np.radians([value(1, f"{name}_deg", head) for name in ("omega", "phi", "kappa")])
+
+
+def centre_mm(head: str) -> Array:
+    """Return Xc, Yc, Zc of a head in Table 1, shape (3,), mm."""
+    return np.array([value(1, f"{name}_mm", head) for name in ("Xc", "Yc", "Zc")])
+
+
+def pixel_mm(column: str) -> float:
+    """Return the pixel size of a head or of the synthetic image (``SYN``), mm."""
+    return 1e-3 * (statement("head_pixel_um") if column in HEADS else value(2, "pixel_um", column))
+
+
+def corners(column: str) -> Array:
+    """Return the corners of an image, counter-clockwise from the top right.
+
+    Parameters
+    ----------
+    column : str
+        One of `HEADS`, or ``SYN``.
+
+    Returns
+    -------
+    xy : ndarray, shape (4, 2)
+        mm from the middle, the outer edges of the outer pixels.
+    """
+    if column in HEADS:
+        size_px = [statement("head_width_px"), statement("head_height_px")]
+    else:
+        size_px = [value(2, "width_px", column), value(2, "height_px", column)]
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    xy: Array = 0.5 * pixel_mm(column) * np.array(size_px) * signs
+    return xy
+
+
+def applies(flight: HasCameras) -> bool:
+    """Tell whether a flight has the paper's cameras, so that its numbers can stand beside them.
+
+    Parameters
+    ----------
+    flight : Flight
+        Anything with a dictionary `cameras`, and `synthetic` that names heads or is None.
+    """
+    synthetic = flight.cameras.get("SYN")
+    if synthetic is None or not set(HEADS) <= set(flight.cameras):
+        return False
+    same = (value(2, "width_px", "SYN"), value(2, "height_px", "SYN"))
+    if flight.synthetic is not None and flight.synthetic.heads != HEADS:
+        return False
+    return (synthetic.width_px, synthetic.height_px) == same

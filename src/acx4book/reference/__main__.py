@@ -1,0 +1,14 @@
+"""Computes all comparisons anew and stores them: ``python -m acx4lib.checked``."""
+
+from __future__ import annotations
+
+import sys
+
+from acx4book.reference import comparisons
+from acx4book.reference.data import ReferenceDataError
+
+if __name__ == "__main__":
+    try:
+        comparisons.store()
+    except ReferenceDataError as error:
+        sys.exit(str(error))

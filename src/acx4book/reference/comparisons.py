@@ -1,0 +1,126 @@
+"""The library, checked against measurements and results that nobody here made.
+
+Every comparison is a table: what others printed, what we compute from their measurements, and
+the difference. Where the measurements are missing, `computed_or_stored` returns the last
+computed tables, which `python -m acx4lib.checked` makes anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pandas as pd
+
+from acx4book.reference import data, stored
+from acx4book.reference.dbat import blocks, comparison
+from acx4book.reference.dbat import table as dbat
+from acx4book.reference.ign import points
+from acx4book.reference.nist import regressions
+from acx4book.reference.noaa import frames
+from acx4book.reference.stored import Comparison
+from acx4book.reference.surround import comparisons, readings
+from acx4book.typesetting import myst
+from acx4book.typesetting.plain_text import Markup
+
+COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
+    "camcal": ("dbat-camcal", lambda: dbat.results(blocks.camcal())),
+    "sxb": ("dbat-sxb", lambda: dbat.results(blocks.sxb())),
+    "nist": ("nist-strd", regressions.results),
+    "noaa": ("noaa-dss-dg", frames.results),
+    "ign": ("ign-uce-m3", points.results),
+    "ign_forgotten_steps": ("ign-uce-m3", points.forgotten_steps),
+    "surround_places": (comparisons.FILES, comparisons.places),
+    "surround_readings": (comparisons.FILES, readings.readings),
+    "surround_overlaps": (comparisons.FILES, comparisons.overlaps),
+    "surround_refinements": (comparisons.FILES, comparisons.refinements),
+}
+"""The set of files that every comparison needs, and what computes it."""
+
+LABELS = {
+    "lon_deg": "longitude (deg)",
+    "lat_deg": "latitude (deg)",
+    "distance_m": "distance (m)",
+    "ground_pixel_m": "ground pixel (m)",
+    "ground_pixels": "distance (ground pixels)",
+    "residual_px": "residual (px)",
+    "misfit_px": "misfit (px)",
+    "std_height_m": "height, std. dev. (m)",
+    **{f"d_{axis}_m": f"{axis} (m)" for axis in points.AXES},
+    **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in points.AXES},
+    **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in points.AXES},
+    "largest": "largest difference",
+    **comparisons.LABELS,
+}
+"""Headings of columns in the book."""
+
+_FORMATS = {
+    "lon_deg": ".6f",
+    "lat_deg": ".6f",
+    "distance_m": ".4f",
+    "rays": ".2g",
+    "ground_pixel_m": ".3f",
+    "ground_pixels": ".2f",
+    "residual_px": ".2f",
+    "misfit_px": ".2f",
+    "std_height_m": ".3f",
+    **{f"d_{axis}_m": "+.4f" for axis in points.AXES},
+    **{f"sigma_{axis}_m": ".4f" for axis in points.AXES},
+    **{f"mean_{axis}_m": "+.3f" for axis in points.AXES},
+    "largest": ".2f",
+    **comparisons.FORMATS,
+}
+
+
+def myst_table(table: pd.DataFrame, caption: str, *, name: str) -> str:
+    """Return one of the tables of this package for the book, with headings and digits."""
+    formats = {LABELS.get(c, c): f for c, f in _FORMATS.items() if c in table.columns}
+    shown = myst.marked(table.rename(columns=LABELS))
+    return myst.myst_table(shown, Markup(caption), name=name, formats=formats)
+
+
+def compute(name: str) -> pd.DataFrame:
+    """Return one of `COMPARISONS`, computed from its measurements.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    ReferenceDataError
+        Where a file is missing, or is not the one that was indexed.
+    """
+    return COMPARISONS[name][1]()
+
+
+def computed_or_stored(name: str, *, folder: str = "") -> Comparison:
+    """Return one of `COMPARISONS`, as it was stored where its measurements are missing.
+
+    Parameters
+    ----------
+    name : str
+    folder : str
+        Of the measurements; where they are looked for anyway if empty.
+    """
+    with data.at(folder):
+        return stored.computed_or_stored(name, COMPARISONS)
+
+
+def store() -> None:
+    """Compute all comparisons and store them in the repository."""
+    stored.store(COMPARISONS)
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the numbers of values that agree and the largest differences of a report."""
+    return comparison.summary(table)
+
+
+def nist_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the digits that agree for every data set of NIST."""
+    return regressions.summary(table)
+
+
+def ign_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the surveyed points and the tie points' statistics of IGN's images."""
+    return points.summary(table)

@@ -1,0 +1,1 @@
+"""Bundle adjustments of DBAT, PhotoModeler and AICON: their files, reports and numbers."""

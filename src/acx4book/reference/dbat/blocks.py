@@ -1,0 +1,158 @@
+"""DBAT's two projects as blocks, with approximations computed from the measurements alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4book.reference import data
+from acx4book.reference.dbat import files as dbat
+from acx4book.reference.dbat.files import Measurements, Surveyed
+from acx4lib.bundle import adjust
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry import intersection
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose
+
+FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
+"""What the project `camcal` estimates: all nine."""
+
+CHECK_POINTS = (351, 410)
+"""Points of the project `sxb` that its author held back."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Project:
+    """A project of DBAT, adjusted here.
+
+    Attributes
+    ----------
+    bundle : Bundle
+    report : Path
+        What DBAT printed.
+    surveyed : Surveyed
+        Control and check points as given.
+    is_check : ndarray, shape (n_surveyed,)
+    origin : ndarray, shape (3,)
+        Taken off the coordinates before the adjustment.
+    free : tuple of str
+        Interior parameters that were estimated.
+    """
+
+    bundle: Bundle
+    report: Path
+    surveyed: Surveyed
+    is_check: np.ndarray
+    origin: Array
+    free: tuple[str, ...]
+
+
+def camcal() -> Project:
+    """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points error-free."""
+    measured = dbat.read_image_points(data.path("dbat-camcal/image_points.txt"))
+    # the height of the format is given in mm
+    camera = dbat.camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
+    return _adjusted("dbat-camcal", camera, measured, free=FREE)
+
+
+def sxb() -> Project:
+    """Adjust `sxb`: five aerial images with weighted control and a camera that is known.
+
+    Map coordinates are used as if they were Cartesian, as the reference does.
+    """
+    files = (("image_points_marked.txt", 0.5), ("image_points_tie.txt", 1.0))
+    measured = dbat.joined(
+        tuple(
+            dbat.read_marked_points(data.path(f"dbat-sxb/{file}"), sigma_px=sigma_px)
+            for file, sigma_px in files
+        )
+    )
+    camera = dbat.camera_from_dbat(
+        cc=123.9392, pp=(26.577, 38.811), size_px=(8858, 12996), pixel_mm=0.006
+    )
+    return _adjusted("dbat-sxb", camera, measured, free=())
+
+
+def _adjusted(
+    folder: str, camera: Camera, measured: Measurements, *, free: tuple[str, ...]
+) -> Project:
+    surveyed = dbat.read_surveyed(data.path(f"{folder}/control_points.txt"))
+    names = dbat.read_images(data.path(f"{folder}/images.txt"))
+    is_check = np.isin(surveyed.point, CHECK_POINTS)
+    origin = surveyed.x.mean(axis=0).round(-2)
+    block = _block(camera, measured, names, surveyed=surveyed, is_check=is_check, origin=origin)
+    adjusted = adjust.adjust(adjust.free_orientation(block, free=free))
+    return Project(
+        bundle=adjusted,
+        report=data.path(f"{folder}/reference_report.txt"),
+        surveyed=surveyed,
+        is_check=is_check,
+        origin=origin,
+        free=free,
+    )
+
+
+def _block(
+    camera: Camera,
+    measured: Measurements,
+    names: tuple[str, ...],
+    *,
+    surveyed: Surveyed,
+    is_check: np.ndarray,
+    origin: Array,
+) -> Block:
+    """Put measurements, control and resected images together."""
+    numbers, point_idx = np.unique(measured.point, return_inverse=True)
+    given = SurveyedPoints(
+        point_idx=np.searchsorted(numbers, surveyed.point),
+        x_m=surveyed.x - origin,
+        R_g_m=np.tile(np.eye(3), (len(surveyed.point), 1, 1)),
+        sigma_m=surveyed.sigma,
+    )
+    points = ImagePoints(
+        image_idx=measured.image - 1,
+        point_idx=point_idx,
+        colrow=measured.colrow,
+        sigma_px=measured.sigma_px,
+    )
+    n = len(names)
+    return Block(
+        name="calibration",
+        frame=None,  # type: ignore[arg-type]  # no map: the coordinates are the sheet's own
+        cameras=(camera,),
+        images=Images(
+            names=names,
+            camera_idx=np.zeros(n, dtype=np.intp),
+            exposure_idx=np.arange(n),
+            strips=("",) * n,
+        ),
+        points=tuple(map(str, numbers)),
+        image_points=points,
+        control=given[~is_check],
+        check=given[is_check],
+        trajectory=_resected(camera, points, given[~is_check], names),
+    )
+
+
+def _resected(
+    camera: Camera, points: ImagePoints, control: SurveyedPoints, names: tuple[str, ...]
+) -> Trajectory:
+    """Return every image's pose by resection from the control points that it shows."""
+    where = np.full(int(points.point_idx.max()) + 1, -1)
+    where[control.point_idx] = np.arange(len(control))
+    poses = []
+    for image in range(len(names)):
+        own = points[(points.image_idx == image) & (where[points.point_idx] >= 0)]
+        poses.append(intersection.resect(camera, own.colrow, control.x_m[where[own.point_idx]]))
+    open_sigma = np.full((len(names), 3), np.inf)
+    return Trajectory(
+        exposures=names,
+        T_m_b=Pose(R=np.stack([T.R for T in poses]), r=np.stack([T.r for T in poses])),
+        R_g_m=np.tile(np.eye(3), (len(names), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )

@@ -1,0 +1,156 @@
+"""Printed numbers against ours, in units of the last printed digit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from acx4book.reference.dbat.printed import Line
+
+COLUMNS = ("quantity", "kind", "printed", "ours", "difference", "unit", "units", "agrees")
+
+
+class Angle(float):
+    """An angle in degrees, equal to itself after any number of full turns."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """What we would have printed.
+
+    Attributes
+    ----------
+    text : str
+        With ``{}`` in the place of every number.
+    values : tuple of float or int
+        An int is a count or a name and must agree exactly, a float to one unit.
+    """
+
+    text: str
+    values: tuple[float | int, ...] = ()
+
+
+Statements = dict[tuple[str, ...], Statement]
+
+
+def say(text: str, *values: float) -> Statement:
+    """Return a statement."""
+    return Statement(text=text, values=values)
+
+
+def last_digit(printed: str) -> float:
+    """Return the unit of the last digit of a printed number: 0.01 for ``-3.40``."""
+    mantissa, _, exponent = printed.lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return float(f"1e{int(exponent or 0) - decimals}")
+
+
+def compare(
+    printed: Mapping[tuple[str, ...], Line], ours: Mapping[tuple[str, ...], Statement]
+) -> pd.DataFrame:
+    """Compare everything that a report says with our statements.
+
+    Parameters
+    ----------
+    printed : mapping
+        Lines of a report by their places; headings and what is no result left out.
+    ours : mapping
+        Our statements for the same places.
+
+    Returns
+    -------
+    DataFrame
+        One row per printed number, and one per statement without numbers. `units` is the
+        difference in units of the last printed digit. A place that only one side has, or a
+        statement that reads differently, has a row that does not agree.
+    """
+    rows: list[tuple[object, ...]] = []
+    for path in (*printed, *(path for path in ours if path not in printed)):
+        rows += _rows(path, printed.get(path), ours.get(path))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _rows(
+    path: tuple[str, ...], line: Line | None, statement: Statement | None
+) -> list[tuple[object, ...]]:
+    quantity, kind = " > ".join(path), _kind(path)
+    if line is None or statement is None or line.statement != statement.text:
+        text = line.statement.format(*line.numbers) if line else ""
+        said = statement.text if statement else "nothing"
+        return [(f"{quantity} [{said}]", kind, text, *[np.nan] * 4, False)]
+    if not line.numbers:
+        return [(quantity, "statement", line.statement, np.nan, 0.0, np.nan, 0.0, True)]
+    out: list[tuple[object, ...]] = []
+    many = len(line.numbers) > 1
+    for number, (text, value) in enumerate(zip(line.numbers, statement.values, strict=True), 1):
+        name = f"{quantity} ({number})" if many else quantity
+        out.append((name, _kind(path, number), *_row(text, value)))
+    return out
+
+
+def _row(printed: str, value: float) -> tuple[str, float, float, float, float, bool]:
+    """Return printed, ours, difference, unit, difference in units, and whether it agrees."""
+    difference = float(value) - float(printed)
+    if isinstance(value, Angle):
+        difference = (difference + 180) % 360 - 180
+    if isinstance(value, int):
+        return printed, float(value), difference, 1.0, difference, difference == 0
+    unit = last_digit(printed)
+    units = difference / unit
+    return printed, float(value), difference, unit, units, abs(units) <= 1
+
+
+KINDS = (
+    (("Correlations over",), "correlation"),
+    (("Photo ", "> Value"), "exterior orientation"),
+    (("> Deviation",), "standard deviation"),
+    (("Camera1 ", "ignificance"), "significance"),
+    (("Quality > Cameras",), "coverage"),
+    (("Cameras",), "camera"),
+    (("Residuals",), "residual statistic"),
+    (("Total error",), "residual statistic"),
+    (("Sigma0",), "residual statistic"),
+    (("Point Precision",), "standard deviation"),
+    (("Point Angles",), "angle of rays"),
+    (("measurements",), "object point"),
+)
+"""Words in a quantity's place and the kind of quantity that they mean; the first that fits."""
+
+
+def _kind(path: tuple[str, ...], number: int = 1) -> str:
+    place = " > ".join(path)
+    if " measurements > Posterior" in place and 4 <= number <= 6:
+        return "standard deviation"
+    for words, kind in KINDS:
+        if all(word in place for word in words):
+            return kind
+    return "count"
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return numbers of values and the largest difference by kind.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `compare` returns it.
+
+    Returns
+    -------
+    DataFrame
+        kind, values, agree, largest (difference in units of the last digit); the last row
+        holds all.
+    """
+    total = table.assign(kind="all")
+    groups = pd.concat([table, total]).groupby("kind", sort=False)
+    out = groups.agg(
+        values=("agrees", "size"),
+        agree=("agrees", "sum"),
+        largest=("units", lambda units: units.abs().max()),
+    )
+    return out.reset_index()

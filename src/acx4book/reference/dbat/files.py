@@ -1,0 +1,210 @@
+"""The Damped Bundle Adjustment Toolbox (DBAT): its measurement files and its conventions.
+
+DBAT counts image coordinates from the upper left corner of the image, subtracts the principal
+point (px, py from that corner), *adds* the distortion, so that every K and P has the opposite
+sign, and states px and the width of the format for pixels that are 1 + as times wider than high.
+`dbat_report` reads its reports.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+
+INTERIOR_NAMES = ("cc", "px", "py", "as", "K1", "K2", "K3", "P1", "P2")
+"""DBAT's parameters in the order in which `interior_to_dbat` returns them."""
+
+_OURS = ("f", "xp", "yp", "b1", "k1", "k2", "k3", "p1", "p2")
+_HALF_PIXEL = 0.5
+"""Our pixel (0, 0) is a centre, theirs a corner."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurements:
+    """Image points as a file has them.
+
+    Attributes
+    ----------
+    image, point : ndarray, shape (n,)
+        DBAT's numbers of images, from 1, and of points.
+    xy_px : ndarray, shape (n, 2)
+        From the upper left corner, y down.
+    sigma_px : ndarray, shape (n,)
+    """
+
+    image: Index
+    point: Index
+    xy_px: Array
+    sigma_px: Array
+
+    @property
+    def colrow(self) -> Array:
+        """Pixel coordinates in the library's convention, shape (n, 2)."""
+        return self.xy_px - _HALF_PIXEL
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surveyed:
+    """Points with given coordinates.
+
+    Attributes
+    ----------
+    point : ndarray, shape (n,)
+    labels : tuple of str
+    x, sigma : ndarray, shape (n, 3)
+        Object units; a sigma of zero where the file has none.
+    """
+
+    point: Index
+    labels: tuple[str, ...]
+    x: Array
+    sigma: Array
+
+
+def _rows(path: Path) -> list[list[str]]:
+    """Return the cells of a comma-separated file without comments and empty lines."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [
+        [cell.strip() for cell in line.split(",")]
+        for line in lines
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+
+
+def read_image_points(path: Path) -> Measurements:
+    """Read "image, point, x, y, sigma"."""
+    table = np.array(_rows(path), dtype=float)
+    return Measurements(
+        image=table[:, 0].astype(np.intp),
+        point=table[:, 1].astype(np.intp),
+        xy_px=table[:, 2:4],
+        sigma_px=table[:, 4],
+    )
+
+
+def read_marked_points(path: Path, *, sigma_px: float) -> Measurements:
+    """Read "point, image, x, y", all measured equally well."""
+    table = np.array(_rows(path), dtype=float)
+    return Measurements(
+        image=table[:, 1].astype(np.intp),
+        point=table[:, 0].astype(np.intp),
+        xy_px=table[:, 2:4],
+        sigma_px=np.full(len(table), sigma_px),
+    )
+
+
+def joined(parts: tuple[Measurements, ...]) -> Measurements:
+    """Return several files' measurements as one."""
+    return Measurements(
+        image=np.concatenate([part.image for part in parts]),
+        point=np.concatenate([part.point for part in parts]),
+        xy_px=np.concatenate([part.xy_px for part in parts]),
+        sigma_px=np.concatenate([part.sigma_px for part in parts]),
+    )
+
+
+def read_surveyed(path: Path) -> Surveyed:
+    """Read "point, label, x, y, z" with or without three sigmas, sorted by point."""
+    rows = sorted(_rows(path), key=lambda row: int(row[0]))
+    numbers = np.array([row[2:] for row in rows], dtype=float)
+    return Surveyed(
+        point=np.array([int(row[0]) for row in rows], dtype=np.intp),
+        labels=tuple(row[1] for row in rows),
+        x=numbers[:, :3],
+        sigma=numbers[:, 3:] if numbers.shape[1] > 3 else np.zeros((len(rows), 3)),
+    )
+
+
+def read_images(path: Path) -> tuple[str, ...]:
+    """Read the images' file names, without folders, in the order of their numbers."""
+    rows = sorted(_rows(path), key=lambda row: int(row[0]))
+    return tuple(row[1].rsplit("/", 1)[-1] for row in rows)
+
+
+# --- conventions -----------------------------------------------------------------------------
+
+
+def camera_from_dbat(
+    *, cc: float, pp: tuple[float, float] | None, size_px: tuple[int, int], pixel_mm: float
+) -> Camera:
+    """Return a camera without distortion from DBAT's values.
+
+    Parameters
+    ----------
+    cc : float
+        Camera constant, mm.
+    pp : tuple of float, optional
+        px and py, mm; the middle of the image where left out.
+    size_px : tuple of int
+        Width and height.
+    pixel_mm : float
+    """
+    middle = 0.5 * pixel_mm * np.array(size_px)
+    xp, yp = (np.array(pp) - middle) * [1, -1] if pp is not None else (0.0, 0.0)
+    return Camera(
+        name="Camera1",
+        width_px=size_px[0],
+        height_px=size_px[1],
+        pixel_mm=pixel_mm,
+        interior=Interior(f=cc, xp=float(xp), yp=float(yp)),
+    )
+
+
+def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
+    """Return an interior orientation and its covariance as DBAT reports them.
+
+    Parameters
+    ----------
+    camera : Camera
+    cov : ndarray, shape (9, 9)
+        In the order of `camera.INTERIOR`.
+
+    Returns
+    -------
+    values : ndarray, shape (9,)
+        In the order of `INTERIOR_NAMES`.
+    cov : ndarray, shape (9, 9)
+
+    Notes
+    -----
+    x (1 + b1) - xp is (1 + b1) times x - xp / (1 + b1), hence px and the derivatives of it.
+    """
+    interior = camera.interior
+    order = [INTERIOR.index(name) for name in _OURS]
+    values = interior.to_array()[order]
+    scale = 1 + interior.b1
+    values[1] = interior.xp / scale + 0.5 * camera.width_px * camera.pixel_mm
+    values[2] = 0.5 * camera.height_px * camera.pixel_mm - interior.yp
+    values[4:] *= -1
+    by_ours = np.diag([1.0, 1 / scale, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
+    by_ours[1, 3] = -interior.xp / scale**2
+    return values, by_ours @ cov[np.ix_(order, order)] @ by_ours.T
+
+
+def sensor_size_mm(camera: Camera) -> Array:
+    """Return width and height of the format as DBAT reports them, shape (2,)."""
+    size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    return size * np.array([1 + camera.interior.b1, 1.0])
+
+
+def largest_distortion_mm(camera: Camera) -> float:
+    """Return DBAT's figure for the distortion in the corners of the image, mm.
+
+    As its report computes it: pixels as high as wide, |dx| + |dy| instead of their root sum of
+    squares, and P1 in the place of P2 in dx, P2 in the place of P1 in dy.
+    """
+    values, _ = interior_to_dbat(camera, np.zeros((9, 9)))
+    _, px, py, _, k1, k2, k3, p1, p2 = values
+    size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    corners = _HALF_PIXEL * camera.pixel_mm + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
+    x, y = corners[:, 0] - px, corners[:, 1] - py
+    r2 = x * x + y * y
+    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
+    dx = x * radial + p1 * (r2 + 2 * x * x) + 2 * p1 * x * y
+    dy = y * radial + p2 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return float(np.max(np.abs(dx) + np.abs(dy)))

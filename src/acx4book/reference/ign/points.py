@@ -1,0 +1,238 @@
+"""Points intersected from seven UltraCam images, and what each forgotten step costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from acx4book.reference.ign import files
+from acx4book.reference.ign.readings import READINGS, Flight, Reading, complete, load
+from acx4lib.calibration import estimates
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry.collinearity import directions, image_residuals
+from acx4lib.geometry.intersection import intersect
+from acx4lib.georeferencing.direct import (
+    Intersections,
+    Rays,
+    georeference,
+    intersect_rays,
+    measured,
+)
+
+POINTING_PX = 0.5
+"""Standard deviation of a measurement of a surveyed point; IGN gives none."""
+
+AXES = ("east", "north", "height")
+
+
+# --- intersections ---------------------------------------------------------------------------
+
+
+def _block(flight: Flight, reading: Reading) -> Block:
+    n = len(flight.orientations.names)
+    measurements = flight.measurements
+    unknown = np.full((n, 3), np.inf)
+    nobody = SurveyedPoints(
+        point_idx=np.zeros(0, dtype=np.intp),
+        x_m=np.zeros((0, 3)),
+        R_g_m=np.zeros((0, 3, 3)),
+        sigma_m=np.zeros((0, 3)),
+    )
+    return Block(
+        name="validation",
+        frame=flight.frame,
+        cameras=(flight.camera,),
+        images=Images(
+            names=flight.orientations.names,
+            camera_idx=np.zeros(n, dtype=np.intp),
+            exposure_idx=np.arange(n),
+            strips=("",) * n,
+        ),
+        points=flight.points,
+        image_points=ImagePoints(
+            image_idx=files.indices(measurements.images, flight.orientations.names),
+            point_idx=files.indices(measurements.points, flight.points),
+            colrow=measurements.colrow,
+            sigma_px=np.full(len(measurements.points), POINTING_PX),
+        ),
+        control=nobody,
+        check=nobody,
+        trajectory=Trajectory(
+            exposures=flight.orientations.names,
+            T_m_b=reading.T_m_c,
+            R_g_m=flight.frame.grid_axes(reading.T_m_c.r),
+            sigma_position=unknown,
+            sigma_attitude=unknown,
+        ),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intersected:
+    """All points intersected under one reading.
+
+    Attributes
+    ----------
+    rays : Rays
+        Sorted by point; group = point.
+    found : Intersections
+    d : ndarray, shape (n_points, 3)
+        East, north, height less IGN's, m.
+    sigma : ndarray, shape (n_points, 3)
+        From the pointing alone, m.
+    misfit : ndarray, shape (n, 2)
+        Residuals of IGN's coordinates, px.
+    d_nearest : ndarray, shape (n_points, 3)
+        As `d`, of the points nearest to their rays in space.
+    """
+
+    rays: Rays
+    found: Intersections
+    d: Array
+    sigma: Array
+    misfit: Array
+    d_nearest: Array
+
+
+def intersected(flight: Flight, reading: Reading) -> Intersected:
+    """Intersect all points: least squares of the image residuals."""
+    block = _block(flight, reading)
+    points = block.image_points
+    order: Index = np.argsort(points.point_idx, kind="stable")
+    selected = Rays(
+        image_idx=points.image_idx[order],
+        group=points.point_idx[order],
+        colrow=points.colrow[order],
+        sigma_px=points.sigma_px[order],
+    )
+    poses = georeference(block, estimates.given([flight.camera]))
+    found = intersect_rays(block, poses, selected)
+    seen = measured(block, poses, selected)
+    nearest = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
+    given = reading.from_enh(flight.enh)[selected.group]
+    R_g_m = flight.frame.grid_axes(flight.frame.from_grid(flight.enh))
+    cov = R_g_m @ found.cov @ np.swapaxes(R_g_m, -1, -2)
+    return Intersected(
+        rays=selected,
+        found=found,
+        d=reading.to_enh(found.x_m) - flight.enh,
+        sigma=np.sqrt(np.diagonal(cov, axis1=1, axis2=2)),
+        misfit=image_residuals(seen, given),
+        d_nearest=reading.to_enh(nearest) - flight.enh,
+    )
+
+
+def ground_pixel_m(flight: Flight) -> float:
+    """Return the size of a pixel on the ground."""
+    above = flight.orientations.enh[:, 2].mean()
+    return float(above * flight.camera.pixel_mm / flight.camera.interior.f)
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def results() -> pd.DataFrame:
+    """Return every intersected point beside IGN's coordinates.
+
+    Returns
+    -------
+    DataFrame
+        point, kind (surveyed or tie point), rays, d_*_m (ours less theirs), sigma_*_m,
+        ground_pixels: the distance in space in pixels on the ground; nearest_ground_pixels: the
+        same of the point nearest to the rays in space.
+    """
+    flight = load()
+    got = intersected(flight, complete(flight))
+    table = pd.DataFrame(
+        {
+            "point": flight.points,
+            "kind": np.where(flight.is_surveyed, "surveyed", "tie point"),
+            "rays": np.bincount(got.rays.group),
+        }
+    )
+    for k, axis in enumerate(AXES):
+        table[f"d_{axis}_m"] = got.d[:, k]
+    for k, axis in enumerate(AXES):
+        table[f"sigma_{axis}_m"] = got.sigma[:, k]
+    pixel_m = ground_pixel_m(flight)
+    table["ground_pixels"] = np.linalg.norm(got.d, axis=1) / pixel_m
+    table["nearest_ground_pixels"] = np.linalg.norm(got.d_nearest, axis=1) / pixel_m
+    return table.round(6)
+
+
+def residuals() -> pd.DataFrame:
+    """Return the residuals of all measurements: image, point, col, row, v_col, v_row (px)."""
+    flight = load()
+    got = intersected(flight, complete(flight))
+    names = flight.orientations.names
+    return pd.DataFrame(
+        {
+            "image": [names[image] for image in got.rays.image_idx],
+            "point": [flight.points[point] for point in got.rays.group],
+            "kind": np.where(flight.is_surveyed[got.rays.group], "surveyed", "tie point"),
+            "col": got.rays.colrow[:, 0],
+            "row": got.rays.colrow[:, 1],
+            "v_col": got.found.v[:, 0],
+            "v_row": got.found.v[:, 1],
+        }
+    )
+
+
+def forgotten_steps() -> pd.DataFrame:
+    """Return what each step costs where it is left out, on the tie points.
+
+    Returns
+    -------
+    DataFrame
+        reading, rms of the intersections' residuals (px), rms of the residuals that IGN's
+        coordinates have (px), mean differences along east, north and height, and the standard
+        deviation of the height (m).
+    """
+    flight = load()
+    tie = ~flight.is_surveyed
+    rows = []
+    for name, read in READINGS.items():
+        got = intersected(flight, read(flight))
+        own = tie[got.rays.group]
+        d = got.d[tie]
+        rows.append(
+            {
+                "reading": name,
+                "residual_px": _rms(got.found.v[own]),
+                "misfit_px": _rms(got.misfit[own]),
+                **{f"mean_{axis}_m": d[:, k].mean() for k, axis in enumerate(AXES)},
+                "std_height_m": d[:, 2].std(ddof=1),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _rms(v: Array) -> float:
+    return float(np.sqrt(np.mean(v**2)))
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the surveyed points one by one, and mean and standard deviation of the tie points.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `results` returns it.
+
+    Returns
+    -------
+    DataFrame
+        point, rays, differences (m), their predicted sigma (m) and the distance in pixels on
+        the ground; empty where there is none.
+    """
+    tie = table[table["kind"] == "tie point"]
+    names = [f"d_{axis}_m" for axis in AXES]
+    shown = ["point", "rays", *names, *(f"sigma_{axis}_m" for axis in AXES), "ground_pixels"]
+    rows = [table.loc[table["kind"] == "surveyed", shown]]
+    for label, values in (("mean", tie[names].mean()), ("standard deviation", tie[names].std())):
+        point = f"{len(tie)} tie points, {label}"
+        rows.append(pd.DataFrame([{"point": point, "rays": float(tie["rays"].mean()), **values}]))
+    return pd.concat(rows, ignore_index=True)

@@ -1,0 +1,1 @@
+"""Certified regression problems of NIST."""

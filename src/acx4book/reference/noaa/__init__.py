@@ -1,0 +1,1 @@
+"""Frames of NOAA's digital sensor system, and OSSIM's ground points."""

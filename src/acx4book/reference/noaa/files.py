@@ -1,0 +1,108 @@
+"""OSSIM's keyword lists: frames of the sensor model ``ossimApplanixUtmModel``.
+
+OSSIM counts pixels from the reference point of the image, takes the pixel (0, 0) as a corner of
+it, and multiplies measured points by 1 - (k0 + k1 r^2 + k2 r^4 + k3 r^6). It keeps the boresight
+beside omega, phi, kappa without applying it: these are the camera's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, Interior
+
+CORNERS = ("ul", "ur", "lr", "ll")
+"""Order of the corners."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """One frame with its orientation and its reference coordinates.
+
+    Attributes
+    ----------
+    name : str
+    camera : Camera
+    crs : str
+        UTM on WGS 84.
+    enh : ndarray, shape (3,)
+        Of the perspective centre: easting, northing, ellipsoidal height, m.
+    opk : ndarray, shape (3,)
+        Of the camera against the grid, radians.
+    colrow : ndarray, shape (5, 2)
+        The corners in the order of `CORNERS`, then the reference point.
+    lonlat : ndarray, shape (5, 2)
+        Where OSSIM finds them on the ground, degrees.
+    ground_m : float
+        Ellipsoidal height of the ground.
+    """
+
+    name: str
+    camera: Camera
+    crs: str
+    enh: Array
+    opk: Array
+    colrow: Array
+    lonlat: Array
+    ground_m: float
+
+
+def read(path: Path) -> Frame:
+    """Read a frame.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Frame
+    """
+    lines = (line.partition(":") for line in path.read_text(encoding="ascii").splitlines())
+    words = {key.strip(): value.strip() for key, _, value in lines}
+
+    def numbers(key: str) -> Array:
+        return np.array([float(word) for word in words[key].split() if word != "WGE"])
+
+    left, top, right, bottom = numbers("rect")
+    centre = np.array([float(words["ref_point_samp"]), float(words["ref_point_line"])])
+    corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+    places = [[float(words[f"{name}_{axis}"]) for axis in ("lon", "lat")] for name in CORNERS]
+    hemisphere = 326 if words["utm_hemisphere"] == "N" else 327
+    return Frame(
+        name=words["image_id"],
+        camera=_camera(words, size_px=(int(right) + 1, int(bottom) + 1), centre=centre),
+        crs=f"EPSG:{hemisphere}{int(words['utm_zone']):02d}",
+        enh=numbers("utm_platform_position"),
+        opk=np.radians([float(words[name]) for name in ("omega", "phi", "kappa")]),
+        colrow=np.array([*corners, centre]),
+        lonlat=np.array([*places, [float(words["ref_point_lon"]), float(words["ref_point_lat"])]]),
+        ground_m=float(words["ref_point_hgt"]),
+    )
+
+
+def _camera(words: dict[str, str], *, size_px: tuple[int, int], centre: Array) -> Camera:
+    """Return the camera; a change of scale k0 goes into f and the other coefficients."""
+    pixel_mm = float(words["pixel_size"].split()[0])
+    k0, k1, k2, k3 = (float(words[f"distortion.k{power}"]) for power in range(4))
+    principal = np.array([float(word) for word in words["principal_point"].split()])
+    middle = 0.5 * (np.array(size_px) - 1)
+    xp, yp = principal + (centre - middle) * pixel_mm * [1, -1]
+    return Camera(
+        name=words["sensor"],
+        width_px=size_px[0],
+        height_px=size_px[1],
+        pixel_mm=pixel_mm,
+        interior=Interior(
+            f=float(words["focal_length"]) / (1 - k0),
+            xp=float(xp),
+            yp=float(yp),
+            k1=k1 / (1 - k0),
+            k2=k2 / (1 - k0),
+            k3=k3 / (1 - k0),
+        ),
+    )

@@ -1,0 +1,92 @@
+"""The last computed comparisons, for where the measurements are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+
+from acx4book.reference import data
+from acx4lib._data import data_path
+
+PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """A comparison and where it comes from.
+
+    Attributes
+    ----------
+    table : DataFrame
+    origin : str
+        A sentence: computed just now, or when and with what.
+    """
+
+    table: pd.DataFrame
+    origin: str
+
+
+def folder() -> Path:
+    """Return the folder of the stored results."""
+    return data_path("reference", "index.csv").parent / "results"
+
+
+def computed_or_stored(
+    name: str, sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]
+) -> Comparison:
+    """Return a comparison, computed where its measurements are here, as stored elsewhere.
+
+    Parameters
+    ----------
+    name : str
+    sets : mapping
+        The set of files that every comparison needs, and what computes it.
+
+    Raises
+    ------
+    ReferenceDataError
+        Where a file is not the one that was indexed.
+    """
+    files, compute = sets[name]
+    if data.is_here(files):
+        return Comparison(table=compute(), origin="Computed from the measurements for this page.")
+    known = pd.read_csv(folder() / "computed.csv", dtype=str).set_index("name").loc[name]
+    versions = ", ".join(f"{package} {known[package]}" for package in PACKAGES)
+    return Comparison(
+        table=_read(folder() / f"{name}.csv"),
+        origin=(
+            f"The measurements are not on this machine ({data.HINT}); these are the results "
+            f"computed on {known['date']} with {versions}."
+        ),
+    )
+
+
+def _read(path: Path) -> pd.DataFrame:
+    """Read a table as it was computed: text stays text, the empty one too."""
+    table = pd.read_csv(
+        path, keep_default_na=False, na_values=[""], dtype={"printed": str, "point": str}
+    )
+    texts = table.columns[[not is_numeric_dtype(kind) for kind in table.dtypes]]
+    table[texts] = table[texts].fillna("")
+    return table
+
+
+def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
+    """Compute all comparisons and store them with the date and the versions that made them."""
+    folder().mkdir(exist_ok=True)
+    today = datetime.now(UTC).date().isoformat()
+    versions = {package: version(package) for package in PACKAGES}
+    for name, (_, compute) in sets.items():
+        _write(compute(), name)
+    _write(pd.DataFrame([{"name": name, "date": today, **versions} for name in sets]), "computed")
+
+
+def _write(table: pd.DataFrame, name: str) -> None:
+    path = folder() / f"{name}.csv"
+    table.to_csv(path, index=False, float_format="%.12g", lineterminator="\n")

@@ -1,0 +1,132 @@
+"""Quality by groups of observations: a posteriori sigma, redundancy, detectable errors.
+
+All of it follows from residuals.csv. Components that a user weights together are one group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from acx4book.report.material import Material, residuals
+from acx4lib.bundle.reliability import noncentrality
+
+GROUPS = {
+    ("image_point", "col_px"): "image points",
+    ("image_point", "row_px"): "image points",
+    ("control_point", "east_m"): "control, plan",
+    ("control_point", "north_m"): "control, plan",
+    ("control_point", "height_m"): "control, height",
+    ("gnss", "east_m"): "GNSS, plan",
+    ("gnss", "north_m"): "GNSS, plan",
+    ("gnss", "height_m"): "GNSS, height",
+    ("attitude", "roll_deg"): "roll and pitch",
+    ("attitude", "pitch_deg"): "roll and pitch",
+    ("attitude", "heading_deg"): "heading",
+}
+"""The group of every kind and component of an observation."""
+
+DETECTABLE = noncentrality()
+"""Baarda's delta_0: how far an error moves w if it is found with `reliability.POWER`."""
+
+CONTROLLED = 0.1
+"""Redundancy number below which an observation is hardly checked by the others."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """The quality of one group of observations in one adjustment.
+
+    Attributes
+    ----------
+    adjustment, group, unit : str
+    n : int
+        Components.
+    redundancy : float
+        Sum of their redundancy numbers.
+    sigma : float
+        A priori, median, in `unit`.
+    ratio : float
+        A posteriori over a priori sigma; NaN without redundancy.
+    weak : int
+        Components with a redundancy number below `CONTROLLED`.
+    detectable, detectable_max : float
+        Minimal detectable errors, median and largest, in `unit`.
+    """
+
+    adjustment: str
+    group: str
+    unit: str
+    n: int
+    redundancy: float
+    sigma: float
+    ratio: float
+    weak: int
+    detectable: float
+    detectable_max: float
+
+
+def qualities(material: Material, adjustment: str) -> list[Quality]:
+    """Return the quality of every group of observations of an adjustment.
+
+    Parameters
+    ----------
+    material : Material
+    adjustment : str
+
+    Notes
+    -----
+    The ratio is the root of v'Pv over the group's sum of redundancy numbers: the expectation of
+    its square is the variance of unit weight, whatever the sizes of the groups. This is the first
+    iteration of a variance component estimation, as a diagnosis. The detectable error of an
+    observation is delta_0 sigma / sqrt(r) [1]_.
+
+    References
+    ----------
+    .. [1] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
+    """
+    rows = residuals(material, adjustment)
+    rows = rows[(rows["sigma"] > 0) & rows["v"].notna()]
+    keys = zip(rows["kind"], rows["component"], strict=True)
+    group = pd.Series([GROUPS[key] for key in keys], index=rows.index, dtype=object)
+    return [_of_group(adjustment, str(name), own) for name, own in rows.groupby(group, sort=False)]
+
+
+def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
+    sigma, v = rows["sigma"].to_numpy(), rows["v"].to_numpy()
+    r = rows["redundancy"].clip(0.0, 1.0).to_numpy()
+    total = float(r.sum())
+    with np.errstate(divide="ignore"):
+        detectable = DETECTABLE * sigma / np.sqrt(r)
+    return Quality(
+        adjustment=adjustment,
+        group=name,
+        unit=str(rows["component"].iloc[0]).rpartition("_")[2],
+        n=len(rows),
+        redundancy=total,
+        sigma=float(np.median(sigma)),
+        ratio=float(np.sqrt(np.sum((v / sigma) ** 2) / total)) if total > 0 else np.nan,
+        weak=int(np.sum(r < CONTROLLED)),
+        detectable=float(np.median(detectable)),
+        detectable_max=float(detectable.max()),
+    )
+
+
+def ratio_limits(redundancy: float, *, probability: float = 0.95) -> tuple[float, float]:
+    """Return between what a posteriori over a priori sigma lies by chance; NaN without redundancy.
+
+    Parameters
+    ----------
+    redundancy : float
+        Sum of the redundancy numbers.
+    probability : float
+        Of the interval, two-sided.
+    """
+    if not redundancy > 0:
+        return np.nan, np.nan
+    tail = (1 - probability) / 2
+    low, high = np.sqrt(stats.chi2.ppf((tail, 1 - tail), redundancy) / redundancy)
+    return float(low), float(high)

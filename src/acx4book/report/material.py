@@ -1,0 +1,208 @@
+"""What a report is made of: a results folder, with the flight that it keeps."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4lib import flight as flights
+from acx4lib.calibration.mounting import METHODS
+from acx4lib.errors import FlightError
+from acx4lib.flight.block import Block
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
+
+BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
+"""The block that a stage's observations are of."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Material:
+    """A run, as its results folder has it.
+
+    Attributes
+    ----------
+    folder : Path
+    found : Results
+    flight : Flight
+        As the run read it, but for the pixels.
+    provenance : Provenance
+    """
+
+    folder: Path
+    found: results.Results
+    flight: flights.Flight
+    provenance: provenance.Provenance
+
+    @property
+    def adjustments(self) -> tuple[str, ...]:
+        """Names of what was adjusted, ``stage/method`` or ``heads/bundle/CAM1``."""
+        return tuple(
+            name
+            for name, entry in self.found.summary.items()
+            if name.startswith(("heads/bundle", "mounting/"))
+            and entry.get("sigma0_squared") is not None
+        )
+
+    @property
+    def calibration(self) -> str:
+        """The method that the calibration is taken from, the single step first; empty for none."""
+        ordered = sorted(METHODS, key=lambda method: method != "single_step")
+        listed = set(self.found.parameters["stage"] + "/" + self.found.parameters["method"])
+        return next((f"mounting/{m}" for m in ordered if f"mounting/{m}" in listed), "")
+
+    @property
+    def decisive(self) -> tuple[str, ...]:
+        """The adjustments that the statement is about: the calibration, and that of every head."""
+        return tuple(
+            n for n in self.adjustments if n == self.calibration or n.startswith("heads/bundle")
+        )
+
+    @property
+    def date(self) -> dt.date:
+        """When the results were written, by the date of summary.json."""
+        changed = (self.folder / "summary.json").stat().st_mtime
+        return dt.datetime.fromtimestamp(changed, tz=dt.UTC).date()
+
+
+def read(folder: str | Path) -> Material:
+    """Read all that a report needs.
+
+    Parameters
+    ----------
+    folder : path
+        The results of a run.
+
+    Raises
+    ------
+    FlightError
+        Where the folder is not there, is not complete, was changed since the run, or is being
+        written.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FlightError([f"{folder}: no such folder; acx4 run FLIGHT --results makes one"])
+    if not any((folder / name).is_file() for name in results.FILES):
+        raise FlightError([f"{folder}: no results of a run; acx4 run FLIGHT --results makes them"])
+    missing = [
+        name
+        for name in (*results.FILES, provenance.FILE, f"{provenance.KEPT}/flight.toml")
+        if not (folder / name).is_file()
+    ]
+    if missing:
+        problem = f"{folder}: not complete, without {', '.join(missing)}; run all stages again"
+        raise FlightError([problem])
+    claims.verify(folder, [*results.FILES, provenance.FILE], cure="run all stages again")
+    material = Material(
+        folder=folder,
+        provenance=provenance.read(folder),
+        found=results.read(folder),
+        flight=flights.read_kept(folder / provenance.KEPT),
+    )
+    if not material.found.summary:
+        raise FlightError([f"{folder}: no stage left results; run acx4 run first"])
+    return material
+
+
+def block_of(material: Material, stage_method: str) -> Block:
+    """Return the block that an adjustment was made with.
+
+    Raises
+    ------
+    FlightError
+        Where the flight that is kept does not have it.
+    """
+    name = BLOCK[stage_method.partition("/")[0]]
+    if name not in material.flight.blocks:
+        raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
+    return material.flight.blocks[name]
+
+
+def residuals(material: Material, adjustment: str) -> pd.DataFrame:
+    """Return the residuals of one adjustment.
+
+    Parameters
+    ----------
+    material : Material
+    adjustment : str
+        One of `Material.adjustments`; of ``heads/bundle/CAM1`` the rows of this camera.
+    """
+    stage, method, *camera = adjustment.split("/", 2)
+    rows = results.rows(material.found, "residuals", f"{stage}/{method}")
+    if not camera:
+        return rows
+    images = block_of(material, adjustment).images
+    names = [c.name for c in block_of(material, adjustment).cameras]
+    camera_of = {image: names[k] for image, k in zip(images.names, images.camera_idx, strict=True)}
+    # every head has its image points first; its control points, without an image, follow
+    mine = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
+    return rows[mine].reset_index(drop=True)
+
+
+def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
+    """Return one row per measured image point, with where it was measured.
+
+    Returns
+    -------
+    DataFrame
+        camera, strip, image, point, col_px, row_px (measured), sigma (px), and for columns and rows
+        v_col, v_row (px), redundancy_col, redundancy_row, w_col, w_row.
+
+    Raises
+    ------
+    FlightError
+        Where residuals and the flight that is kept do not belong together.
+    """
+    rows = residuals(material, adjustment)
+    rows = rows[rows["kind"] == "image_point"]
+    keys, columns = ["image_or_exposure", "point"], ["v", "sigma", "redundancy", "w"]
+    col, row = (
+        rows.loc[rows["component"] == component, [*keys, *columns]]
+        for component in ("col_px", "row_px")
+    )
+    said = col.merge(row, on=keys, suffixes=("_col", "_row")).drop(columns="sigma_row")
+    said = said.rename(columns={"image_or_exposure": "image", "sigma_col": "sigma"})
+    measured = _measured(block_of(material, adjustment))
+    both = measured.merge(said, on=["image", "point"], how="inner")
+    if len(both) != len(said):
+        problem = f"{material.folder}: residuals.csv is not of the flight kept beside it; run again"
+        raise FlightError([problem])
+    return both
+
+
+def _measured(block: Block) -> pd.DataFrame:
+    points, images = block.image_points, block.images
+    cameras = np.array([camera.name for camera in block.cameras], dtype=object)
+    i = points.image_idx
+    return pd.DataFrame(
+        {
+            "camera": cameras[images.camera_idx[i]],
+            "strip": np.array(images.strips, dtype=object)[i],
+            "image": np.array(images.names, dtype=object)[i],
+            "point": np.array(block.points, dtype=object)[points.point_idx],
+            "col_px": points.colrow[:, 0],
+            "row_px": points.colrow[:, 1],
+        }
+    )
+
+
+def exposure_times(material: Material, block: Block) -> pd.Series:
+    """Return the times of a block's exposures in s, by their names; NaN where not given."""
+    path = material.folder / provenance.KEPT / block.name / "trajectory.csv"
+    table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    table.columns = table.columns.str.strip()
+    times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)
+    known = pd.Series(pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"])
+    return known.reindex(list(block.trajectory.exposures))
+
+
+def sentences(material: Material, key: str) -> Iterator[str]:
+    """Yield the sentences that all methods left under a key of the summary."""
+    for entry in material.found.summary.values():
+        yield from results.messages(entry, key)

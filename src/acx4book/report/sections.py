@@ -1,0 +1,278 @@
+"""Tables of a report's results, ready to be shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from acx4book.report.estimates import SIGNIFICANCE, STRONG, Estimate, estimates, strong_pairs
+from acx4book.report.groups import Quality, qualities, ratio_limits
+from acx4book.report.material import Material
+from acx4book.report.stability import Drift
+from acx4book.report.verdict import Finding
+from acx4book.report.words import heading, pair_text, parameter_title
+from acx4book.typesetting.labels import value_and_sigma, with_unit
+from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.calibration.mounting import METHODS
+from acx4lib.georeferencing import accuracy
+from acx4lib.results import folder
+
+UNIT = {"px": "px", "m": "m", "deg": "°"}
+SHOWN = 30
+"""Rejected observations that are listed; all of them are in rejected.csv."""
+
+STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
+
+
+def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
+    """Return the findings, those that fail first."""
+    order = sorted(found, key=lambda f: f.state != "fails")
+    rows = [(f.question, STATES[f.state], f.answer) for f in order]
+    return pd.DataFrame(rows, columns=["Question", "Result", "Explanation"])
+
+
+def test_table(material: Material) -> pd.DataFrame:
+    """Return size and global test of every adjustment."""
+    rows = []
+    for name in material.adjustments:
+        said = material.found.summary[name]
+        r = int(str(said["redundancy"]))
+        low, high = ratio_limits(r)
+        rows.append(
+            {
+                "Adjustment": heading(name),
+                "Observations": said["n_observations"],
+                "Unknowns": said["n_unknowns"],
+                "Redundancy": r,
+                "σ₀²": said["sigma0_squared"],
+                "95 % limits": f"{low**2:.3f} to {high**2:.3f}",
+                "p": said["chi_square_p"],
+                "Rejected": said["n_rejected"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def group_table(material: Material) -> pd.DataFrame:
+    """Return a priori and a posteriori sigma of every group of observations."""
+    rows = [
+        {
+            "Adjustment": heading(g.adjustment),
+            "Group": f"{g.group} ({UNIT.get(g.unit, g.unit)})",
+            "Number": g.n,
+            "Redundancy": g.redundancy,
+            "A priori σ": _short(g.sigma),
+            "A posteriori σ": _short(g.sigma * g.ratio),
+            "Ratio": g.ratio,
+            "95 % limits": "{:.2f} to {:.2f}".format(*ratio_limits(g.redundancy)),
+        }
+        for g in _qualities(material)
+    ]
+    return pd.DataFrame(rows)
+
+
+def reliability_table(material: Material) -> pd.DataFrame:
+    """Return redundancy numbers and minimal detectable errors of every group."""
+    rows = [
+        {
+            "Adjustment": heading(g.adjustment),
+            "Group": f"{g.group} ({UNIT.get(g.unit, g.unit)})",
+            "Mean redundancy": g.redundancy / g.n,
+            "Below 0.1": g.weak,
+            "Detectable, median": _short(g.detectable),
+            "Detectable, largest": _short(g.detectable_max),
+        }
+        for g in _qualities(material)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _short(value: float) -> float:
+    """Return a number rounded to three digits."""
+    return float(f"{value:.3g}")
+
+
+def _qualities(material: Material) -> list[Quality]:
+    return [quality for name in material.decisive for quality in qualities(material, name)]
+
+
+def parameter_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of the calibration with sigma, test and strongest correlation."""
+    if not material.calibration:
+        return pd.DataFrame()
+    found = estimates(material, material.calibration)
+    several = len({p.camera for p in found}) > 1
+    rows = [
+        {
+            **({"Camera": p.camera} if several else {}),
+            "Parameter": with_unit(parameter_title(p.parameter), p.unit),
+            "Value and σ": value_and_sigma(p.value, p.sigma),
+            "Against": f"{p.reference:g}",
+            "t": p.t,
+            "Significant": "yes" if p.significant else "no",
+            "Strongest correlation": _strongest(p),
+        }
+        for p in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _strongest(p: Estimate) -> Markup:
+    if not p.strongest:
+        return Markup("–")
+    return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
+
+
+def correlation_sentence(material: Material) -> str:
+    """Say which parameters are hardly told apart."""
+    if not material.calibration:
+        return ""
+    pairs = strong_pairs(material, material.calibration)
+    if not pairs:
+        return f"No correlation exceeds {STRONG:g}."
+    return f"Correlations above {STRONG:g}: " + ", ".join(pair_text(pair) for pair in pairs) + "."
+
+
+def method_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of all methods of the mounting stage side by side."""
+    names = [f"mounting/{m}" for m in METHODS if f"mounting/{m}" in material.adjustments]
+    names.sort(key=lambda name: name != material.calibration)
+    if len(names) < 2:
+        return pd.DataFrame()
+    return _side_by_side(
+        {heading(name): folder.rows(material.found, "parameters", name) for name in names}
+    )
+
+
+def head_table(material: Material, stage_method: str) -> pd.DataFrame:
+    """Return the parameters of every head, a column per head; empty without heads."""
+    if not folder.has(material.found, stage_method):
+        return pd.DataFrame()
+    rows = folder.rows(material.found, "parameters", stage_method)
+    heads = rows.groupby("camera", sort=False)
+    return _side_by_side({str(name): own.assign(camera="") for name, own in heads})
+
+
+def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return parameters with sigma, a column per table; what a table does not have is held."""
+    several = len({name for table in tables.values() for name in table["camera"] if name}) > 1
+    cells: dict[str, dict[str, str]] = {}
+    for column, table in tables.items():
+        for _, row in table.iterrows():
+            label = with_unit(parameter_title(str(row["parameter"])), str(row["unit"]))
+            if several and row["camera"]:
+                label = Markup(f"{shown(row['camera'])} {label}")
+            text = value_and_sigma(float(row["value"]), float(row["sigma"]))
+            cells.setdefault(label, {})[column] = text
+    rows = [
+        [label, *(texts.get(column, "held") for column in tables)] for label, texts in cells.items()
+    ]
+    return pd.DataFrame(rows, columns=["Parameter", *tables])  # a camera may be called so too
+
+
+def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:
+    """Return the tests of the boresight over time."""
+    rows = [
+        {
+            "Axis of the body": d.axis,
+            "Change, first to last (°)": value_and_sigma(d.change_deg, d.sigma_deg),
+            "p of the drift": d.p,
+            "p of the strips": d.p_strips,
+        }
+        for d in tested
+    ]
+    return pd.DataFrame(rows)
+
+
+def rejected_table(material: Material) -> pd.DataFrame:
+    """Return what was taken out as gross errors, the largest first."""
+    rows = material.found.rejected
+    own = [n for n in ("heads/bundle", material.calibration, _validated(material)) if n]
+    rows = rows[(rows["stage"] + "/" + rows["method"]).isin(own)]
+    order = rows["statistic"].abs().sort_values(ascending=False, kind="stable").index
+    rows = rows.loc[order[:SHOWN]]
+    return pd.DataFrame(
+        {
+            "Stage": list(rows["stage"]),
+            "Observation": [kind.replace("_", " ") for kind in rows["kind"]],
+            "Image or exposure": list(rows["image_or_exposure"]),
+            "Point": list(rows["point"]),
+            f"w (critical {CRITICAL:g})": list(rows["statistic"]),
+        }
+    )
+
+
+def _validated(material: Material) -> str:
+    return f"validation/{material.calibration.partition('/')[2] or 'given'}"
+
+
+def rejected_sentence(material: Material) -> str:
+    """Say how many observations were rejected, where the table does not show all of them."""
+    n, shown = len(material.found.rejected), len(rejected_table(material))
+    if n == 0:
+        return "Nothing was rejected."
+    return (
+        f"The table lists {shown} rejected observations of the decisive adjustments; rejected.csv "
+        f"has all {n} rows, with those that other methods took over."
+    )
+
+
+# --- check points ----------------------------------------------------------------------------
+
+
+def check_table(material: Material) -> pd.DataFrame:
+    """Return the differences at check points, summed up, by method and axis."""
+    rows = []
+    found = material.found.check_points
+    for (stage, method), own in found.groupby(["stage", "method"], sort=False):
+        d = own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
+        sigma = own[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
+        said = accuracy.from_differences(d)
+        test = accuracy.mean_test(said, probability=1 - SIGNIFICANCE / 3)
+        for i, axis in enumerate(("east", "north", "height")):
+            rows.append(
+                {
+                    "Differences": heading(f"{stage}/{method}"),
+                    "Axis": axis,
+                    "Points": said.n,
+                    "Mean (m)": said.mean[i],
+                    "Std (m)": said.std[i],
+                    "RMS (m)": said.rms[i],
+                    "Predicted (m)": float(np.sqrt(np.mean(sigma[:, i] ** 2))),
+                    "t": test.statistic[i],
+                    "Critical": test.critical,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def class_table(material: Material) -> pd.DataFrame:
+    """Return the accuracy classes that the validation reaches."""
+    entry = material.found.summary.get(_validated(material), {})
+    points = entry.get("points")
+    classes = points.get("classes", {}) if isinstance(points, dict) else {}
+    rows: list[tuple[str, str]] = []
+    for name, one in classes.get("pec_pcd", {}).items():
+        rows.append((f"PEC-PCD {name}, plan / height", f"{one['plan']} / {one['height']}"))
+    if "nssda" in classes:
+        rows.append(("NSSDA", classes["nssda"]["statement"]))
+    if "asprs_2014" in classes:
+        one = classes["asprs_2014"]
+        rows.append(
+            ("ASPRS 2014, horizontal / vertical", f"{one['horizontal']} / {one['vertical']}")
+        )
+    if "asprs_2023" in classes:
+        one = classes["asprs_2023"]
+        text = f"{one['horizontal']} / {one['vertical']} / {one['three_d']}"
+        rows.append(("ASPRS 2023, horizontal / vertical / 3D", text))
+    rows.sort(key=lambda row: _scale(row[0]))
+    return pd.DataFrame(rows, columns=["Standard", "Reached"])
+
+
+def _scale(standard: str) -> int:
+    """Return the denominator of the map scale of a row; the others follow."""
+    digits = standard.partition("1:")[2].partition(",")[0]
+    return int(digits) if standard.startswith("PEC") and digits.isdigit() else 10**9

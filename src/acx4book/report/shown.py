@@ -1,0 +1,78 @@
+"""What the cells of the notebook show."""
+
+from __future__ import annotations
+
+import pandas as pd
+from IPython.display import Markdown
+
+from acx4book.report.estimates import correlations
+from acx4book.report.material import Material, image_residuals
+from acx4book.report.words import heading
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import myst_table
+
+FORMATS = {
+    "σ₀²": ".3f",
+    "p": ".3g",
+    "Redundancy": ",.0f",
+    "Observations": ",",
+    "Unknowns": ",",
+    "Number": ",",
+    "A priori σ": ",.9g",
+    "A posteriori σ": ",.9g",
+    "Detectable, median": ",.9g",
+    "Detectable, largest": ",.9g",
+    "Ratio": ".2f",
+    "Mean redundancy": ".2f",
+    "Below 0.1": ",",
+    "t": ".1f",
+    "Mean (m)": "+.3f",
+    "Std (m)": ".3f",
+    "RMS (m)": ".3f",
+    "Predicted (m)": ".3f",
+    "Critical": ".2f",
+    "p of the drift": ".2g",
+    "p of the strips": ".2g",
+}
+"""Formats of the numbers, by the name of the column."""
+
+
+def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:
+    """Return a table with its caption, or a sentence where it has no rows."""
+    if frame.empty:
+        return f"{caption}: this run has none."
+    formats = {column: FORMATS[column] for column in frame.columns if column in FORMATS}
+    numbers = frame.columns[frame.columns.str.startswith("w (")]
+    return myst_table(
+        frame, caption, name=name, formats={**formats, **dict.fromkeys(numbers, ".1f")}
+    )
+
+
+def show(*parts: str) -> Markdown:
+    """Return sentences and tables as the output of a cell."""
+    return Markdown("\n\n".join(part for part in parts if part))  # type: ignore[no-untyped-call] # IPython is untyped here
+
+
+def planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
+    """Return the image residuals of a stage's decisive adjustments, by their titles.
+
+    Parameters
+    ----------
+    material : Material
+    stage : str
+        ``mounting`` or ``heads``.
+    """
+    names = [name for name in material.decisive if name.startswith(f"{stage}/")]
+    return {heading(name): image_residuals(material, name) for name in names}
+
+
+def correlation_picture(material: Material) -> pd.DataFrame:
+    """Return the correlations of the calibration as `plot.correlation_matrix` takes them."""
+    if not material.calibration:
+        return pd.DataFrame()
+    related = correlations(material, material.calibration)
+    names = [str(name) for name in related.index]
+    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may
+    if len({camera for camera, _, _ in parts}) == 1 and all(name in LABELS for *_, name in parts):
+        names = [name for *_, name in parts]
+    return pd.DataFrame(related.to_numpy(), index=names, columns=names)

@@ -1,0 +1,142 @@
+"""The boresight over time: one value for every image, a drift, and differences between strips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from acx4book.report.material import Material, block_of, exposure_times
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.frames import log, mean_rotation, opk_jacobian
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.results import folder
+
+AXES = ("x", "y", "z")
+SOURCES = ("mounting/two_step", "mounting/two_step_gnss")
+"""Methods whose orientations of images owe nothing to the trajectory's attitudes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """A straight line through the boresights over the exposures, about one axis of the body.
+
+    Attributes
+    ----------
+    axis : str
+    change_deg, sigma_deg : float
+        From the first exposure to the last, and its standard deviation from the scatter.
+    p : float
+        Probability of a change as large, were there none.
+    p_strips : float
+        Probability of strip means as different, were there no difference; NaN for one strip.
+    """
+
+    axis: str
+    change_deg: float
+    sigma_deg: float
+    p: float
+    p_strips: float
+
+
+def boresights(material: Material) -> pd.DataFrame:
+    """Return what every image says of the boresight, less the camera's mean, eq. (12).
+
+    Parameters
+    ----------
+    material : Material
+
+    Returns
+    -------
+    DataFrame
+        camera, image, strip, number (in order of time), time_s (after the first image; NaN where
+        not known), x_deg, y_deg, z_deg about the axes of the body, and their sigma_*_deg from the
+        image's orientation and the trajectory's attitude; what all images share is not in them.
+        Empty where no bundle had free orientations.
+    """
+    source = next((s for s in SOURCES if folder.has(material.found, s)), "")
+    rows = folder.rows(material.found, "exterior_orientation", source) if source else pd.DataFrame()
+    if rows.empty:
+        return pd.DataFrame()
+    block = block_of(material, source)
+    image_idx = pd.Index(block.images.names).get_indexer(pd.Index(rows["image"]))
+    turns, sigma = _turns(block, image_idx, rows)
+    times = exposure_times(material, block).to_numpy()[block.images.exposure_idx[image_idx]]
+    frame = pd.DataFrame(
+        {
+            "camera": [block.cameras[k].name for k in block.images.camera_idx[image_idx]],
+            "image": rows["image"],
+            "strip": [block.images.strips[i] for i in image_idx],
+            "time_s": times - np.nanmin(times) if np.isfinite(times).any() else times,
+            **{f"{axis}_deg": turns[:, i] for i, axis in enumerate(AXES)},
+            **{f"sigma_{axis}_deg": sigma[:, i] for i, axis in enumerate(AXES)},
+        }
+    )
+    known = np.isfinite(times).all()
+    frame = frame.sort_values("time_s", kind="stable") if known else frame
+    return frame.assign(number=np.arange(1, len(frame) + 1)).reset_index(drop=True)
+
+
+def _turns(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, Array]:
+    """Return the boresights less their mean and their sigma, body axes, degrees, shape (n, 3)."""
+    enh = rows[["east_m", "north_m", "height_m"]].to_numpy()
+    opk = np.radians(rows[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy())
+    T_m_c = block.frame.pose_from_grid(enh, opk)
+    R_b_c = np.swapaxes(block.T_m_b_images.R[image_idx], 1, 2) @ T_m_c.R
+    turns, camera_idx = np.zeros((len(rows), 3)), block.images.camera_idx[image_idx]
+    for k in np.unique(camera_idx):
+        own = camera_idx == k
+        turns[own] = log(R_b_c[own] @ mean_rotation(R_b_c[own]).T)
+    said = rows[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy()
+    J = R_b_c @ np.linalg.inv(opk_jacobian(opk))
+    by_image = propagate(J, np.apply_along_axis(np.diag, 1, said**2))
+    attitude = np.degrees(block.trajectory.sigma_attitude[block.images.exposure_idx[image_idx]])
+    return np.degrees(turns), np.sqrt(sigmas(by_image) ** 2 + attitude**2)
+
+
+def drifts(listed: pd.DataFrame) -> list[Drift]:
+    """Test the boresights for a drift and for differences between strips, axis by axis.
+
+    Parameters
+    ----------
+    listed : DataFrame
+        As `boresights` returns it.
+
+    Returns
+    -------
+    list of Drift
+        Empty for fewer than four images.
+
+    Notes
+    -----
+    A regression line over time (over the order of the images where times are not known) with
+    Student's test, and a one-way analysis of variance over the strips; both measure by the
+    scatter that is found, not by the predicted sigma.
+    """
+    if len(listed) < 4:
+        return []
+    time = listed["time_s" if listed["time_s"].notna().all() else "number"].to_numpy(dtype=float)
+    out = []
+    for axis in AXES:
+        values = listed[f"{axis}_deg"].to_numpy()
+        span = float(np.ptp(time))
+        line = stats.linregress(time, values) if span > 0 else None
+        out.append(
+            Drift(
+                axis=axis,
+                change_deg=line.slope * span if line else np.nan,
+                sigma_deg=line.stderr * span if line else np.nan,
+                p=float(line.pvalue) if line else np.nan,
+                p_strips=_between_strips(values, listed["strip"]),
+            )
+        )
+    return out
+
+
+def _between_strips(values: Array, strips: pd.Series) -> float:
+    groups = [values[(strips == name).to_numpy()] for name in strips.unique() if name]
+    groups = [group for group in groups if len(group) > 1]
+    return float(stats.f_oneway(*groups).pvalue) if len(groups) > 1 else np.nan

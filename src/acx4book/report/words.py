@@ -1,0 +1,56 @@
+"""Names and small sentences of the report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from acx4book.report.estimates import Pair
+from acx4book.typesetting.labels import LABELS, TITLES
+from acx4book.typesetting.plain_text import Markup, shown
+
+STAGES = {"heads": "head", "mounting": "", "validation": "validation,", "synthetic": "synthetic"}
+
+_DRIFT = re.compile(r"gnss_drift_(.+)_(east|north|height)_m_per_(?:min|exposure)", re.DOTALL)
+
+
+def adjustment_title(name: str) -> str:
+    """Return what a reader sees for ``stage/method`` or ``heads/bundle/CAM1``."""
+    stage, method, *camera = name.split("/", 2)
+    if stage == "heads":
+        return f"head {camera[0]}" if camera else method.replace("_", " ")
+    title = TITLES.get(method, method.replace("_", " "))
+    return " ".join([STAGES[stage], title[:1].lower() + title[1:]]).strip()
+
+
+def heading(name: str) -> str:
+    """Return the same as the beginning of a line."""
+    return begun(adjustment_title(name))
+
+
+def begun(text: str) -> str:
+    """Return a text with a capital at its beginning, the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def parameter_title(name: str) -> str:
+    """Return what a reader sees for ``camera/parameter``, or for a parameter alone."""
+    if drift := _DRIFT.fullmatch(name):
+        return f"GNSS drift of strip {drift[1]}, {drift[2]}"
+    return LABELS.get(name.rpartition("/")[2], name)
+
+
+def pair_text(pair: Pair) -> Markup:
+    """Return a pair of parameters with its correlation."""
+    one, other = shown(parameter_title(pair.one)), shown(parameter_title(pair.other))
+    return Markup(f"{one} and {other} ({pair.rho:+.2f})")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a sentence has them: a, b and c."""
+    return " and ".join([part for part in (", ".join(names[:-1]), *names[-1:]) if part])
+
+
+def plural(n: int, noun: str) -> str:
+    """Return a number with its noun; none in words."""
+    return f"{n:,} {noun}{'' if n == 1 else 's'}" if n else f"no {noun}s"

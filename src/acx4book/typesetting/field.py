@@ -1,0 +1,123 @@
+"""Mean residual vectors over the image plane, for every figure that draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from acx4book.typesetting.style import (
+    INK,
+    LONGEST,
+    ORANGE,
+    WIDTH,
+    heading,
+    legend_below,
+    plain,
+    round_length,
+    style,
+)
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera
+
+CELLS = 12
+"""Cells along the longer side of an image."""
+
+FAR = 3.44
+"""Noise alone makes a plane vector longer than this many sigma as rarely as a number exceeds 3."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residuals:
+    """Residuals of one camera's image points.
+
+    Attributes
+    ----------
+    camera : Camera
+    colrow : ndarray, shape (n, 2)
+        Where they were measured, px.
+    v : ndarray, shape (n, 2)
+        px.
+    sigma_px : ndarray, shape (n,)
+    """
+
+    camera: Camera
+    colrow: Array
+    v: Array
+    sigma_px: Array
+
+
+def field_figure(fields: Mapping[str, Residuals]) -> Figure:
+    """Draw the mean residual vectors of the cells of every camera's image.
+
+    Parameters
+    ----------
+    fields : mapping of str to Residuals
+        By the title of the panel; one at least.
+    """
+    means = {name: cell_means(field) for name, field in fields.items()}
+    longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in means.values())
+    key = round_length(max(longest, 1e-6))
+    n_columns = min(2, len(fields))
+    n_rows = -(-len(fields) // n_columns)
+    height = 2.75 * n_rows + 0.5 if n_columns == 2 else 4.2
+    with style():
+        fig, grid = plt.subplots(n_rows, n_columns, figsize=(WIDTH, height), squeeze=False)
+        for ax in grid.flat[len(fields) :]:
+            ax.remove()
+        for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):
+            _draw_field(ax, field.camera, means[name], key=key)
+            rms = np.sqrt(np.mean(field.v**2))
+            heading(
+                ax, plain(name, longest=2 * LONGEST), f"{len(field.v)} points, rms {rms:.2f} px"
+            )
+        handles = [
+            Line2D([], [], color=INK, label=r"mean of a cell, within 3$\sigma$"),
+            Line2D([], [], color=ORANGE, lw=2, label=r"beyond 3$\sigma$"),
+        ]
+        legend_below(fig, handles)
+    return fig
+
+
+def cell_means(field: Residuals) -> tuple[Array, Array, Array]:
+    """Return middles of cells (px), mean residuals (px), and their lengths in sigma."""
+    camera, v, sigma = field.camera, field.v, field.sigma_px
+    size = max(camera.width_px, camera.height_px) / CELLS
+    n_cols, n_rows = int(np.ceil(camera.width_px / size)), int(np.ceil(camera.height_px / size))
+    upper = np.array([n_cols, n_rows]) - 1
+    cell = np.clip((field.colrow // size).astype(int), 0, upper)
+    idx = cell[:, 1] * n_cols + cell[:, 0]
+    n = n_cols * n_rows
+    count = np.bincount(idx, minlength=n)
+    enough = count >= 3
+    sums = np.stack([np.bincount(idx, v[:, j], minlength=n) for j in range(2)], axis=1)
+    mean = sums[enough] / count[enough, None]
+    sigma_mean = np.sqrt(np.bincount(idx, sigma**2, minlength=n)[enough]) / count[enough]
+    row, col = np.divmod(np.flatnonzero(enough), n_cols)
+    middle = (np.column_stack([col, row]) + 0.5) * size
+    return middle, mean, np.hypot(*mean.T) / sigma_mean
+
+
+def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, key: float) -> None:
+    middle, d, in_sigma = field
+    scale = max(camera.width_px, camera.height_px) / CELLS / key  # the key is as long as a cell
+    arrows = ax.quiver(
+        *middle.T,
+        *(scale * d.T),
+        color=list(np.where(in_sigma > FAR, ORANGE, INK)),
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.004,
+        zorder=3,
+    )
+    label = f"{key:g} px"
+    ax.quiverkey(arrows, 0.87, 1.06, scale * key, label, labelpos="W", fontproperties={"size": 7.5})
+    ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
+    ax.set(xlabel="column (px)", ylabel="row (px)")
+    ax.locator_params(nbins=5)

@@ -1,0 +1,99 @@
+"""What a reader sees for the names of methods, parameters and units, and a value with its sigma."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.plain_text import Markup, shown
+
+TITLES = {
+    "two_step": "Two-step",
+    "two_step_gnss": "Two-step, GNSS positions",
+    "single_step": "Single-step",
+    "rig": "Rig",
+    "given": "As given",
+}
+"""Names of the methods in headings."""
+
+UNITS = {"deg": "°", "um": "µm"}
+"""Units as a reader sees them, where results files spell them out."""
+
+UNIT = re.compile(r"[\w/^.-]{1,20}")
+"""What a unit looks like; other text, of results that somebody else wrote, is shown as it is."""
+
+_LABELS = {
+    "sigma0_squared": "variance of unit weight",
+    "f_mm": "$f$",
+    "xp_mm": "$x_p$",
+    "yp_mm": "$y_p$",
+    "k1": "$k_1$",
+    "k2": "$k_2$",
+    "k3": "$k_3$",
+    "p1": "$p_1$",
+    "p2": "$p_2$",
+    "b1": "$b_1$",
+    "lever_x_m": "lever arm $x$",
+    "lever_y_m": "lever arm $y$",
+    "lever_z_m": "lever arm $z$",
+    "boresight_omega_deg": "boresight $\\omega$",
+    "boresight_phi_deg": "boresight $\\varphi$",
+    "boresight_kappa_deg": "boresight $\\kappa$",
+    **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in ("east", "north", "height")},
+    "Xc_mm": "$X_c$",
+    "Yc_mm": "$Y_c$",
+    "Zc_mm": "$Z_c$",
+    "omega_deg": "$\\omega_c$",
+    "phi_deg": "$\\varphi_c$",
+    "kappa_deg": "$\\kappa_c$",
+    "width_px": "width",
+    "height_px": "height",
+    "pixel_um": "pixel",
+    "width_mm": "X dimension",
+    "height_mm": "Y dimension",
+    "n_pairs": "intersection pairs",
+    "n_points": "check points",
+    "n_success": "successful intersections",
+    "success_percent": "successful intersections",
+    "n_fail": "failed intersections",
+    "fail_percent": "failed intersections",
+    "n_within_3_gsd": "points within 3 GSD",
+    "within_3_gsd_percent": "points within 3 GSD",
+    "gsd_m": "ground pixel",
+    **{
+        f"{kind}_{axis}_{unit}": f"{title}, {axis}"
+        for kind, title in (("mean", "mean"), ("rms", "RMS"))
+        for axis in ("east", "north", "height")
+        for unit in ("m", "px")
+    },
+}
+
+LABELS = {name: Markup(label) for name, label in _LABELS.items()}
+"""What a reader sees for the names of parameters and statistics."""
+
+
+def value_and_sigma(value: float, sigma: float) -> Markup:
+    """Return a value with its standard deviation, both to two digits of the latter."""
+    return Markup(_value_and_sigma(value, sigma))
+
+
+def _value_and_sigma(value: float, sigma: float) -> str:
+    if not np.isfinite(value):
+        return ""
+    if not (np.isfinite(sigma) and sigma > 0):
+        return f"{value:.4g}"
+    if abs(value) < 1e-3 and sigma < 1e-3:
+        return f"{scientific(value, digits=2)} ± {scientific(sigma, digits=1)}"
+    digits = max(0, 1 - int(np.floor(np.log10(sigma))))
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+
+
+def with_unit(label: str, unit: str) -> Markup:
+    """Return a label with its unit in brackets; a number without a unit has none."""
+    text = shown(label)
+    if unit in ("", "1"):
+        return Markup(text)
+    known = UNITS.get(unit, unit) if UNIT.fullmatch(unit) else shown(unit)
+    return Markup(f"{text} ({known})")

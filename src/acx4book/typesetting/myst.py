@@ -1,0 +1,106 @@
+"""Tables and numbers of a notebook as the book shows them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from numbers import Number
+
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+
+from acx4book.typesetting.plain_text import Markup, shown
+
+MISSING = "\N{EN DASH}"
+"""What stands in a cell without a value."""
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+SIGMA = "\N{PLUS-MINUS SIGN}"
+
+POWER = re.compile(r"(?<=mm)\^(-\d)")
+"""Exponent of a unit, as results files write it."""
+
+
+def myst_table(
+    table: pd.DataFrame,
+    caption: str,
+    *,
+    name: str,
+    formats: Mapping[str, str] | None = None,
+) -> str:
+    """Return a table as a numbered, captioned MyST table.
+
+    As the last line of a cell: ``Markdown(myst_table(...))``. The index is left out.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Text in cells and headings is shown as it is. `Markup` is taken as Markdown: line breaks
+        in it become spaces, a ``|`` is escaped, and no line ends after a ``±``. Columns of
+        numbers are set right-aligned.
+    caption : str
+        Text, or `Markup`.
+    name : str
+        Label for cross-references, such as ``tab-errata``.
+    formats : mapping, optional
+        Format of the numbers by column, such as ``{"value": ".3f"}``.
+
+    Returns
+    -------
+    str
+    """
+    formats = formats or {}
+    unknown = sorted(set(formats) - set(map(str, table.columns)))
+    if unknown:
+        msg = f"formats for columns that the table does not have: {', '.join(unknown)}"
+        raise ValueError(msg)
+    head = list(table.columns)
+    rules = ["---:" if is_numeric_dtype(table.iloc[:, i]) else ":---" for i in range(len(head))]
+    body = [
+        [
+            _cell(value, formats.get(str(column), ""))
+            for column, value in zip(head, row, strict=True)
+        ]
+        for row in table.itertuples(index=False, name=None)
+    ]
+    lines = ["| " + " | ".join(row) + " |" for row in ([_cell(h, "") for h in head], rules, *body)]
+    return "\n".join([f"```{{table}} {_text(caption)}", f":name: {name}", "", *lines, "```"])
+
+
+def scientific(value: float, *, digits: int = 0) -> str:
+    """Return a number as mantissa and power of ten with superscripts, such as 2.3·10⁻⁶.
+
+    Parameters
+    ----------
+    value : float
+        Finite.
+    digits : int
+        After the decimal point.
+    """
+    mantissa, exponent = f"{value:.{digits}e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+
+
+def marked(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table all of whose texts and headings are Markdown; none may be of a flight."""
+    texts = table.astype(object).map(lambda cell: Markup(cell) if isinstance(cell, str) else cell)
+    columns = {name: own if is_numeric_dtype(own) else texts[name] for name, own in table.items()}
+    return pd.DataFrame(columns).rename(columns=Markup)
+
+
+def _cell(value: object, spec: str) -> str:
+    """Return one cell; what is missing or not a number is a dash."""
+    if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
+        return MISSING
+    if isinstance(value, Number):
+        return format(value, spec)
+    return _text(value).replace("|", r"\|")
+
+
+def _text(text: object) -> str:
+    """Return text as it is, or Markdown in one line."""
+    if not isinstance(text, Markup):
+        return shown(text)
+    line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))
+    return line.replace(f"{SIGMA} ", f"{SIGMA}\N{NO-BREAK SPACE}")  # no line ends between the two

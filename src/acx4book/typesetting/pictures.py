@@ -1,0 +1,223 @@
+"""Pictures in figures: 16 bit to what a screen shows, many pixels to as many as a figure has.
+
+Nothing here goes into a file of pixels: the stretch and the gamma are for looking at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from acx4book.typesetting.style import INK, SOFT
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Raster
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
+from acx4lib.tie_points.ties import Overlap, TiePoints
+
+DPI = 150
+"""Pixels of a figure per inch."""
+
+NO_PICTURES = "heads/images.csv names no files with pixels."
+
+HALO = (withStroke(linewidth=2.4, foreground="white"),)
+"""Round what is written on a picture."""
+
+OUTLINED = (withStroke(linewidth=3.6, foreground=INK),)
+"""Round white marks on a picture."""
+
+GAMMA = 1.6
+"""Ground is darker than a screen's middle grey."""
+
+LEVELS = 40
+"""Grey values of a band in a figure: more are hardly told apart in texture, and weigh more."""
+
+ALL_LEVELS = 256
+"""Where pixels are enlarged, which weighs little."""
+
+Window = tuple[int, int, int, int]
+"""First row, row behind the last, first column, column behind the last."""
+
+
+class HasImages(Protocol):
+    """The images of all heads at one exposure."""
+
+    @property
+    def exposure(self) -> str:
+        """Name."""
+
+    @property
+    def exposure_idx(self) -> int:
+        """Of the block's exposures."""
+
+    @property
+    def images(self) -> Sequence[Raster]:
+        """Shape (rows, cols, bands), in the order of the heads."""
+
+
+class HasPictures(Protocol):
+    """Images of a few exposures, and the cameras that fit their size."""
+
+    @property
+    def exposed(self) -> Sequence[HasImages]:
+        """At least one."""
+
+    @property
+    def reduction(self) -> int:
+        """Pixels are so many times as large as those of the heads' cameras."""
+
+    @property
+    def synthetic(self) -> Camera:
+        """With pixels as much larger."""
+
+
+class HasRefinement(Protocol):
+    """The heads before and after they were fitted to each other."""
+
+    @property
+    def orientations(self) -> Mapping[str, RelativeOrientation]:
+        """By what was done; first as they came."""
+
+    @property
+    def orientation(self) -> RelativeOrientation:
+        """Refined."""
+
+    @property
+    def kept(self) -> TiePoints:
+        """Tie points in pixels of the full-size heads, without the rejected ones."""
+
+    def overlaps(self, way: str) -> Sequence[Overlap]:
+        """Return the differences that a way leaves."""
+
+
+def shown_exposure(pictures: HasPictures) -> HasImages:
+    """Return the exposure in the middle."""
+    return pictures.exposed[len(pictures.exposed) // 2]
+
+
+# --- pixels ----------------------------------------------------------------------------------
+
+
+def smaller(image: Raster, k: int) -> Array:
+    """Return means of k x k pixels from the middle of an image, shape (rows, cols, bands)."""
+    rows, cols = image.shape[0] // k, image.shape[1] // k
+    top, left = (image.shape[0] - k * rows) // 2, (image.shape[1] - k * cols) // 2
+    out = np.empty((rows, cols, *image.shape[2:]), dtype=np.float32)
+    for i in range(rows):  # a line at a time: the image may lie on a disk
+        line = image[top + i * k : top + (i + 1) * k, left : left + k * cols]
+        out[i] = line.reshape(k, cols, k, -1).mean(axis=(0, 2), dtype=np.float32)
+    return out
+
+
+def factor_for(size_px: int, inches: float) -> int:
+    """Return by which an image is reduced so that it has about a figure's pixels."""
+    return max(1, round(size_px / (DPI * inches)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Grey values that are shown black and white."""
+
+    low: float
+    high: float
+
+
+def common_stretch(images: Sequence[Array | Raster], *, share: float = 0.4) -> Stretch:
+    """Return one stretch for all bands of all images, so that their differences stay.
+
+    Parameters
+    ----------
+    images : sequence of ndarray, shape (rows, cols, bands)
+        Zero in all bands is no data.
+    share : float
+        Per cent of the grey values that are shown black, and white.
+    """
+    values = np.concatenate([image[image.any(axis=-1)].ravel() for image in images])
+    if not len(values):
+        return Stretch(low=0.0, high=1.0)
+    low, high = np.percentile(values, [share, 100 - share])
+    return Stretch(low=float(low), high=float(max(high, low + 1)))
+
+
+def displayed(image: Array | Raster, stretch: Stretch, *, levels: int = LEVELS) -> Array:
+    """Return an image as a screen shows it, shape (rows, cols, 3), 0 to 1.
+
+    Of four bands the first three, of two the first; white where there is no data.
+    """
+    bands = image[..., :3] if image.shape[-1] >= 3 else image[..., [0, 0, 0]]
+    part = np.clip((bands - stretch.low) / (stretch.high - stretch.low), 0, 1) ** (1 / GAMMA)
+    out: Array = np.rint(part * (levels - 1)) / (levels - 1)
+    out[~image.any(axis=-1)] = 1.0
+    return out
+
+
+def greyed(image: Array) -> Array:
+    """Return the mean of the bands, shape (rows, cols, 1)."""
+    return image[..., :3].mean(axis=-1, keepdims=True)
+
+
+# --- axes ------------------------------------------------------------------------------------
+
+
+def frameless(ax: Axes) -> None:
+    """Leave a picture with a thin border and nothing else."""
+    ax.set(xticks=[], yticks=[])
+    ax.grid(visible=False)
+    ax.spines[:].set(visible=True, color=SOFT, linewidth=0.4)
+
+
+def extent_mm(synthetic: Camera, window: Window | None = None) -> tuple[float, ...]:
+    """Return left, right, bottom, top of a part of the synthetic image, outer edges, mm."""
+    top, bottom, left, right = window or (0, synthetic.height_px, 0, synthetic.width_px)
+    corners = np.array([[left, top], [right, bottom]]) - 0.5
+    (x0, y1), (x1, y0) = xy_from_colrow(synthetic, corners)
+    return float(x0), float(x1), float(y0), float(y1)
+
+
+def in_mm(ax: Axes, image: Array, synthetic: Camera, window: Window | None = None) -> Any:
+    """Draw a displayed part of the synthetic image at its place, mm."""
+    extent: Any = extent_mm(synthetic, window)
+    return ax.imshow(image, extent=extent, origin="upper", interpolation="nearest", zorder=1)
+
+
+# --- heads -----------------------------------------------------------------------------------
+
+
+def border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
+    """Return how far inside their borders heads see points, shape (n_heads, n), px.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    xy : ndarray, shape (n, 2)
+        Synthetic image, mm.
+
+    Returns
+    -------
+    ndarray
+        Negative outside, minus infinity outside the lens model.
+    """
+    out = np.empty((len(orientation.heads), len(xy)))
+    for k, camera in enumerate(orientation.heads):
+        colrow = head_from_synthetic(orientation, k, xy) + 0.5
+        size = np.array([camera.width_px, camera.height_px])
+        out[k] = np.minimum(colrow, size - colrow).min(axis=1)
+    return np.nan_to_num(out, nan=-np.inf)
+
+
+def window_xy(synthetic: Camera, window: Window) -> Array:
+    """Return the pixels of a part of the synthetic image, shape (rows, cols, 2), mm."""
+    cols, rows = np.arange(window[2], window[3]), np.arange(window[0], window[1])
+    return xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).astype(float))
+
+
+def middle_xy(orientation: RelativeOrientation, k: int) -> Array:
+    """Return where the middle of a head lies in the synthetic image, mm."""
+    camera = orientation.heads[k]
+    middle = 0.5 * np.array([[camera.width_px - 1, camera.height_px - 1]])
+    return synthetic_from_head(orientation, k, middle)[0]

@@ -1,0 +1,259 @@
+"""The one style of all figures: palette, lines, type, and the small parts that they share.
+
+Every figure is made inside `style`, which leaves pyplot as it found it:
+
+    with style():
+        fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
+        ...
+    return fig
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+
+from acx4book.typesetting.plain_text import shown
+from acx4lib.expected import Array
+
+WIDTH = 7.0
+"""Width of a figure, inches; the book shows it over the whole column."""
+
+INK = "#1f2933"
+SOFT = "#67737f"
+PAPER = "#fbfcfd"
+"""Text and marks that matter, what explains them, and the ground of axes."""
+
+BLUE = "#2158a0"
+ORANGE = "#e58a1f"
+TEAL = "#1d9a78"
+PLUM = "#741f5a"
+SKY = "#9cc6ef"
+BRICK = "#bf4630"
+PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
+"""Colours in order; every pair stays apart for readers who do not see all colours."""
+
+PRINTED = INK
+"""The paper's values, in every figure: dark, dashed or as open diamonds."""
+
+SEQUENCE = LinearSegmentedColormap.from_list(
+    "acx4 sequence", ["#f3f6f9", "#b9d3ea", "#6a9fd0", "#2660a4", "#142f57"]
+)
+"""From nothing (light) to much (dark)."""
+
+DIVERGING = LinearSegmentedColormap.from_list(
+    "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
+)
+"""From negative (orange) through nothing (light) to positive (blue)."""
+
+LONGEST = 24
+"""Characters of a name in a figure."""
+
+RC: Any = {
+    "figure.dpi": 150,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "figure.constrained_layout.w_pad": 0.07,
+    "figure.constrained_layout.h_pad": 0.06,
+    "savefig.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.facecolor": PAPER,
+    "axes.edgecolor": "#a9b3bc",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e3e8ec",
+    "grid.linewidth": 0.6,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelsize": 7.8,
+    "ytick.labelsize": 7.8,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "text.color": INK,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4,
+    "patch.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 7.8,
+    "legend.handlelength": 1.6,
+    "svg.hashsalt": "acx4lib",
+}
+"""Settings of matplotlib."""
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the book's style; afterwards pyplot has no figure and no setting that is new."""
+    before = set(plt.get_fignums())
+    try:
+        with mpl.rc_context(RC):
+            yield
+    finally:
+        for number in set(plt.get_fignums()) - before:
+            plt.close(number)
+
+
+def colour(i: int) -> str:
+    """Return the i-th colour of the palette, from the beginning again where it ends."""
+    return PALETTE[i % len(PALETTE)]
+
+
+def plain(name: str, *, longest: int = LONGEST) -> str:
+    """Return a name of the flight as a label, a very long one without its middle."""
+    half = longest // 2
+    return _drawn(name if len(name) <= longest else f"{name[:half]}…{name[-half:]}")
+
+
+def _drawn(text: str) -> str:
+    """Return text that matplotlib draws as it is; what the font does not have is an escape."""
+    known = _shapes()
+    return shown("".join(c if ord(c) in known else ascii(c)[1:-1] for c in text), "tex")
+
+
+@cache
+def _shapes() -> frozenset[int]:
+    """Return the characters that labels and titles can be drawn with."""
+    fonts = [FontProperties(family=RC["font.family"], weight=w) for w in ("normal", "bold")]
+    regular, bold = (get_font(findfont(font)).get_charmap() for font in fonts)
+    return frozenset(regular) & frozenset(bold)
+
+
+def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None:
+    """Put one legend under all axes of a figure, outside of the data.
+
+    Parameters
+    ----------
+    fig : Figure
+    handles : sequence of Artist
+        With labels.
+    ncols : int
+    """
+    fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
+
+
+def heading(ax: Axes, title: str, subtitle: str) -> None:
+    """Write a title with a line of small print under it."""
+    ax.set_title(title, pad=15)
+    ax.annotate(
+        subtitle,
+        xy=(0, 1),
+        xytext=(0, 4.5),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=7.5,
+        color=SOFT,
+    )
+
+
+def bare(ax: Axes) -> None:
+    """Take spines, ticks and grid off axes that hold a matrix or a drawing."""
+    ax.grid(visible=False)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+
+
+def nothing(text: str) -> Figure:
+    """Return a figure that says why there is none.
+
+    Parameters
+    ----------
+    text : str
+        A sentence.
+    """
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
+        bare(ax)
+        ax.set(xticks=[], yticks=[])
+        ax.text(
+            0.5, 0.5, _drawn(text), ha="center", va="center", color=SOFT, transform=ax.transAxes
+        )
+    return fig
+
+
+def round_length(longest: float) -> float:
+    """Return the largest of 1, 2, 5, 10, 20, ... that is not longer than a positive length."""
+    power = 10.0 ** np.floor(np.log10(longest))
+    steps = np.array([1.0, 2.0, 5.0])
+    # a whisker, so that 10 is not taken for 9.999...
+    return float(power * steps[steps <= longest / power * (1 + 1e-9)][-1])
+
+
+def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, float]) -> None:
+    """Draw a scale bar of a round length, about a fifth of the axes wide.
+
+    Parameters
+    ----------
+    ax : Axes
+        With its limits set, both axes to one scale.
+    per_axis_unit : float
+        How many of `unit` are one unit of the axis.
+    unit : str
+        Of the label.
+    at : tuple of float
+        Left end, in fractions of the axes.
+    """
+    low, high = ax.get_xlim()
+    length = round_length(0.25 * abs(high - low) * per_axis_unit)
+    width = length / per_axis_unit / abs(high - low)
+    left, bottom = at
+    line: dict[str, Any] = {"color": INK, "clip_on": False, "transform": ax.transAxes, "zorder": 9}
+    ax.plot([left, left + width], [bottom, bottom], lw=1.6, solid_capstyle="butt", **line)
+    for end in (left, left + width):
+        ax.plot([end, end], [bottom - 0.008, bottom + 0.008], lw=0.8, **line)
+    ax.text(
+        left + width / 2,
+        bottom + 0.016,
+        f"{length:g} {unit}",
+        transform=ax.transAxes,
+        ha="center",
+        va="bottom",
+        fontsize=7.5,
+        zorder=9,
+    )
+
+
+def north_arrow(ax: Axes, *, at: tuple[float, float]) -> None:
+    """Draw an arrow to grid north, which is up, with its tip at `at` in fractions of the axes."""
+    ax.annotate(
+        "N",
+        xy=at,
+        xytext=(0, -24),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=7.5,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
+        zorder=9,
+    )
+
+
+def padded(low: Array, high: Array, *, share: float = 0.04) -> tuple[Array, Array]:
+    """Return limits with a margin on each side, a share of the larger extent."""
+    margin = share * float(np.max(high - low))
+    return low - margin, high + margin

@@ -1,0 +1,276 @@
+"""From camera poses to what they hang on, and back: eq. (14) as the chain rule of normal equations.
+
+The unknowns of a bundle that are not points are of two kinds: a *border*, which may touch every
+image (interior orientations, mountings), and *poses*, each of which touches its neighbours only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib.bundle.compiled.covariances import CameraCovariances
+from acx4lib.bundle.compiled.elimination import CameraNormals
+from acx4lib.bundle.compiled.packing import pose_band
+from acx4lib.bundle.compiled.rays import INTERIOR, RESIDUAL
+from acx4lib.compiling import compiled
+from acx4lib.expected import Array, Index
+from acx4lib.least_squares.banded import Bordered, BorderedCovariance
+
+N_INTERIOR, N_POSE = RESIDUAL - INTERIOR, 6
+PER_CAMERA = N_INTERIOR + N_POSE
+"""Border columns of a camera, free or held: interior orientation, then mounting."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hanging:
+    """How camera poses hang on other poses.
+
+    Attributes
+    ----------
+    by_pose, by_mount : ndarray, shape (n_images, 6, 6)
+        d(camera pose) / d(pose) and d(mounting); a camera pose varies along its own axes.
+    pose : ndarray, shape (n_images,)
+        Which pose, in ascending order.
+    camera : ndarray, shape (n_images,)
+    n_poses, n_cameras : int
+    """
+
+    by_pose: Array
+    by_mount: Array
+    pose: Index
+    camera: Index
+    n_poses: int
+    n_cameras: int
+
+
+def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
+    """Return normal equations of border and poses.
+
+    The border has `PER_CAMERA` columns for each camera.
+
+    Parameters
+    ----------
+    normals : CameraNormals
+    hanging : Hanging
+    """
+    M, S, E, I = normals  # noqa: E741
+    A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
+    n_images, n_cameras, n_poses = len(pose), hanging.n_cameras, hanging.n_poses
+    each = np.arange(n_images)
+    before = np.triu(M) + np.swapaxes(np.triu(M, 1), 1, 2)
+    by_interior = E[:, :, :, INTERIOR:RESIDUAL].copy()
+    by_interior[each, camera] += before[:, :N_POSE, INTERIOR:RESIDUAL]
+    gradient = before[:, :N_POSE, RESIDUAL] + E[..., RESIDUAL].sum(axis=1)
+    P = np.zeros((n_poses, pose_band(pose, S.shape[1]), N_POSE, N_POSE))
+    Z = np.zeros((n_images, n_cameras, N_POSE, N_POSE))
+    own = np.ascontiguousarray(before[:, :N_POSE, :N_POSE])
+    _pairs(S, own, A, B, pose, camera, P, Z)
+
+    interior = np.zeros((n_cameras, n_images, N_INTERIOR, N_POSE))
+    interior[:] = np.transpose(by_interior, (1, 0, 3, 2))
+    to_pose = np.zeros((n_cameras, PER_CAMERA, n_poses, N_POSE))
+    by_image = np.concatenate(
+        [interior @ A, np.transpose(np.swapaxes(A, 1, 2)[:, None] @ Z, (1, 0, 3, 2))], axis=2
+    )
+    np.add.at(np.moveaxis(to_pose, 2, 0), pose, np.moveaxis(by_image, 1, 0))
+    corner = np.zeros((n_cameras, PER_CAMERA, n_cameras, PER_CAMERA))
+    _corner(corner, before, I, hanging, (interior @ B, np.swapaxes(B, 1, 2)[:, None] @ Z))
+    g_border = np.zeros((n_cameras, PER_CAMERA))
+    diagonal_border = np.zeros((n_cameras, PER_CAMERA))
+    np.add.at(g_border[:, :N_INTERIOR], camera, before[:, INTERIOR:RESIDUAL, RESIDUAL])
+    g_border[:, :N_INTERIOR] += I[:, :, INTERIOR:RESIDUAL, RESIDUAL].sum(axis=1)
+    np.add.at(g_border[:, N_INTERIOR:], camera, np.einsum("iab,ia->ib", B, gradient))
+    squares = np.diagonal(before, axis1=1, axis2=2)[:, INTERIOR:RESIDUAL]
+    np.add.at(diagonal_border[:, :N_INTERIOR], camera, squares)
+    np.add.at(diagonal_border[:, N_INTERIOR:], camera, _squares(own, B))
+    g_pose, diagonal_pose = np.zeros((n_poses, N_POSE)), np.zeros((n_poses, N_POSE))
+    np.add.at(g_pose, pose, np.einsum("iab,ia->ib", A, gradient))
+    np.add.at(diagonal_pose, pose, _squares(own, A))
+    n_border = n_cameras * PER_CAMERA
+    return Bordered(
+        P=P,
+        C=to_pose.reshape(n_border, -1),
+        D=corner.reshape(n_border, n_border),
+        g=np.concatenate([g_border.ravel(), g_pose.ravel()]),
+        diagonal=np.concatenate([diagonal_border.ravel(), diagonal_pose.ravel()]),
+    )
+
+
+def _squares(U: Array, J: Array) -> Array:
+    """Return the diagonals of J^T U J."""
+    return np.sum(J * (U @ J), axis=1)
+
+
+def _corner(
+    corner: Array,
+    before: Array,
+    eliminated: Array,
+    hanging: Hanging,
+    products: tuple[Array, Array],
+) -> None:
+    """Fill the normal equations of the border with itself."""
+    camera, n_cameras = hanging.camera, hanging.n_cameras
+    interior_by_mount, mount_by_mount = products
+    a, b = slice(0, N_INTERIOR), slice(N_INTERIOR, PER_CAMERA)
+    own = before[:, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL]
+    for k in range(n_cameras):
+        mine = camera == k
+        corner[k, a, k, a] = own[mine].sum(axis=0)
+        # what the rays of camera k's images say of the others
+        corner[:, a, k, b] = interior_by_mount[:, mine].sum(axis=1)
+        for j in range(n_cameras):
+            corner[k, a, j, a] += eliminated[k, j, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL]
+            corner[k, b, j, b] = mount_by_mount[mine, j].sum(axis=0)
+    for k in range(n_cameras):
+        for j in range(n_cameras):
+            corner[k, b, j, a] = corner[j, a, k, b].T
+
+
+@compiled
+def _pairs(
+    S: Array, own: Array, A: Array, B: Array, pose: Index, camera: Index, P: Array, Z: Array
+) -> None:
+    """Carry all pairs of images to pairs of poses, P, and times the mountings' derivatives, Z."""
+    n_images, band = S.shape[:2]
+    N, NA, NB = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    for i in range(n_images):
+        for j in range(i, min(i + band, n_images)):
+            linked = i == j
+            for a in range(6):
+                for b in range(6):
+                    N[a, b] = S[i, j - i, a, b]
+                    linked = linked or N[a, b] != 0.0
+            if not linked:
+                continue
+            if i == j:
+                N += own[i]
+            _product(N, A[j], NA)
+            _product(N, B[j], NB)
+            Z[i, camera[j]] += NB
+            _add_congruent(P[pose[i], pose[j] - pose[i]], A[i], NA, pose[i] == pose[j] and i != j)
+            if i != j:
+                _add_transposed_product(N, B[i], Z[j, camera[i]])
+
+
+@compiled
+def _product(left: Array, right: Array, out: Array) -> None:
+    for a in range(6):
+        for b in range(6):
+            total = 0.0
+            for c in range(6):
+                total += left[a, c] * right[c, b]
+            out[a, b] = total
+
+
+@compiled
+def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
+    """Add left^T right."""
+    for a in range(6):
+        for b in range(6):
+            total = 0.0
+            for c in range(6):
+                total += left[c, a] * right[c, b]
+            out[a, b] += total
+
+
+@compiled
+def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
+    """Add A^T NA, and its transpose where two images hang on one pose."""
+    for a in range(6):
+        for b in range(6):
+            total = 0.0
+            for c in range(6):
+                total += A[c, a] * NA[c, b]
+            out[a, b] += total
+            if both:
+                out[b, a] += total
+
+
+# --- and back --------------------------------------------------------------------------------
+
+
+def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
+    """Return the steps of camera poses and interior orientations, and a one.
+
+    Parameters
+    ----------
+    hanging : Hanging
+    border : ndarray, shape (n_cameras * PER_CAMERA,)
+    poses : ndarray, shape (n_poses, 6)
+
+    Returns
+    -------
+    ndarray, shape (n_images, 16)
+    """
+    by_camera = border.reshape(hanging.n_cameras, PER_CAMERA)[hanging.camera]
+    interior, mount = by_camera[:, :N_INTERIOR], by_camera[:, N_INTERIOR:]
+    turned = np.einsum("iab,ib->ia", hanging.by_pose, poses[hanging.pose])
+    turned += np.einsum("iab,ib->ia", hanging.by_mount, mount)
+    return np.concatenate([turned, interior, np.ones((len(turned), 1))], axis=1)
+
+
+def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> CameraCovariances:
+    """Return covariances of camera poses and interior orientations within the band.
+
+    Parameters
+    ----------
+    cov : BorderedCovariance
+        Its border has `PER_CAMERA` columns for each camera, zero where one is held.
+    hanging : Hanging
+    band : int
+        Images less than this apart.
+    """
+    A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
+    n_cameras, n_images = hanging.n_cameras, len(pose)
+    corner = cov.D.reshape(n_cameras, PER_CAMERA, n_cameras, PER_CAMERA)
+    to_pose = cov.C.reshape(n_cameras, PER_CAMERA, hanging.n_poses, N_POSE)
+    # d(camera pose) carried against every column of the border
+    U = np.einsum("iab,lmib->ilam", A, to_pose[:, :, pose], optimize=True)
+    U_pose = np.ascontiguousarray(U[..., N_INTERIOR:])
+    mount_rows = corner[camera][:, N_INTERIOR:]
+    U = U + np.einsum("iab,iblm->ilam", B, mount_rows, optimize=True)
+    Q = np.zeros((n_images, 2 * band - 1, 6, 8))
+    _camera_pairs(cov.P, A, B, U_pose, np.ascontiguousarray(U[..., N_INTERIOR:]), pose, camera, Q)
+    F = np.zeros((n_images, n_cameras, 6, 16))
+    F[..., INTERIOR:RESIDUAL] = U[..., :N_INTERIOR]
+    F_T = np.zeros((n_images, n_cameras, 9, 8))
+    F_T[..., :6] = np.swapaxes(U[..., :N_INTERIOR], 2, 3)
+    H = np.zeros((n_cameras, n_cameras, 9, 16))
+    inner = np.transpose(corner[:, :N_INTERIOR, :, :N_INTERIOR], (0, 2, 1, 3))
+    H[..., INTERIOR:RESIDUAL] = inner
+    each = np.arange(n_images)
+    K = np.zeros((n_images, 16, 16))
+    K[:, :6, :6] = Q[:, band - 1, :, :6]
+    K[:, :6, INTERIOR:RESIDUAL] = U[each, camera][..., :N_INTERIOR]
+    K[:, INTERIOR:RESIDUAL, :6] = np.swapaxes(K[:, :6, INTERIOR:RESIDUAL], 1, 2)
+    K[:, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL] = inner[camera, camera]
+    return CameraCovariances(Q=Q, F=F, F_T=F_T, H=H, K=K)
+
+
+@compiled
+def _camera_pairs(
+    P: Array, A: Array, B: Array, U_pose: Array, U: Array, pose: Index, camera: Index, Q: Array
+) -> None:
+    """Fill the covariances of all pairs of images in the band, both ways round."""
+    n_images, middle = len(pose), Q.shape[1] // 2
+    PA = np.empty((6, 6))
+    for i in range(n_images):
+        for j in range(i, min(i + middle + 1, n_images)):
+            block = P[pose[i], pose[j] - pose[i]]
+            for a in range(6):  # block @ A_j^T
+                for b in range(6):
+                    total = 0.0
+                    for c in range(6):
+                        total += block[a, c] * A[j, b, c]
+                    PA[a, b] = total
+            for a in range(6):
+                for b in range(6):
+                    total = 0.0
+                    for c in range(6):
+                        total += A[i, a, c] * PA[c, b]
+                        total += U[i, camera[j], a, c] * B[j, b, c]
+                        total += B[i, a, c] * U_pose[j, camera[i], b, c]
+                    Q[i, middle + j - i, a, b] = total
+                    Q[j, middle + i - j, b, a] = total

@@ -1,0 +1,274 @@
+"""Image points of a bundle in compiled code: the fused passes over all rays.
+
+Camera poses and interior orientations are all that it knows; what a pose hangs on, eq. (14),
+comes in afterwards by the chain rule (`reduction`). No derivative outlives its point. The plain
+version that these passes must equal is `normal_equations.PlainNormals`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from acx4lib.bundle.compiled.rays import Scene, SortedRays, linearise
+from acx4lib.bundle.compiled.small_products import SmallProduct
+from acx4lib.compiling import compiled, inlined
+from acx4lib.expected import Array
+
+
+def small(*shape: int, **strides: Any) -> Callable[..., None]:
+    """Return a compiled product of matrices of rows, inner, width: see `SmallProduct`.
+
+    It is told at which number of an array a matrix begins: J[k], shape (2, 16), at 32 k; B[k],
+    (2, 3), at 6 k; T, Y, (3, 16), at 48 k; M, I, (16, 16), at 256 k; E, (6, 16), at 96 k; S,
+    (6, 8), at 48 k.
+    """
+    rows, inner, width = shape
+    return SmallProduct(rows=rows, inner=inner, width=width, **strides).compiled()
+
+
+# rows of 16 numbers, a transpose on the left
+_add_squares = small(16, 2, 16, left=(1, 16), right=16, out=16, add=1, upper=True)
+point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16)
+add_point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16, add=1)
+_whitened = small(3, 3, 16, left=(1, 3), right=16, out=16)
+_take_off_pair = small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
+_take_off_border = small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+_take_off_corner = small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+
+
+class CameraNormals(NamedTuple):
+    """Normal equations of camera poses and interior orientations, points eliminated.
+
+    Attributes
+    ----------
+    M : ndarray, shape (n_images, 16, 16)
+        Squares of each image's rays, before elimination; upper triangle.
+    S : ndarray, shape (n_images, band, 6, 8)
+        What elimination adds to image i against image i + d; two columns of padding.
+    E : ndarray, shape (n_images, n_cameras, 6, 16)
+        The same, image against interior orientation.
+    I : ndarray, shape (n_cameras, n_cameras, 16, 16)
+        The same, interior against interior.
+    """
+
+    M: Array
+    S: Array
+    E: Array
+    I: Array  # noqa: E741 (of Interior)
+
+
+def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
+    """Return normal equations without any observation."""
+    return CameraNormals(
+        M=np.zeros((n_images, 16, 16)),
+        S=np.zeros((n_images, band, 6, 8)),
+        E=np.zeros((n_images, n_cameras, 6, 16)),
+        I=np.zeros((n_cameras, n_cameras, 16, 16)),
+    )
+
+
+# --- one point -------------------------------------------------------------------------------
+
+
+class Room(NamedTuple):
+    """Working arrays for the rays of one point.
+
+    Attributes
+    ----------
+    J, B : ndarray, shapes (n, 2, 16) and (n, 2, 3)
+        Derivatives of its rays by camera and by point.
+    T : ndarray, shape (3, 16)
+        B^T J of a ray.
+    Y, X : ndarray, shape (n, 3, 16)
+        T of all rays in other forms.
+    sums, Y_sums, X_sums : ndarray, shape (n_cameras, 3, 16)
+        The same, summed over the rays of each camera.
+    V, W, V_inv, C : ndarray, shape (3, 3)
+        Normal matrix, inverse root, inverse, covariance.
+    """
+
+    J: Array
+    B: Array
+    T: Array
+    Y: Array
+    X: Array
+    sums: Array
+    Y_sums: Array
+    X_sums: Array
+    V: Array
+    W: Array
+    V_inv: Array
+    C: Array
+
+
+@compiled
+def room_for(rays: SortedRays, first: int, last: int, n_cameras: int) -> Room:
+    """Return working arrays for the point with the most rays."""
+    n = 1
+    for p in range(first, last):
+        n = max(n, rays.start[p + 1] - rays.start[p])
+    return Room(
+        np.zeros((n, 2, 16)),
+        np.zeros((n, 2, 3)),
+        np.zeros((3, 16)),
+        np.zeros((n, 3, 16)),
+        np.zeros((n, 3, 16)),
+        np.zeros((n_cameras, 3, 16)),
+        np.zeros((n_cameras, 3, 16)),
+        np.zeros((n_cameras, 3, 16)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+    )
+
+
+@inlined
+def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
+    """Fill V and W with a point's damped normal matrix V = L L^T and L^-T; False if open."""
+    B, V, W, also = room.B, room.V, room.W, rays.also[p]
+    for a in range(3):
+        for b in range(a, 3):
+            V[a, b] = scene.V[also, a, b] if also >= 0 else 0.0
+    for k in range(rays.start[p + 1] - rays.start[p]):
+        for a in range(3):
+            for b in range(a, 3):
+                V[a, b] += B[k, 0, a] * B[k, 0, b] + B[k, 1, a] * B[k, 1, b]
+    for a in range(3):
+        V[a, a] *= 1 + scene.damping
+    if not V[0, 0] > 0:
+        return False
+    a = 1 / np.sqrt(V[0, 0])
+    l10, l20 = V[0, 1] * a, V[0, 2] * a
+    d1 = V[1, 1] - l10 * l10
+    if not d1 > 0:
+        return False
+    b = 1 / np.sqrt(d1)
+    l21 = (V[1, 2] - l20 * l10) * b
+    d2 = V[2, 2] - l20 * l20 - l21 * l21
+    if not d2 > 0:
+        return False
+    c = 1 / np.sqrt(d2)
+    W[0, 0], W[1, 1], W[2, 2] = a, b, c
+    W[0, 1], W[1, 2] = -l10 * a * b, -l21 * b * c
+    W[0, 2] = (l10 * l21 * b - l20) * a * c
+    return True
+
+
+@inlined
+def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> float:
+    """Take a point's part off the normal equations; return the decrement of moving it alone."""
+    J, B, T, Y, Y_sums = room.J, room.B, room.T, room.Y, room.Y_sums
+    start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
+    band, n_cameras = out.S.shape[1], out.I.shape[0]
+    for c in range(n_cameras):
+        _whitened(Y_sums, c * 48, room.W, 0, room.sums, c * 48)
+    for k in range(n):
+        point_by_ray(T, 0, B, k * 6, J, k * 32)
+        _whitened(Y, k * 48, room.W, 0, T, 0)
+    for k in range(n):
+        i = rays.image[start + k]
+        for j in range(k, n):
+            d = rays.image[start + j] - i
+            _take_off_pair(out.S, (i * band + d) * 48, Y, k * 48, Y, j * 48)
+            if d == 0 and j > k:  # twice in one image
+                _take_off_pair(out.S, i * band * 48, Y, j * 48, Y, k * 48)
+        for c in range(n_cameras):
+            _take_off_border(out.E, (i * n_cameras + c) * 96, Y, k * 48, Y_sums, c * 48)
+    for a in range(n_cameras):
+        for b in range(n_cameras):
+            _take_off_corner(out.I, (a * n_cameras + b) * 256, Y_sums, a * 48, Y_sums, b * 48)
+    decrement = 0.0
+    for a in range(3):
+        along = 0.0
+        for c in range(n_cameras):
+            along += Y_sums[c, a, 15]
+        decrement += along * along
+    return decrement
+
+
+# --- passes ----------------------------------------------------------------------------------
+
+
+@compiled
+def accumulate(
+    rays: SortedRays, scene: Scene, first: int, last: int, out: CameraNormals
+) -> tuple[bool, float]:
+    """Add the normal equations of some points' rays, the points eliminated.
+
+    Parameters
+    ----------
+    rays, scene
+    first, last : int
+        Which points.
+    out : CameraNormals
+        Added to.
+
+    Returns
+    -------
+    ahead : bool
+        Whether every point is in front of its cameras.
+    decrement : float
+        What moving the points alone would take off the cost, to first order.
+    """
+    room, decrement = room_for(rays, first, last, out.I.shape[0]), 0.0
+    J, B, sums = room.J, room.B, room.sums
+    for p in range(first, last):
+        start = rays.start[p]
+        sums[:] = 0.0
+        for k in range(rays.start[p + 1] - start):
+            if not linearise(rays, scene, p, start + k, J, B, k):
+                return False, 0.0
+            i = rays.image[start + k]
+            _add_squares(out.M, i * 256, J, k * 32, J, k * 32)
+            add_point_by_ray(sums, scene.camera[i] * 48, B, k * 6, J, k * 32)
+        if rays.free[p] and factor(rays, scene, p, room):
+            if rays.also[p] >= 0:
+                for a in range(3):
+                    sums[0, a, 15] += scene.h[rays.also[p], a]
+            decrement += _eliminate(rays, p, room, out)
+    return True, decrement
+
+
+@compiled
+def move_points(
+    rays: SortedRays, scene: Scene, first: int, last: int, step: Array, out: Array
+) -> None:
+    """Fill in the steps of some points that follow from those of the cameras.
+
+    Parameters
+    ----------
+    rays, scene
+    first, last : int
+        Which points.
+    step : ndarray, shape (n_images, 16)
+        Of camera pose and interior orientation, and a one.
+    out : ndarray, shape (n, 3)
+        All points of the block.
+    """
+    room, s = room_for(rays, first, last, 1), np.zeros(3)
+    J, B, W = room.J, room.B, room.W
+    for p in range(first, last):
+        if not rays.free[p]:
+            continue
+        also, start, at = rays.also[p], rays.start[p], rays.point[p]
+        for c in range(3):
+            s[c] = scene.h[also, c] if also >= 0 else 0.0
+        for k in range(rays.start[p + 1] - start):
+            linearise(rays, scene, p, start + k, J, B, k)
+            i = rays.image[start + k]
+            a = b = 0.0
+            for c in range(16):
+                a += J[k, 0, c] * step[i, c]
+                b += J[k, 1, c] * step[i, c]
+            for c in range(3):
+                s[c] += B[k, 0, c] * a + B[k, 1, c] * b
+        if factor(rays, scene, p, room):
+            a, b = W[0, 0] * s[0], W[0, 1] * s[0] + W[1, 1] * s[1]
+            c = W[0, 2] * s[0] + W[1, 2] * s[1] + W[2, 2] * s[2]
+            out[at, 0] = -(W[0, 0] * a + W[0, 1] * b + W[0, 2] * c)
+            out[at, 1] = -(W[1, 1] * b + W[1, 2] * c)
+            out[at, 2] = -W[2, 2] * c

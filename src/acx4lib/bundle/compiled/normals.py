@@ -1,0 +1,265 @@
+"""Normal equations of a bundle block with its image points compiled.
+
+The plain version that it must equal is `normal_equations.PlainNormals`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from scipy import linalg
+
+from acx4lib.bundle.compiled import covariances, elimination
+from acx4lib.bundle.compiled.chain_rule import (
+    Hanging,
+    camera_covariances,
+    camera_steps,
+    reduced_normals,
+)
+from acx4lib.bundle.compiled.covariances import Tests
+from acx4lib.bundle.compiled.elimination import CameraNormals, camera_normals
+from acx4lib.bundle.compiled.packing import Packed
+from acx4lib.bundle.compiled.rays import Scene
+from acx4lib.expected import Array, Index
+from acx4lib.least_squares.banded import (
+    LARGEST_DENSE,
+    Banded,
+    BandedInverse,
+    Bordered,
+    BorderedCovariance,
+    too_large,
+)
+from acx4lib.least_squares.dense import Dense, Inverse
+from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
+
+R = TypeVar("R")
+
+
+def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
+    """Return what the work returns for every part, on threads where there are several."""
+    first, last = zip(*packed.parts, strict=True)
+    if len(packed.parts) == 1:
+        return list(map(work, first, last, *each))
+    with ThreadPoolExecutor(min(_cores(), len(packed.parts))) as pool:
+        return list(pool.map(work, first, last, *each))
+
+
+def _cores() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetworkNormals:
+    """The normal equations of a block at one state: `adjustment.Normals`.
+
+    Attributes
+    ----------
+    packed : Packed
+    scene : Scene
+        Images in the order of `Packed.image`.
+    hanging : Hanging
+        Poses in the order of `Packed.pose`.
+    border : ndarray, shape (n_cameras, PER_CAMERA)
+        Columns of interior orientation and mounting, -1 where held.
+    pose_columns : ndarray, shape (n_poses, 6)
+        Columns of the poses in the order of `Packed.pose`.
+    sigma_px : ndarray, shape (n,)
+        Of the image points, in the block's order.
+    n_points : int
+        Points of the block, measured or not.
+    others : sequence of Equations
+        Of everything that is no image point; a unit touches one pose at most.
+    """
+
+    packed: Packed
+    scene: Scene
+    hanging: Hanging
+    border: Index
+    pose_columns: Index
+    sigma_px: Array
+    n_points: int
+    others: Sequence[Equations]
+
+    # --- assembled ---------------------------------------------------------------------------
+
+    @cached_property
+    def _images(self) -> tuple[Bordered, float, float]:
+        """Return the image points' reduced normal equations, their cost, and their decrement."""
+        packed = self.packed
+        totals = [
+            camera_normals(len(packed.image), self.hanging.n_cameras, packed.band)
+            for _ in packed.parts
+        ]
+
+        def work(first: int, last: int, total: CameraNormals) -> tuple[bool, float]:
+            return elimination.accumulate(packed.rays, self.scene, first, last, total)
+
+        done = _in_parts(packed, work, totals)
+        while len(totals) > 1:
+            for total, more in zip(totals[0], totals.pop(1), strict=True):
+                np.add(total, more, out=total)
+        ahead = all(ahead for ahead, _ in done)
+        cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
+        return reduced_normals(totals[0], self.hanging), cost, sum(less for _, less in done)
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals; infinite with a point behind a camera."""
+        return self._images[1] + cost_of((e.v, e.sigma) for e in self.others)
+
+    @cached_property
+    def n_observations(self) -> int:
+        """Components that take part."""
+        others = sum(int(np.isfinite(e.sigma).sum()) for e in self.others)
+        return 2 * len(self.sigma_px) + others
+
+    @property
+    def _n_border(self) -> int:
+        return int(self.pose_columns.min(initial=np.iinfo(np.intp).max))
+
+    @cached_property
+    def _order(self) -> Index:
+        """Which unknown each column of the bordered system is."""
+        return np.concatenate([np.arange(self._n_border), self.pose_columns.ravel()])
+
+    @cached_property
+    def _system(self) -> Bordered:
+        """The damped reduced normal equations."""
+        m, order, damping = self._n_border, self._order, self.scene.damping
+        full = self._images[0]
+        columns = self.border.ravel()
+        free = columns >= 0
+        C, D = np.zeros((m, full.C.shape[1])), np.zeros((m, m))
+        C[columns[free]] = full.C[free]
+        D[np.ix_(columns[free], columns[free])] = full.D[np.ix_(free, free)]
+        g, diagonal = np.zeros(len(order)), np.zeros(len(order))
+        n_full = len(columns)
+        for out, source in ((g, full.g), (diagonal, full.diagonal)):
+            out[columns[free]] = source[:n_full][free]
+            out[m:] = source[n_full:]
+        system = Bordered(P=full.P, C=C, D=D, g=g, diagonal=diagonal)
+        place = np.empty(len(order) + 1, dtype=np.intp)
+        place[order], place[-1] = np.arange(len(order)), -1
+        for e in self.others:
+            if e.A.shape[2]:
+                _add(system, e, place)
+        if damping:
+            D[np.diag_indices(m)] += damping * diagonal[:m]
+            a = np.arange(6)
+            system.P[:, 0, a, a] += damping * diagonal[m:].reshape(-1, 6)
+        return system
+
+    @cached_property
+    def _solver(self) -> Dense | Banded:
+        system = self._system
+        if not self.packed.dense:
+            try:
+                return Banded(system)
+            except linalg.LinAlgError:
+                if len(system.g) > LARGEST_DENSE:
+                    raise too_large() from None
+        return Dense(N=system.dense(), diagonal=system.diagonal)
+
+    # --- solved ------------------------------------------------------------------------------
+
+    def step(self) -> tuple[Array, Array, float]:
+        """Return the step of columns and points and the decrease of cost that it predicts."""
+        packed, system = self.packed, self._system
+        ordered = -self._solver.solve(system.g)
+        dx = np.empty_like(ordered)
+        dx[self._order] = ordered
+        along = camera_steps(self.hanging, gather(dx, self.border).ravel(), dx[self.pose_columns])
+        dp = np.zeros((self.n_points, 3))
+
+        def work(first: int, last: int) -> None:
+            elimination.move_points(packed.rays, self.scene, first, last, along, dp)
+
+        _in_parts(packed, work)
+        return dx, dp, self._images[2] - float(system.g @ ordered)
+
+    def precision(self) -> Precision:
+        """Return covariances, redundancy numbers and tests."""
+        packed, solver, m = self.packed, self._solver, self._n_border
+        inverse: Inverse
+        if isinstance(solver, Banded):
+            part = solver.inverse()
+            inverse = BandedInverse(factored=solver, part=part, order=self._order)
+        else:
+            dense = solver.inverse()
+            part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
+            inverse = dense.reordered(self._order)
+        cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
+        tests = Tests(
+            cov_points=np.zeros((self.n_points, 3, 3)),
+            v=np.empty((len(self.sigma_px), 2)),
+            redundancy=np.empty((len(self.sigma_px), 2)),
+        )
+
+        def work(first: int, last: int) -> None:
+            covariances.precision(packed.rays, self.scene, first, last, cov, tests)
+
+        _in_parts(packed, work)
+        groups = [_tested(e, inverse, tests.cov_points) for e in self.others]
+        return Precision(
+            inverse=inverse,
+            cov_points=tests.cov_points,
+            groups=(self._image_points(tests), *groups),
+        )
+
+    def _image_points(self, tests: Tests) -> Group:
+        """Return the tests of the image points, residuals in pixels; rows count downwards."""
+        sigma = np.broadcast_to(self.sigma_px[:, None], tests.v.shape)
+        np.multiply(tests.v, sigma, out=tests.v)
+        np.negative(tests.v[:, 1], out=tests.v[:, 1])
+        return Group(kind="image_point", v=tests.v, sigma=sigma, redundancy=tests.redundancy)
+
+
+def _add(system: Bordered, e: Equations, place: Index) -> None:
+    """Add observations without points; a unit touches one pose at most."""
+    m = len(system.D)
+    weighted = e.A / e.sigma[:, :, None] ** 2
+    columns = place[e.columns][e.unit]
+    at = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
+    N, row, column = np.swapaxes(e.A, 1, 2) @ weighted, at, np.swapaxes(at, 1, 2)
+    used = columns >= 0
+    np.add.at(system.g, columns[used], np.einsum("mdk,md->mk", weighted, e.v)[used])
+    np.add.at(system.diagonal, columns[used], np.sum(e.A * weighted, axis=1)[used])
+    both = (row >= 0) & (column >= 0)
+    corner, side = both & (row < m) & (column < m), both & (row < m) & (column >= m)
+    pose = both & (row >= m) & (column >= m)
+    np.add.at(system.D, (row[corner], column[corner]), N[corner])
+    np.add.at(system.C, (row[side], column[side] - m), N[side])
+    i, j = row[pose] - m, column[pose] - m
+    np.add.at(system.P[:, 0], (i // 6, i % 6, j % 6), N[pose])
+
+
+def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
+    """Return the covariance with `PER_CAMERA` border columns for each camera."""
+    columns = border.ravel()
+    free = columns >= 0
+    C, D = np.zeros((len(columns), part.C.shape[1])), np.zeros((len(columns), len(columns)))
+    C[free] = part.C[columns[free]]
+    D[np.ix_(free, free)] = part.D[np.ix_(columns[free], columns[free])]
+    return BorderedCovariance(P=part.P, C=C, D=D)
+
+
+def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
+    """Return the tests of observations of points alone or of unknowns alone."""
+    explained = np.zeros_like(e.v)
+    if e.B is not None and e.point is not None:
+        explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
+    if e.A.shape[2]:
+        columns = np.maximum(e.columns, 0)
+        cov = inverse.at(columns[:, :, None], columns[:, None, :])
+        held = e.columns < 0
+        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
+    return Group.of(e, explained)

@@ -1,0 +1,200 @@
+"""The measurements of a block in the order in which compiled code works on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from acx4lib.bundle.compiled.rays import SortedRays
+from acx4lib.compiling import compiled
+from acx4lib.expected import Array, Index, Mask
+
+RAYS_PER_PART = 40_000
+MOST_PARTS = 4
+"""Rays are worked on in parts, which threads share; the result does not depend on the threads."""
+
+WIDE = 40_000
+"""Pairs of images in the band beyond which two parts are enough: each has its own sums."""
+
+DENSE_COLUMNS, DENSE_SHARE = 1500, 0.3
+"""A system is dense that has fewer unknowns, or whose band is a larger share of them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Packed:
+    """The rays of a block in the order in which they are worked on.
+
+    Attributes
+    ----------
+    rays : SortedRays
+    image : ndarray, shape (n_images,)
+        The block's images in the order of the rays' numbers.
+    pose : ndarray, shape (n_poses,)
+        The block's poses in the order of the bands.
+    band : int
+        Images whose numbers are less than this apart may share points.
+    dense : bool
+        Whether the reduced system is worth a dense matrix.
+    parts : tuple of tuple of int
+        First and last point of what a thread takes at a time.
+    """
+
+    rays: SortedRays
+    image: Index
+    pose: Index
+    band: int
+    dense: bool
+    parts: tuple[tuple[int, int], ...]
+
+
+class Measured(NamedTuple):
+    """Measurements of a block, in its order.
+
+    Attributes
+    ----------
+    point, image : ndarray, shape (n,)
+    xy : ndarray, shape (n, 2)
+        mm.
+    weight : ndarray, shape (n,)
+        Reciprocal standard deviation, 1/mm.
+    """
+
+    point: Index
+    image: Index
+    xy: Array
+    weight: Array
+
+
+def pack(
+    rows: Measured, *, free_points: Mask, also: Index, pose_of_image: Index, n_poses: int
+) -> Packed:
+    """Return measurements in the order in which they are worked on.
+
+    Points whose first images are neighbours come after each other, so that what they touch
+    stays at hand.
+
+    Parameters
+    ----------
+    rows : Measured
+    free_points : ndarray, shape (n_points,)
+    also : ndarray, shape (k,)
+        Points of which there are other observations.
+    pose_of_image : ndarray, shape (n_images,)
+    n_poses : int
+    """
+    pose: Index = np.arange(n_poses)
+    dense = 6 * n_poses <= DENSE_COLUMNS
+    if not dense:
+        pose = ordered(rows.point, pose_of_image[rows.image], n_poses)
+    place = np.empty(n_poses, dtype=np.int64)
+    place[pose] = np.arange(n_poses)
+    images = np.argsort(place[pose_of_image], kind="stable")
+    number = np.empty(len(images), dtype=np.int64)
+    number[images] = np.arange(len(images))
+
+    starts, points, row = _sorted(rows.point, number[rows.image], len(free_points), len(images))
+    known = np.full(len(free_points), -1)
+    known[also] = np.arange(len(also))
+    rays = SortedRays(
+        start=starts,
+        point=points,
+        free=free_points[points],
+        also=known[points],
+        row=row,
+        image=number[rows.image[row]].astype(np.int32),
+        xy=rows.xy[row],
+        weight=rows.weight[row],
+    )
+    band = _image_band(rays.start, rays.image)
+    of_pose = place[pose_of_image[images]]
+    dense = dense or pose_band(of_pose, band) > DENSE_SHARE * n_poses
+    most = 2 if len(images) * band > WIDE else MOST_PARTS
+    return Packed(
+        rays=rays, image=images, pose=pose, band=band, dense=dense, parts=_parts(starts, most)
+    )
+
+
+@compiled
+def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[Index, Index, Index]:
+    """Sort by a point's first image, point, and image.
+
+    Returns
+    -------
+    starts : ndarray, shape (n_measured + 1,)
+        Where each measured point's rows begin.
+    points : ndarray, shape (n_measured,)
+    row : ndarray, shape (n,)
+    """
+    first, count = np.full(n_points, n_images), np.zeros(n_points, dtype=np.int64)
+    for q in range(len(point)):
+        first[point[q]] = min(first[point[q]], image[q])
+        count[point[q]] += 1
+    bins = np.zeros(n_images + 2, dtype=np.int64)
+    for p in range(n_points):
+        bins[first[p] + 1] += 1
+    for i in range(n_images + 1):
+        bins[i + 1] += bins[i]
+    n_measured = bins[n_images]  # those without a row come last
+    points = np.empty(n_points, dtype=np.int64)
+    for p in range(n_points):
+        points[bins[first[p]]] = p
+        bins[first[p]] += 1
+    starts = np.zeros(n_measured + 1, dtype=np.int64)
+    end = np.zeros(n_points, dtype=np.int64)
+    for k in range(n_measured):
+        end[points[k]] = starts[k]
+        starts[k + 1] = starts[k] + count[points[k]]
+    row = np.empty(len(point), dtype=np.int64)
+    for q in range(len(point)):
+        row[end[point[q]]] = q
+        end[point[q]] += 1
+    for k in range(n_measured):  # few rows each: by insertion
+        for a in range(starts[k] + 1, starts[k + 1]):
+            q, b = row[a], a
+            while b > starts[k] and image[row[b - 1]] > image[q]:
+                row[b] = row[b - 1]
+                b -= 1
+            row[b] = q
+    return starts, points[:n_measured].copy(), row
+
+
+def ordered(point: Index, pose: Index, n_poses: int) -> Index:
+    """Return the poses in reverse Cuthill-McKee order of which share points."""
+    order = np.argsort(point, kind="stable")
+    starts = np.append(np.flatnonzero(np.diff(point[order], prepend=-1)), len(order))
+    linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
+    _link(starts, pose[order], linked)
+    return reverse_cuthill_mckee(sparse.csr_matrix(linked), symmetric_mode=True).astype(np.int64)
+
+
+@compiled
+def _link(starts: Index, pose: Index, linked: Mask) -> None:
+    for p in range(len(starts) - 1):
+        for a in range(starts[p], starts[p + 1]):
+            for b in range(starts[p], starts[p + 1]):
+                linked[pose[a], pose[b]] = True
+
+
+def _image_band(start: Index, image: Index) -> int:
+    """Return the largest difference of image numbers at a point, plus one."""
+    if len(image) == 0:
+        return 1
+    return int(np.max(image[start[1:] - 1] - image[start[:-1]])) + 1
+
+
+def _parts(starts: Index, most: int) -> tuple[tuple[int, int], ...]:
+    n = int(np.clip(starts[-1] // RAYS_PER_PART, 1, most))
+    edges = np.searchsorted(starts, np.linspace(0, starts[-1], n + 1))
+    edges[0], edges[-1] = 0, len(starts) - 1
+    return tuple((int(a), int(b)) for a, b in pairwise(edges))
+
+
+def pose_band(pose: Index, band: int) -> int:
+    """Return how many poses apart images less than `band` apart can hang, plus one."""
+    ahead = np.minimum(np.arange(len(pose)) + band - 1, len(pose) - 1)
+    return int(np.max(pose[ahead] - pose, initial=0)) + 1

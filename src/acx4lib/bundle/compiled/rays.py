@@ -1,0 +1,152 @@
+"""Measured rays and their derivatives, compiled.
+
+A camera pose varies by its position and by a rotation, both along the *camera's own* axes, so
+that the derivatives of an image point by its pose depend on nothing but its direction. They fill
+two rows of sixteen numbers, along x and y: six of the pose, nine of the interior orientation
+(`camera.INTERIOR`), and the residual, all divided by the standard deviation. The plain version is
+`collinearity.image_derivatives`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from acx4lib.compiling import inlined
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.collinearity import DENSITY, LAPSE, REFRACTIVITY
+
+INTERIOR, RESIDUAL = 6, 15
+"""Where among a ray's numbers the interior orientation begins and the residual stands."""
+
+
+class SortedRays(NamedTuple):
+    """Measured rays, sorted by point and, within a point, by image.
+
+    Attributes
+    ----------
+    start : ndarray, shape (n_points + 1,)
+        Where each point's rays begin.
+    point : ndarray, shape (n_points,)
+        Where the points stand in the block.
+    free : ndarray, shape (n_points,)
+        Which points are unknowns.
+    also : ndarray, shape (n_points,)
+        Where the points stand in `Scene.V` and `Scene.h`; -1 for nothing there.
+    row : ndarray, shape (n,)
+        Which measurement of the block each ray is.
+    image : ndarray, shape (n,)
+    xy : ndarray, shape (n, 2)
+        Measured, mm.
+    weight : ndarray, shape (n,)
+        Reciprocal standard deviation, 1/mm.
+    """
+
+    start: Index
+    point: Index
+    free: Mask
+    also: Index
+    row: Index
+    image: Index
+    xy: Array
+    weight: Array
+
+
+class Scene(NamedTuple):
+    """A state of the unknowns.
+
+    Attributes
+    ----------
+    R_m_c : ndarray, shape (n_images, 3, 3)
+    r_m_c : ndarray, shape (n_images, 3)
+        m.
+    camera : ndarray, shape (n_images,)
+    interior : ndarray, shape (n_cameras, 9)
+    x_m : ndarray, shape (n_points, 3)
+        m, in the order of the rays' points.
+    V, h : ndarray, shapes (k, 3, 3) and (k, 3)
+        Normal equations that other observations give some of the points.
+    refraction : bool
+        Whether points appear lifted by the standard atmosphere.
+    damping : float
+        Added to the diagonal of the points' normal equations, as a share of it.
+    """
+
+    R_m_c: Array
+    r_m_c: Array
+    camera: Index
+    interior: Array
+    x_m: Array
+    V: Array
+    h: Array
+    refraction: bool
+    damping: float
+
+
+@inlined
+def _appears_at(scene: Scene, i: int, p: int) -> float:
+    """Return the height at which a point appears, `collinearity.refraction_lift`."""
+    height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
+    dx, dy = scene.x_m[p, 0] - scene.r_m_c[i, 0], scene.x_m[p, 1] - scene.r_m_c[i, 1]
+    dz = z - height
+    camera, ground = 1 - LAPSE * height, 1 - LAPSE * z
+    integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
+    K = REFRACTIVITY * (integral / -dz - camera**DENSITY)
+    return z - K * (dx * dx + dy * dy + dz * dz) / dz
+
+
+@inlined
+def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
+    """Fill J[k] and B[k], ray q's derivatives by camera and by point p; False if behind."""
+    i = rays.image[q]
+    R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: each would be counted
+    z_m = _appears_at(scene, i, p) if scene.refraction else x_m[p, 2]
+    dx, dy, dz = x_m[p, 0] - r_m_c[i, 0], x_m[p, 1] - r_m_c[i, 1], z_m - r_m_c[i, 2]
+    r00, r01, r02 = R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]
+    r10, r11, r12 = R[i, 1, 0], R[i, 1, 1], R[i, 1, 2]
+    r20, r21, r22 = R[i, 2, 0], R[i, 2, 1], R[i, 2, 2]
+    z_c = r02 * dx + r12 * dy + r22 * dz
+    if not z_c < 0:
+        return False
+    down = 1 / z_c
+    u = (r00 * dx + r10 * dy + r20 * dz) * down
+    v = (r01 * dx + r11 * dy + r21 * dz) * down
+    camera, interior, w = scene.camera[i], scene.interior, rays.weight[q]
+    xp, yp = interior[camera, 1], interior[camera, 2]
+    k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
+    p1, p2, b1 = interior[camera, 6], interior[camera, 7], interior[camera, 8]
+    x_i, y_i = rays.xy[q, 0], rays.xy[q, 1]
+    f = interior[camera, 0] * w
+    m = -f * down
+    J[k, 0, 0], J[k, 0, 1], J[k, 0, 2] = -m, 0.0, m * u
+    J[k, 1, 0], J[k, 1, 1], J[k, 1, 2] = 0.0, -m, m * v
+    J[k, 0, 3], J[k, 0, 4], J[k, 0, 5] = -f * u * v, f * (1 + u * u), -f * v
+    J[k, 1, 3], J[k, 1, 4], J[k, 1, 5] = -f * (1 + v * v), f * u * v, f * u
+    B[k, 0, 0], B[k, 0, 1], B[k, 0, 2] = (
+        m * (r00 - u * r02),
+        m * (r10 - u * r12),
+        m * (r20 - u * r22),
+    )
+    B[k, 1, 0], B[k, 1, 1], B[k, 1, 2] = (
+        m * (r01 - v * r02),
+        m * (r11 - v * r12),
+        m * (r21 - v * r22),
+    )
+    x, y = x_i * (1 + b1) - xp, y_i - yp
+    r2 = x * x + y * y
+    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+    xx, yy, xy = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
+    by_x = (1 - radial - x * x * slope - 6 * p1 * x - 2 * p2 * y) * w
+    by_y = (1 - radial - y * y * slope - 6 * p2 * y - 2 * p1 * x) * w
+    mixed = (-x * y * slope - 2 * p1 * y - 2 * p2 * x) * w
+    x, y, xx, yy, xy = x * w, y * w, xx * w, yy * w, xy * w
+    r4 = r2 * r2
+    J[k, 0, 6], J[k, 0, 7], J[k, 0, 8] = -u * w, by_x, mixed
+    J[k, 1, 6], J[k, 1, 7], J[k, 1, 8] = -v * w, mixed, by_y
+    J[k, 0, 9], J[k, 0, 10], J[k, 0, 11] = x * r2, x * r4, x * r4 * r2
+    J[k, 1, 9], J[k, 1, 10], J[k, 1, 11] = y * r2, y * r4, y * r4 * r2
+    J[k, 0, 12], J[k, 0, 13], J[k, 0, 14] = xx, xy, -by_x * x_i
+    J[k, 1, 12], J[k, 1, 13], J[k, 1, 14] = xy, yy, -mixed * x_i
+    J[k, 0, 15] = -f * u - (x * (1 - radial) - p1 * xx - p2 * xy)
+    J[k, 1, 15] = -f * v - (y * (1 - radial) - p2 * yy - p1 * xy)
+    return True

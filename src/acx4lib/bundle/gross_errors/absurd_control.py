@@ -1,0 +1,167 @@
+"""Control points that lie nowhere near where they were measured, while the others do.
+
+A residual of kilometres is no matter of statistics: it leaves points behind cameras, or turns
+these, before there is anything to test. So such points are looked for before an adjustment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from acx4lib.bundle.adjust import Bundle, robust_start
+from acx4lib.bundle.gross_errors.rejections import Rejection, without
+from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.start.ray_misfits import ASTRAY, control_misfits
+from acx4lib.bundle.start.start_values import turned_alike
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.geometry.intersection import intersect
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.medians import medians
+
+DOUBTFUL = 2 * ASTRAY
+"""Median angle between a control point and its rays from which one looks closer."""
+
+BESIDE = np.radians(60.0)
+"""No measurement in the image that shows a point is so far from where it should be."""
+
+THROUGH = ASTRAY / 10
+"""A ray that misses a point by less passes through it: one along a wrong height nearly does."""
+
+UNLIKE = 5.0
+"""So many times the others' median it must be besides: a bad start is no fault of a point."""
+
+SHARE = 4
+"""At most one in so many, or one alone: of more, who says that the others are right?"""
+
+ENOUGH = 3
+"""So many others must remain; fewer orient no block."""
+
+
+def without_absurd_control(
+    block: Block, set_up: Callable[[Block], Network]
+) -> tuple[Block, Network, Index]:
+    """Return a block without the control points that are far from all of their rays.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block.
+
+    Returns
+    -------
+    block : Block
+        Mostly the one that was given.
+    network : Network
+        Of that block.
+    rows : ndarray of int
+        The points, in the control of the block that was given.
+    """
+    network = set_up(block)
+    rows = _absurd(network, set_up)
+    if len(rows):
+        block = without(block, _taken_out(rows))
+        network = set_up(block)
+    return block, network, rows
+
+
+def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
+    """Doubt points with the cameras turned in common onto all of them; decide without them.
+
+    What decides is the orientation that most of the other observations agree on.
+    """
+    none = np.zeros(0, dtype=np.intp)
+    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
+        return none
+    doubted = unlike(_misfits(network, turned_alike(network)))
+    if not doubted.any():
+        return none
+    surveyed = network.block.control.point_idx
+    rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
+    state = robust_start(set_up(without(network.block, _taken_out(rows))))
+    astray = network.control.point_idx[_misfits(network, state) > ASTRAY]
+    return rows[np.isin(surveyed[rows], astray)]
+
+
+def _misfits(network: Network, state: State) -> Array:
+    """Return the median angles of control points; zero where the one ray may be the wrong one."""
+    off = control_misfits(network, state)
+    rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
+
+
+def unlike(misfits: Array) -> Mask:
+    """Tell which points pass their rays as no other does: few of many, or none at all.
+
+    Parameters
+    ----------
+    misfits : ndarray, shape (k,)
+        Median angles between points and their rays, radians.
+    """
+    if len(misfits) <= ENOUGH:
+        return np.zeros(len(misfits), dtype=bool)
+    out: Mask = misfits > max(DOUBTFUL, UNLIKE * float(np.median(misfits)))
+    n, n_all = int(out.sum()), len(out)
+    return out if n <= max(1, n_all // SHARE) and n_all - n >= ENOUGH else np.zeros_like(out)
+
+
+def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
+    """Return the rejections of absurd control, with the largest w of each if it were put back.
+
+    Parameters
+    ----------
+    block : Block
+        With these control points.
+    bundle : Bundle
+        Adjusted without them; one that has too few rays left is taken for known where its start
+        value is.
+    rows : ndarray of int
+        Of the block's control.
+    """
+    control = block.control[rows]
+    estimated = bundle.state.x_m[control.point_idx]
+    d = np.einsum("nij,nj->ni", control.R_g_m, estimated - control.x_m)
+    cov = propagate(control.R_g_m, bundle.solution.cov_points[control.point_idx])
+    predicted = np.diagonal(cov, axis1=1, axis2=2)
+    w = np.max(np.abs(d) / np.sqrt(control.sigma_m**2 + predicted), axis=1)
+    return tuple(replace(r, statistic=float(x)) for r, x in zip(_taken_out(rows), w, strict=True))
+
+
+def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -> Mask:
+    """Tell which points were surveyed far from where their rays meet, as the others were not.
+
+    Far is a share of the distance to the cameras. Where most of its rays pass through the survey,
+    or do not meet at all, it is not the survey that is wrong.
+
+    Parameters
+    ----------
+    origins, directions : ndarray, shape (n, 3)
+        Of the rays, mapping frame.
+    point_idx : ndarray, shape (n,)
+    x_m : ndarray, shape (k, 3)
+        As surveyed.
+    """
+    to = x_m[point_idx] - origins
+    distance = np.linalg.norm(to, axis=1)
+    chord = np.linalg.norm(to / distance[:, None] - directions, axis=1)
+    miss = medians(chord, point_idx, len(x_m)) > THROUGH
+    met_m = intersect(origins, directions, point_idx, len(x_m))
+    along = np.sum((met_m[point_idx] - origins) * directions, axis=1)
+    meets = np.bincount(point_idx, minlength=len(x_m)) > 1
+    meets[point_idx[~(along > 0)]] = False
+    off = np.linalg.norm(met_m - x_m, axis=1) / np.maximum(medians(along, point_idx, len(x_m)), 1)
+    out = np.zeros(len(x_m), dtype=bool)
+    out[meets] = unlike(off[meets])
+    return out & miss
+
+
+def _taken_out(rows: Index) -> tuple[Rejection, ...]:
+    """Return the rejections of whole control points, before there is a test of them."""
+    return tuple(
+        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
+        for row in rows
+    )

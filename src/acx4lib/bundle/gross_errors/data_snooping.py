@@ -1,0 +1,350 @@
+"""Gross errors: a robust start where there are many, then Baarda's data snooping.
+
+Every observation is tested at every adjustment: one that takes part by its residual, one that
+is out by how well the others predict it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle, adjust, robust_start
+from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
+from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
+from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.least_squares.normal_equations import Group
+from acx4lib.least_squares.w_test import OUT, statistics, tau_limits, w_limits
+
+T = TypeVar("T", bound=np.generic)
+
+HEAVY = 0.002
+"""Share of observations that fail their test: ten times what chance gives."""
+
+SMEARED = 0.5
+"""Share of the largest w around it below which an observation waits for the next round."""
+
+MOST_ROUNDS = 10
+
+
+def adjust_rejecting(
+    block: Block,
+    set_up: Callable[[Block], Network],
+    *,
+    critical: float = CRITICAL,
+    sigma0: str = "known",
+) -> Bundle:
+    """Adjust and take out gross errors until every observation left passes its test.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block.
+    critical : float
+        Of a normal variable.
+    sigma0 : str
+        ``"known"``: Baarda's w, for observations whose sigma means what it says.
+        ``"estimated"``: Pope's tau, where only the ratios of the sigmas are known; w over the a
+        posteriori sigma0, against the critical value of the same probability.
+
+    Returns
+    -------
+    Bundle
+        Of the block without what was rejected. The statistic of a rejection is the w that the
+        observation would have if it alone were put back.
+
+    Raises
+    ------
+    AdjustmentError
+        Where an adjustment does not converge.
+    ValueError
+        For another `sigma0`, or a critical value that is not positive.
+
+    Notes
+    -----
+    A control point that is far from all of its rays, as the others are not, is out from the start.
+    In every round the observations with the largest w of their surroundings go: a large error
+    lifts the w of its point's others, and some of its image's, over the critical value, and they
+    are to be judged without it. What is out comes back, once, when its residual against
+    the prediction from the others passes the same test; the variance is then its own and that of
+    the prediction. Where the spread of a kind's w says that its a priori sigma is too small, w
+    counts in units of that spread: a wrong weight is no gross error.
+    """
+    expected.instance("block", block, Block)
+    expected.positive_number("critical", critical)
+    expected.one_of("sigma0", sigma0, ("known", "estimated"))
+    if not callable(set_up):
+        msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
+        raise ValueError(msg)
+    fitting, network, absurd = without_absurd_control(block, set_up)
+    observed = _observations(network)
+    judge = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
+    bundle, search = _first(network, _nothing_out(len(observed.kind)), judge)
+    verdict = judge(bundle, search.out)
+    for _ in range(MOST_ROUNDS):
+        fits = ~_suspects(network, bundle.state)
+        following = _next(search, observed, verdict, fits)
+        if np.array_equal(following.out, search.out):
+            break
+        bundle, search = _following(network, bundle.state, search, following)
+        verdict = judge(bundle, search.out)
+    bundle = _removed(fitting, set_up, bundle, _rejections(search, observed, verdict))
+    return replace(bundle, rejected=(*tested(block, bundle, absurd), *bundle.rejected))
+
+
+def _first(
+    network: Network, search: _Search, judge: Callable[[Bundle, Mask], _Verdict]
+) -> tuple[Bundle, _Search]:
+    """Adjust with everything, or without what does not fit a robust state where much fails."""
+    try:
+        bundle = adjust(network)
+    except AdjustmentError:
+        state = robust_start(network)
+    else:
+        if np.mean(judge(bundle, search.out).failed) <= HEAVY:
+            return bundle, search
+        state = robust_phase(
+            network, bundle.state, [group.redundancy for group in bundle.solution.groups]
+        )
+    search = replace(search, out=_suspects(network, state))
+    return _adjust_without(network, search.out, state), search
+
+
+def _following(
+    network: Network, state: State, search: _Search, following: _Search
+) -> tuple[Bundle, _Search]:
+    """Adjust for the next round; what came back goes again where with it no minimum is found."""
+    try:
+        return _adjust_without(network, following.out, state), following
+    except AdjustmentError:
+        again = search.out & ~following.out
+        following = replace(
+            following,
+            out=following.out | again,
+            w=np.where(again, _misfits(network, state), following.w),
+        )
+        return _adjust_without(network, following.out, state), following
+
+
+def _removed(
+    block: Block,
+    set_up: Callable[[Block], Network],
+    bundle: Bundle,
+    rejected: tuple[Rejection, ...],
+) -> Bundle:
+    """Adjust the block as it is without what was rejected."""
+    if not rejected:
+        return bundle
+    network = set_up(without(block, rejected))
+    known, state = np.isfinite(bundle.state.x_m), bundle.state
+    warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
+    return replace(adjust(replace(network, start=warm)), rejected=rejected)
+
+
+# --- observations ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Observations:
+    """What is tested: image points, components of control points, positions, attitudes.
+
+    Attributes
+    ----------
+    kind : ndarray, shape (n,)
+        Into `KINDS`.
+    row, component : ndarray, shape (n,)
+        As in `Rejection`.
+    point, pose : ndarray, shape (n,)
+        What it observes, -1 for none.
+    """
+
+    kind: Index
+    row: Index
+    component: Index
+    point: Index
+    pose: Index
+
+
+def _observations(network: Network) -> _Observations:
+    free = np.flatnonzero(~network.held_control)
+    in_block = np.flatnonzero(np.isin(network.block.control.point_idx, network.control.point_idx))
+    points, poses = network.image_points, np.arange(len(network.pose_names))
+    none = np.full(len(network.rows), -1)
+    unmeasured = np.full(len(poses), -1)
+    parts = [
+        (network.rows, none, points.point_idx, network.pose_idx[points.image_idx]),
+        (
+            np.repeat(in_block[free], 3),
+            np.tile(np.arange(3), len(free)),
+            np.repeat(network.control.point_idx[free], 3),
+            np.full(3 * len(free), -1),
+        ),
+        (poses, unmeasured, unmeasured, poses),
+        (poses, unmeasured, unmeasured, poses),
+    ]
+    row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
+    return _Observations(kind=kind, row=row, component=component, point=point, pose=pose)
+
+
+def _by_group(network: Network, flat: NDArray[T]) -> list[NDArray[T]]:
+    """Return values of the observations as columns that spread over the network's groups."""
+    n, k = len(network.rows), int(np.sum(~network.held_control))
+    ends = np.cumsum([n, 3 * k, len(network.pose_names)])
+    image, control, position, attitude = np.split(flat, ends)
+    return [image[:, None], control.reshape(-1, 3), position[:, None], attitude[:, None]]
+
+
+def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
+    """Adjust with observations out of effect, their predictions still computed."""
+    factors = _by_group(network, np.where(out, OUT, 1.0))
+    return adjust(replace(reweighted(network, factors), start=state))
+
+
+def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
+    """Return one value per observation, the largest of its components."""
+    largest = [np.max(value, axis=1) for value in values]
+    return np.concatenate([largest[0], values[1].ravel(), *largest[2:]])
+
+
+def _suspects(network: Network, state: State) -> Mask:
+    """Return what does not fit a robust state."""
+    return _misfits(network, state) > SUSPECT
+
+
+def _misfits(network: Network, state: State) -> Array:
+    """Return the residuals in sigmas and in spreads of their kind."""
+    groups = network.residuals(state)
+    return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
+
+
+# --- tests -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Verdict:
+    """The test of every observation at one adjustment, the largest of its components.
+
+    Attributes
+    ----------
+    w : ndarray, shape (n,)
+        Zero where nothing controls the observation.
+    limit : ndarray, shape (n,)
+    controlled : ndarray, shape (n,)
+    """
+
+    w: Array
+    limit: Array
+    controlled: Mask
+
+    @property
+    def failed(self) -> Mask:
+        """Which observations do not agree with the others."""
+        return self.w > self.limit
+
+
+_Limits = Callable[[Sequence[Group], Sequence[Mask], float], list[float]]
+
+
+def _judge(limits: _Limits, critical: float, bundle: Bundle, out: Mask) -> _Verdict:
+    groups, outs = bundle.solution.groups, _by_group(bundle.network, out)
+    tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
+    limit = [
+        np.full(group.v.shape, value)
+        for group, value in zip(groups, limits(groups, outs, critical), strict=True)
+    ]
+    return _Verdict(
+        w=_flat([w for w, _ in tested]),
+        limit=_flat(limit),
+        controlled=_flat([controlled for _, controlled in tested]),
+    )
+
+
+# --- rounds ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Search:
+    """What is out, and how it came to be.
+
+    Attributes
+    ----------
+    out : ndarray, shape (n,)
+    w : ndarray, shape (n,)
+        With which an observation was taken out; zero before its first test.
+    returned : ndarray, shape (n,)
+        What came back, and does not come back again.
+    """
+
+    out: Mask
+    w: Array
+    returned: Mask
+
+
+def _nothing_out(n: int) -> _Search:
+    none = np.zeros(n, dtype=bool)
+    return _Search(out=none, w=np.zeros(n), returned=none)
+
+
+def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
+    """Take out what fails its test and put back what passes it, at every point one or the other.
+
+    What nothing else controls, and was only suspected, comes back where it fits.
+    """
+    taken = _to_take(observed, np.where(verdict.failed & ~search.out, verdict.w, 0.0))
+    busy = np.isin(observed.point, observed.point[taken & (observed.point >= 0)])
+    passed = search.out & ~verdict.failed & ~search.returned
+    back = passed & ~busy & (verdict.controlled | (fits & (search.w == 0)))
+    return _Search(
+        out=(search.out | taken) & ~back,
+        w=np.where(taken, verdict.w, search.w),
+        returned=search.returned | back,
+    )
+
+
+def _to_take(observed: _Observations, w: Array) -> Mask:
+    """Choose among candidates, w > 0, those that no larger one of their surroundings explains."""
+    of_point, of_pose = observed.point >= 0, observed.pose >= 0
+    posed, tied = of_pose & ~of_point, of_pose & of_point
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 1)
+    np.maximum.at(row_pose, observed.pose[posed], w[posed])
+    at_pose = row_pose.copy()
+    np.maximum.at(at_pose, observed.pose[tied], w[tied])
+    at_point = np.zeros(observed.point.max(initial=-1) + 1)
+    np.maximum.at(at_point, observed.point[of_point], w[of_point])
+    np.maximum.at(at_point, observed.point[tied], row_pose[observed.pose[tied]])
+    largest = np.where(of_point, at_point[observed.point], at_pose[observed.pose])
+    wide = np.max(w[~tied], initial=0.0)  # of control and trajectory: they move everything
+    largest = np.maximum(
+        largest, SMEARED * np.where(tied, at_pose[observed.pose], w.max(initial=0.0))
+    )
+    return (w > 0) & (w >= np.maximum(largest, SMEARED * wide))
+
+
+def _rejections(
+    search: _Search, observed: _Observations, verdict: _Verdict
+) -> tuple[Rejection, ...]:
+    """Return what is out, the largest w first."""
+    w = np.where(verdict.controlled & verdict.failed, verdict.w, search.w)
+    rows = np.flatnonzero(search.out)
+    return tuple(
+        Rejection(
+            kind=KINDS[observed.kind[i]],
+            row=int(observed.row[i]),
+            component=int(observed.component[i]),
+            statistic=float(w[i]),
+            limit=float(verdict.limit[i]),
+        )
+        for i in rows[np.argsort(-w[rows], kind="stable")]
+    )

@@ -1,0 +1,97 @@
+"""Observations taken out of a block as gross errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.flight.block import Block
+
+CRITICAL = 3.9
+"""Critical value of a w-test: alpha = 0.01 % per component."""
+
+KINDS = ("image_point", "control_point", "gnss", "attitude")
+"""What may be rejected, in the order of a network's observations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejection:
+    """One observation taken out as a gross error.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    row : int
+        Into the block's image points, control points or exposures.
+    component : int
+        Of a control point; -1 where the whole observation went.
+    statistic : float
+        Its w.
+    limit : float
+        What its w exceeds.
+    """
+
+    kind: str
+    row: int
+    component: int
+    statistic: float
+    limit: float = CRITICAL
+
+    def __post_init__(self) -> None:
+        expected.one_of("kind", self.kind, KINDS)
+
+
+def without(block: Block, rejected: Sequence[Rejection]) -> Block:
+    """Return the block without observations.
+
+    Parameters
+    ----------
+    block : Block
+    rejected : sequence of Rejection
+        Rows count in this block.
+
+    Returns
+    -------
+    Block
+        Image points are dropped; control components and trajectory rows get an infinite sigma.
+
+    Raises
+    ------
+    ValueError
+        Where the block has no such row.
+    """
+    expected.instance("block", block, Block)
+    rows = {
+        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
+    }
+    for kind, n in zip(KINDS, _numbers_of_rows(block), strict=True):
+        expected.places(f"rejected: {kind} rows", rows[kind], n)
+    components = [
+        slice(None) if r.component < 0 else r.component
+        for r in rejected
+        if r.kind == "control_point"
+    ]
+    points, control, trajectory = block.image_points, block.control, block.trajectory
+    sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
+    position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
+    sigma_px[rows["image_point"]] = np.inf
+    for row, component in zip(rows["control_point"], components, strict=True):
+        sigma_m[row, component] = np.inf
+    position[rows["gnss"]] = np.inf
+    attitude[rows["attitude"]] = np.inf
+    return replace(
+        block,
+        image_points=replace(points, sigma_px=sigma_px),
+        control=replace(control, sigma_m=sigma_m),
+        trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
+    )
+
+
+def _numbers_of_rows(block: Block) -> tuple[int, int, int, int]:
+    """Return how many observations a block has, by `KINDS`."""
+    n = len(block.trajectory)
+    return len(block.image_points), len(block.control), n, n

@@ -1,0 +1,337 @@
+"""The equations of a bundle block: one model for every use (sections 2.1 and 2.2).
+
+Every image hangs on a *pose* through a *mounting*: ``T_m_c = T_m_b @ T_b_c``, eq. (14). Which of
+the two is free, held or observed is all that distinguishes the uses; `bundle` sets them up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from acx4lib.bundle.observations import (
+    PoseObservations,
+    attitude_equations,
+    control_equations,
+    position_equations,
+    position_errors,
+)
+from acx4lib.bundle.unknowns import Layout
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
+from acx4lib.geometry.camera import INTERIOR, Interior, xy_from_colrow
+from acx4lib.geometry.collinearity import (
+    Measurement,
+    as_seen,
+    image_derivatives,
+    image_residuals,
+    mounted_jacobian,
+)
+from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.parameters import AXES, MOUNT, POSE
+from acx4lib.least_squares.adjustment import Normals
+from acx4lib.least_squares.normal_equations import Equations, PlainNormals
+
+try:
+    from acx4lib.bundle.compiled.chain_rule import Hanging
+    from acx4lib.bundle.compiled.normals import NetworkNormals
+    from acx4lib.bundle.compiled.packing import Measured, Packed, pack
+    from acx4lib.bundle.compiled.rays import Scene
+
+    COMPILED = True
+except ImportError:  # numba is missing: slower, and the same
+    COMPILED = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """All unknowns of a bundle.
+
+    Attributes
+    ----------
+    interiors : tuple of Interior
+        One per camera.
+    T_b_c : Pose
+        Mountings, one per camera.
+    T_m_b : Pose
+        One per pose.
+    x_m : ndarray, shape (n_points, 3)
+        m.
+    shift : ndarray, shape (3,)
+        By which all observed positions are off along the grid's axes, m.
+    drift : ndarray, shape (n_drifts, 3)
+        By which they drift along the strips, m per unit of `Strips`' time.
+    """
+
+    interiors: tuple[Interior, ...]
+    T_b_c: Pose
+    T_m_b: Pose
+    x_m: Array
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network:
+    """A block made ready for adjustment: what is observed, what is free; an adjustment's problem.
+
+    Attributes
+    ----------
+    block : Block
+    pose_names : tuple of str
+        Image or exposure names.
+    pose_idx : ndarray, shape (n_images,)
+        Which pose an image hangs on.
+    layout : Layout
+    image_points : ImagePoints
+        What takes part, sorted by point.
+    rows : ndarray, shape (n,)
+        Where these measurements stand in the block.
+    control : SurveyedPoints
+        What takes part as control; an infinite sigma takes a component out.
+    observed : PoseObservations
+    start : State
+    refraction : str
+        ``"none"`` or ``"standard"``.
+    left_out : dict of str to int
+        How many tie points were not used, by the reason.
+    """
+
+    block: Block
+    pose_names: tuple[str, ...]
+    pose_idx: Index
+    layout: Layout
+    image_points: ImagePoints
+    rows: Index
+    control: SurveyedPoints
+    observed: PoseObservations
+    start: State
+    refraction: str = "none"
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def n_columns(self) -> int:
+        """Number of unknowns that are not points."""
+        return self.layout.n_columns
+
+    @property
+    def n_points(self) -> int:
+        """Number of points of the block, used or not."""
+        return len(self.block.points)
+
+    @property
+    def free_points(self) -> Mask:
+        """Which points are unknowns: those measured, unless given free of error."""
+        free = np.bincount(self.image_points.point_idx, minlength=self.n_points) > 0
+        free[self.control.point_idx] = True
+        free[self.control.point_idx[self.held_control]] = False
+        return free
+
+    @property
+    def held_control(self) -> Mask:
+        """Which control points are given free of error."""
+        return np.all(self.control.sigma_m == 0, axis=1)
+
+    def column_names(self) -> list[str]:
+        """Return ``camera/parameter``, ``pose/parameter`` and the like for every column."""
+        names = [""] * self.n_columns
+        owners = [camera.name for camera in self.block.cameras]
+        strips = [f"strip {name}" for name in self.observed.strips.names]
+        for part, rows, labels in (
+            (self.layout.interior, owners, INTERIOR),
+            (self.layout.mount, owners, MOUNT),
+            (self.layout.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
+            (self.layout.drift, strips, [f"drift_{axis}" for axis in AXES]),
+            (self.layout.pose, self.pose_names, POSE),
+        ):
+            for columns, owner in zip(part, rows, strict=True):
+                for column, label in zip(columns, labels, strict=True):
+                    if column >= 0:
+                        names[column] = f"{owner}/{label}"
+        return names
+
+    def moved(self, state: State, dx: Array, dp: Array) -> State:
+        """Return the state after a step; rotations turn about their own axes."""
+        padded = np.append(dx, 0.0)
+        interior = np.array([i.to_array() for i in state.interiors])
+        # a wild step may not make a focal length negative; damping takes over from there
+        interior = interior + padded[self.layout.interior]
+        interior[:, 0] = np.maximum(interior[:, 0], 1e-3)
+        mount, pose = padded[self.layout.mount], padded[self.layout.pose]
+        return State(
+            interiors=tuple(Interior.from_array(row) for row in interior),
+            T_b_c=_moved_pose(state.T_b_c, mount),
+            T_m_b=_moved_pose(state.T_m_b, pose),
+            x_m=state.x_m + dp,
+            shift=state.shift + padded[self.layout.shift],
+            drift=state.drift + padded[self.layout.drift],
+        )
+
+    def residuals(self, state: State) -> list[tuple[Array, Array]]:
+        """Return v and sigma of image points, control points, positions and attitudes."""
+        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
+        return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
+
+    def equations(self, state: State) -> list[Equations]:
+        """Linearise image points, control points, positions and attitudes."""
+        return [_image_equations(self, state), *_other_equations(self, state)]
+
+    def normals(self, state: State, damping: float = 0.0) -> Normals:
+        """Return the normal equations at a state, compiled where that is possible."""
+        if not COMPILED:
+            return PlainNormals(
+                n_columns=self.n_columns,
+                free_points=self.free_points,
+                equations=self.equations(state),
+                damping=damping,
+            )
+        return _compiled_normals(self, state, damping)
+
+    @cached_property
+    def packed(self) -> Packed:
+        """The measurements in the order in which compiled code works on them."""
+        return _packed(self)
+
+
+def _other_equations(network: Network, state: State) -> list[Equations]:
+    observed, columns = network.observed, network.layout
+    errors = position_errors(observed, state.shift, state.drift)
+    return [
+        control_equations(network.control[~network.held_control], state.x_m),
+        position_equations(observed, state.T_m_b, errors, columns),
+        attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
+    ]
+
+
+def _moved_pose(T: Pose, step: Array) -> Pose:
+    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
+
+
+# --- observations ----------------------------------------------------------------------------
+
+
+def camera_poses(network: Network, state: State) -> Pose:
+    """Return T_m_c of every image."""
+    return state.T_m_b[network.pose_idx] @ state.T_b_c[network.block.images.camera_idx]
+
+
+def _image_sigma(network: Network) -> Array:
+    return np.repeat(network.image_points.sigma_px[:, None], 2, axis=1)
+
+
+def _seen(network: Network, state: State) -> tuple[Measurement, Array]:
+    """Return the measurements with their camera poses, and the points where they appear."""
+    points = network.image_points
+    T_m_c = camera_poses(network, state)[points.image_idx]
+    x_m = as_seen(T_m_c.r, state.x_m[points.point_idx], refraction=network.refraction)
+    cameras = [
+        camera.with_interior(interior)
+        for camera, interior in zip(network.block.cameras, state.interiors, strict=True)
+    ]
+    camera_idx = network.block.images.camera_idx[points.image_idx]
+    return Measurement(
+        cameras=tuple(cameras), camera_idx=camera_idx, T_m_c=T_m_c, colrow=points.colrow
+    ), x_m
+
+
+def _image_equations(network: Network, state: State) -> Equations:
+    points, images = network.image_points, network.block.images
+    measurement, x_m = _seen(network, state)
+    v, by_interior, by_pose, by_point = image_derivatives(measurement, x_m)
+    free = np.flatnonzero((network.layout.interior >= 0).any(axis=0))
+    A, columns = _pose_parts(network, state, by_pose)
+    return Equations(
+        kind="image_point",
+        v=v,
+        sigma=_image_sigma(network),
+        A=np.concatenate([by_interior[:, :, free], A], axis=2),
+        columns=np.concatenate(
+            [network.layout.interior[images.camera_idx][:, free], columns], axis=1
+        ),
+        unit=points.image_idx,
+        B=by_point,
+        point=points.point_idx,
+    )
+
+
+def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array, Index]:
+    """Carry derivatives by the camera pose to the body pose and, where free, the mounting."""
+    images, points = network.block.images, network.image_points
+    T_m_b = state.T_m_b[network.pose_idx]
+    by_body, by_mount = mounted_jacobian(T_m_b, state.T_b_c[images.camera_idx])
+    pose_columns = network.layout.pose[network.pose_idx]
+    if np.all(network.layout.mount < 0):
+        return by_camera @ by_body[points.image_idx], pose_columns
+    both = np.concatenate([by_mount, by_body], axis=2)
+    columns = np.concatenate([network.layout.mount[images.camera_idx], pose_columns], axis=1)
+    return by_camera @ both[points.image_idx], columns
+
+
+# --- compiled --------------------------------------------------------------------------------
+
+
+def _packed(network: Network) -> Packed:
+    points, cameras = network.image_points, network.block.cameras
+    camera_idx = network.block.images.camera_idx[points.image_idx]
+    xy, pixel_mm = np.empty_like(points.colrow), np.empty(len(points))
+    for k, camera in enumerate(cameras):
+        own: Mask | slice = camera_idx == k if len(cameras) > 1 else slice(None)
+        xy[own] = xy_from_colrow(camera, points.colrow[own])
+        pixel_mm[own] = camera.pixel_mm
+    return pack(
+        Measured(
+            point=points.point_idx,
+            image=points.image_idx,
+            xy=xy,
+            weight=1 / (points.sigma_px * pixel_mm),
+        ),
+        free_points=network.free_points,
+        also=network.control.point_idx[~network.held_control],
+        pose_of_image=network.pose_idx,
+        n_poses=len(network.pose_names),
+    )
+
+
+def _compiled_normals(network: Network, state: State, damping: float) -> NetworkNormals:
+    packed, layout = network.packed, network.layout
+    camera = network.block.images.camera_idx[packed.image]
+    pose = network.pose_idx[packed.image]
+    T_m_c = camera_poses(network, state)[packed.image]
+    by_pose, by_mount = mounted_jacobian(state.T_m_b[pose], state.T_b_c[camera])
+    R_c_m = np.swapaxes(T_m_c.R, -1, -2)
+    for J in (by_pose, by_mount):  # along the camera's axes
+        J[:, :3] = R_c_m @ J[:, :3]
+    place = np.empty(len(packed.pose), dtype=np.intp)
+    place[packed.pose] = np.arange(len(packed.pose))
+    others = _other_equations(network, state)
+    control, B = others[0], network.control[~network.held_control].R_g_m
+    weighted = B / control.sigma[:, :, None] ** 2
+    return NetworkNormals(
+        packed=packed,
+        scene=Scene(
+            R_m_c=np.ascontiguousarray(T_m_c.R),
+            r_m_c=np.ascontiguousarray(T_m_c.r),
+            camera=camera,
+            interior=np.array([interior.to_array() for interior in state.interiors]),
+            x_m=state.x_m[packed.rays.point],
+            V=np.swapaxes(B, 1, 2) @ weighted,
+            h=np.einsum("mdi,md->mi", weighted, control.v),
+            refraction=network.refraction == "standard",
+            damping=damping,
+        ),
+        hanging=Hanging(
+            by_pose=by_pose,
+            by_mount=by_mount,
+            pose=place[pose],
+            camera=camera,
+            n_poses=len(place),
+            n_cameras=len(network.block.cameras),
+        ),
+        border=np.hstack([layout.interior, layout.mount]),
+        pose_columns=layout.pose[packed.pose],
+        sigma_px=network.image_points.sigma_px,
+        n_points=network.n_points,
+        others=others,
+    )

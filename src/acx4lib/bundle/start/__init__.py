@@ -1,0 +1,1 @@
+"""Where a bundle begins: orientations from few points, rays that miss, what most agree on."""

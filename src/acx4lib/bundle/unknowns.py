@@ -1,0 +1,138 @@
+"""The unknowns of a bundle that are not points: their names, and which column each one has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Index
+from acx4lib.geometry.camera import INTERIOR
+from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """Which unknown stands in which column; nobody else counts.
+
+    Attributes
+    ----------
+    interior : ndarray, shape (n_cameras, 9)
+        Columns of the interior parameters in the order of `camera.INTERIOR`, -1 where held.
+    mount : ndarray, shape (n_cameras, 6)
+        Columns of the mountings in the order of `MOUNT`, -1 where held.
+    pose : ndarray, shape (n_poses, 6)
+        Columns of the poses.
+    shift : ndarray, shape (3,)
+        Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
+    drift : ndarray, shape (n_drifts, 3)
+        Columns of the drifts of GNSS positions.
+    """
+
+    interior: Index
+    mount: Index
+    pose: Index
+    shift: Index = field(default_factory=lambda: np.full(3, -1))
+    drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
+
+    @property
+    def n_columns(self) -> int:
+        """Number of unknowns that are not points."""
+        parts = (self.interior, self.mount, self.shift, self.drift, self.pose)
+        return int(sum(np.sum(part >= 0) for part in parts))
+
+
+def layout(
+    n_cameras: int,
+    n_poses: int,
+    *,
+    free: Sequence[str],
+    free_mount: Sequence[str] = (),
+    free_shift: Sequence[str] = (),
+    n_drifts: int = 0,
+) -> Layout:
+    """Return which unknown has which column: per camera interior and mounting, GNSS, then poses.
+
+    Parameters
+    ----------
+    n_cameras, n_poses : int
+    free : sequence of str
+        Interior parameters to estimate, names of `camera.INTERIOR`.
+    free_mount : sequence of str
+        Names of `MOUNT`.
+    free_shift : sequence of str
+        Names of `AXES`.
+    n_drifts : int
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    for name, n in (("n_cameras", n_cameras), ("n_poses", n_poses), ("n_drifts", n_drifts)):
+        expected.whole(name, n, least=0)
+    expected.names_of("free", free, INTERIOR)
+    expected.names_of("free_mount", free_mount, MOUNT)
+    expected.names_of("free_shift", free_shift, AXES)
+    is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
+    per_camera = np.tile(is_free, (n_cameras, 1))
+    columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
+    shifted = np.array([name in free_shift for name in AXES])
+    first_shift = int(per_camera.sum())
+    first_drift = first_shift + int(shifted.sum())
+    first_pose = first_drift + 3 * n_drifts
+    return Layout(
+        interior=columns[:, : len(INTERIOR)],
+        mount=columns[:, len(INTERIOR) :],
+        shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
+        drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
+        pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
+    )
+
+
+def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
+    """Return what of the mounting is estimated, given what is held.
+
+    Parameters
+    ----------
+    fix : sequence of str
+        Of ``"lever_arm"`` and ``"boresight"``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    expected.names_of("fix", fix, ("lever_arm", "boresight"))
+    return tuple(
+        name
+        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
+        if part not in fix
+        for name in names
+    )
+
+
+def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...]:
+    """Return along which axes a GNSS shift is an unknown.
+
+    A shift in height and the lever arm's z are one unknown, in all cameras together: where the
+    lever arm is estimated, the height of the shift is held.
+
+    Parameters
+    ----------
+    gnss : sequence of str
+        Names of `GNSS`.
+    free_mount : sequence of str
+        Names of `MOUNT`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    expected.names_of("gnss", gnss, GNSS)
+    if "shift" not in gnss:
+        return ()
+    return AXES[:2] if "lever_z" in free_mount else AXES

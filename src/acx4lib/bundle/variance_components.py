@@ -1,0 +1,307 @@
+"""Are the standard deviations right? The variance component of every group of observations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.network import Network
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.least_squares.adjustment import cross_covariance
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.normal_equations import Equations, Group
+
+PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
+    ("control plan", "control_point", (0, 1)),
+    ("control height", "control_point", (2,)),
+    ("GNSS", "gnss", (0, 1, 2)),
+    ("roll, pitch", "attitude", (0, 1)),
+    ("heading", "attitude", (2,)),
+)
+"""Groups besides the image points: name, kind of observation, its components.
+
+GNSS plan and height are one group: in plan a bundle leaves positions so little redundancy beside
+roll and pitch that their component, estimated alone, may run away to nothing."""
+
+LEAST_REDUNDANCY = 5.0
+"""Effective redundancy below which a factor's standard deviation exceeds a third of it."""
+LEAST_TO_ACCUSE = 2.0
+"""Effective redundancy at which a sigma that is plainly too small can still be called so."""
+ALPHA = 0.001
+"""Probability of calling a group's sigma wrong that is right."""
+WORTH_SAYING = 1.1
+"""Factors nearer to one move no sigma by as much as a tenth."""
+
+MOST_ROWS = 4000  # beyond, the groups' covariances do not pay: see `_shares`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Component:
+    """How large the errors of a group of observations are against its sigma.
+
+    Attributes
+    ----------
+    group : str
+    n : int
+        Observations that took part.
+    redundancy : float
+        Sum of their redundancy numbers.
+    effective : float
+        What of it tells this group's errors from those of the others.
+    factor : float
+        By which the given sigma would have to be multiplied; zero where the errors are too small
+        to be seen, NaN where nothing tells them apart.
+    applied : float
+        By which they were multiplied before the adjustment.
+    """
+
+    group: str
+    n: int
+    redundancy: float
+    effective: float
+    factor: float
+    applied: float = 1.0
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the factor, were `applied` right."""
+        return self.applied / np.sqrt(2 * self.effective) if self.effective > 0 else np.inf
+
+    @property
+    def p(self) -> float:
+        """Two-sided probability of a factor as far from what was applied, were that right.
+
+        Chi-square above, normal below: estimated variances may come out negative.
+        """
+        ratio = (self.factor / self.applied) ** 2
+        above = stats.chi2.sf(self.effective * ratio, self.effective)
+        below = stats.norm.cdf((ratio - 1) * np.sqrt(self.effective / 2))
+        return float(min(1.0, 2 * min(above, below)))
+
+    @property
+    def estimable(self) -> bool:
+        """Whether there is enough redundancy to estimate the factor.
+
+        Sigma that are far too small hide their own redundancy: less is then enough.
+        """
+        too_small = self.factor > self.applied and self.p < ALPHA
+        least = LEAST_TO_ACCUSE if too_small else LEAST_REDUNDANCY
+        return bool(self.effective >= least)
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the sigma used is wrong by more than chance and more than matters."""
+        apart = abs(np.log(max(self.factor / self.applied, 1e-12)))
+        return self.estimable and self.p < ALPHA and bool(apart > np.log(WORTH_SAYING))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rows:
+    """The observations of one group: which rows and components of which residuals."""
+
+    name: str
+    group: Group
+    rows: Index
+    columns: Index
+
+    def __getitem__(self, part: str) -> Array:
+        """Return one part of the residuals, what took part only."""
+        used = np.isfinite(self.group.sigma[np.ix_(self.rows, self.columns)])
+        values: Array = getattr(self.group, part)[np.ix_(self.rows, self.columns)][used]
+        return values
+
+
+def components(
+    bundle: Bundle, *, applied: Mapping[str, float] | None = None
+) -> tuple[Component, ...]:
+    """Compare the residuals of every group with what their sigma lets expect.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        An adjustment.
+    applied : mapping of str to float, optional
+        By what the given sigma were multiplied for it, by group; by default by nothing.
+
+    Returns
+    -------
+    tuple of Component
+        Of groups that took part.
+
+    Raises
+    ------
+    ValueError
+        For an unknown group.
+
+    Notes
+    -----
+    Helmert's estimate: with W = P Q_vv, Q_vv the residuals' covariance, the expectation of
+    v'P_k v is the sum over all groups l of h_kl s_l^2, h_kl = tr(W_kl W_lk) [1]_. Solved for
+    s_k^2 it does not depend on whether the other groups' sigma are right. Where it is solved by
+    s_k^2 = 1 for all groups, v'P_k v is the sum of the group's redundancy numbers. The
+    covariance of the estimates is twice the inverse of h; for a group that shares nothing with
+    others h is the redundancy r, and the factor has a standard deviation of 1/sqrt(2 r).
+
+    What the image points of several cameras share among each other is neglected: where one
+    camera's sigma are wrong, those of others seem so too until they are estimated
+    (`weights.estimated`).
+
+    References
+    ----------
+    .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
+       edition, 1999, chapter 3.6.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    expected.names_of("applied", applied or {}, group_names(bundle.network.block))
+    groups = [g for g in _groups(bundle) if len(g["sigma"])]
+    shares = _shares(bundle, groups)
+    inverse = np.linalg.pinv(shares, rcond=1e-8, hermitian=True)
+    variance = inverse @ np.array([np.sum((g["v"] / g["sigma"]) ** 2) for g in groups])
+    effective = 1 / np.maximum(np.diag(inverse), 1e-12)
+    out = []
+    for k, g in enumerate(groups):
+        before = (applied or {}).get(g.name, 1.0)
+        redundancy = float(np.sum(g["redundancy"]))
+        told = redundancy > 1e-6
+        out.append(
+            Component(
+                group=g.name,
+                n=len(g["sigma"]),
+                redundancy=redundancy,
+                effective=min(float(effective[k]), redundancy) if told else 0.0,
+                factor=before * np.sqrt(max(variance[k], 0.0)) if told else np.nan,
+                applied=before,
+            )
+        )
+    return tuple(out)
+
+
+def _groups(bundle: Bundle) -> Iterator[_Rows]:
+    """Yield every group; image points by camera."""
+    network = bundle.network
+    images = bundle.solution.group("image_point")
+    camera_idx = network.block.images.camera_idx[network.image_points.image_idx]
+    for k, name in enumerate(image_groups(network.block)):
+        rows = np.flatnonzero(camera_idx == k)
+        yield _Rows(name=name, group=images, rows=rows, columns=np.arange(2))
+    for name, kind, columns in PARTS:
+        group = bundle.solution.group(kind)
+        rows = np.arange(len(group.v))
+        yield _Rows(name=name, group=group, rows=rows, columns=np.array(columns))
+
+
+def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
+    """Return h of every pair of groups.
+
+    W is idempotent, so a row of h sums to the redundancy: what the groups of image points have
+    follows from the others, and is divided among cameras as their redundancy is.
+    """
+    redundancy = np.array([np.sum(g["redundancy"]) for g in groups])
+    is_image = np.array([g.group.kind == "image_point" for g in groups])
+    h = np.diag(redundancy)
+    W, owner = _joint_redundancy(bundle, [g for g in groups if g.group.kind != "image_point"])
+    if len(W) == 0:
+        return h
+    indicator = (owner[:, None] == np.arange(owner.max() + 1)).astype(float)
+    among = indicator.T @ W**2 @ indicator
+    to_images = redundancy[~is_image] - among.sum(axis=1)
+    part = redundancy[is_image] / max(redundancy[is_image].sum(), 1e-12)
+    h[np.ix_(~is_image, ~is_image)] = among
+    h[np.ix_(~is_image, is_image)] = to_images[:, None] * part
+    h[np.ix_(is_image, ~is_image)] = h[np.ix_(~is_image, is_image)].T
+    h[is_image, is_image] -= part * to_images.sum()
+    return h
+
+
+def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index]:
+    """Return W of control and trajectory, made symmetric, and every row's group.
+
+    Empty where that would be very large: h is then the redundancy alone.
+    """
+    n_rows = [len(g["sigma"]) for g in groups]
+    owner = np.repeat(np.arange(len(groups)), n_rows)
+    if not 0 < len(owner) <= MOST_ROWS:
+        return np.zeros((0, 0)), np.zeros(0, dtype=np.intp)
+    network = bundle.network
+    equations = {e.kind: e for e in network.equations(bundle.state)}
+    points = np.unique(network.control.point_idx[~network.held_control])
+    J = np.concatenate([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
+    sigma = np.concatenate([g["sigma"] for g in groups])
+    Q = propagate(J / sigma[:, None], _covariance(bundle, points))
+    return np.eye(len(Q)) - Q, owner
+
+
+def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Array:
+    """Return a group's derivatives by the columns and the given points, a dense row for each."""
+    m, d = e.v.shape
+    n = network.n_columns
+    by_columns = np.zeros((m, d, n + 1))  # the last one takes what is held
+    by_columns[np.arange(m)[:, None, None], np.arange(d)[:, None], e.columns[e.unit][:, None]] = e.A
+    by_points = np.zeros((m, d, 3 * len(points)))
+    if e.B is not None and e.point is not None:
+        at = 3 * np.searchsorted(points, e.point)[:, None] + np.arange(3)
+        by_points[np.arange(m)[:, None, None], np.arange(d)[:, None], at[:, None]] = e.B
+    J = np.concatenate([by_columns[:, :, :n], by_points], axis=2)
+    return J[np.ix_(g.rows, g.columns)][np.isfinite(e.sigma[np.ix_(g.rows, g.columns)])]
+
+
+def _covariance(bundle: Bundle, points: Index) -> Array:
+    """Return the joint covariance of the columns and some points, a priori."""
+    solution = bundle.solution
+    cov = solution.cov
+    cross = cross_covariance(bundle.network, bundle.state, solution, points)
+    cross = cross.reshape(-1, len(cov))
+    # what two points share, they share through the columns
+    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    shared = np.linalg.pinv(cov / scale[:, None] / scale, hermitian=True)
+    among = propagate(cross / scale, shared)
+    for i, own in enumerate(solution.cov_points[points]):
+        among[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = own
+    return np.block([[cov, cross.T], [cross, among]])
+
+
+def image_groups(block: Block) -> tuple[str, ...]:
+    """Return the names of the groups of image points, one per camera."""
+    if len(block.cameras) == 1:
+        return ("image points",)
+    return tuple(f"image points {camera.name}" for camera in block.cameras)
+
+
+def group_names(block: Block) -> tuple[str, ...]:
+    """Return the names of all groups."""
+    return (*image_groups(block), *(name for name, _, _ in PARTS))
+
+
+def sentences(found: Sequence[Component]) -> list[str]:
+    """Say which sigma were multiplied, and which are wrong, one sentence for each."""
+    multiplied = [f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in found if c.applied != 1.0]
+    out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
+    for c in found:
+        if c.is_significant and c.factor > c.applied:
+            out.append(
+                f"the sigma of {c.group} are {c.factor / c.applied:.1f} times too optimistic"
+            )
+        elif c.is_significant:
+            times = c.applied / max(c.factor, 1e-3)
+            out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
+    return out
+
+
+def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:
+    """Return factors by group in values that JSON can hold."""
+    return {
+        c.group: {
+            "factor": c.factor if c.estimable else None,
+            "sigma": c.sigma if c.estimable else None,
+            "applied": c.applied,
+            "redundancy": c.redundancy,
+            "effective_redundancy": c.effective,
+        }
+        for c in found
+    }

@@ -1,0 +1,238 @@
+"""What a calibration says: estimates, their covariance, and what the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.unknowns import Layout, layout
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import INTERIOR, Camera
+from acx4lib.geometry.frames import opk_jacobian
+from acx4lib.geometry.parameters import MOUNT, REPORTED
+from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+
+LIMIT_LEVER_M = 1.0
+LIMIT_BORESIGHT_DEG = 0.1
+LIMIT_INTERIOR = 0.002
+"""Standard deviations above which a lever arm, a boresight angle or f, xp, yp (as a share of f)
+count as not determined."""
+
+HELP = {
+    "f": "two flying heights with control points or accurate GNSS heights (hills or tilted images "
+    "in a bundle on control points alone)",
+    "xp": "two flying heights, or the lever arm held",
+    "yp": "two flying heights, or the lever arm held",
+    "k1": "measurements from the middle to the corners of the images",
+    "k2": "measurements in the corners of the images, or k3 held",
+    "k3": "measurements in the corners of the images, or k3 held",
+    "p1": "measurements on all sides of the images, in strips flown in opposite directions",
+    "p2": "measurements on all sides of the images, in strips flown in opposite directions",
+    "b1": "measurements on all sides of the images, in strips flown crosswise",
+    "lever_x": "two flying heights, and control points or strips flown in opposite directions",
+    "lever_y": "two flying heights, and control points or strips flown in opposite directions",
+    "lever_z": "control points, and two flying heights or f held",
+    "boresight_x": "strips flown in opposite directions, and control points",
+    "boresight_y": "strips flown in opposite directions, and control points",
+    "boresight_z": "tie points over overlapping strips, or control points",
+}
+"""Which geometry determines a parameter, by the library's name of it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """Cameras calibrated by one method.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        With estimated interior orientation and mounting.
+    layout : Layout
+        Which parameters were estimated; it has no poses.
+    cov : ndarray, shape (n, n)
+        A priori covariance in the units of the library: mm, m, and radians about the camera's
+        axes.
+    sigma0_sq : float
+        A posteriori variance of unit weight of the method's adjustment.
+    open_columns : ndarray, shape (n,)
+        Columns that the observations leave open altogether.
+    """
+
+    cameras: tuple[Camera, ...]
+    layout: Layout
+    cov: Array
+    sigma0_sq: float
+    open_columns: Mask
+
+    def __post_init__(self) -> None:
+        expected.sequence("cameras", self.cameras, Camera)
+        n = self.layout.n_columns
+        expected.shape("cov", self.cov, (n, n))
+        expected.symmetric("cov", self.cov)
+        expected.size("sigma0_sq", self.sigma0_sq)
+
+    @property
+    def n_columns(self) -> int:
+        """Number of estimated parameters."""
+        return self.layout.n_columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter as results report it.
+
+    Attributes
+    ----------
+    camera, name, key, unit : str
+        `key` is the library's name, `name` has the unit.
+    value, sigma : float
+        `sigma` a posteriori; infinite where the observations leave it open.
+    """
+
+    camera: str
+    name: str
+    key: str
+    unit: str
+    value: float
+    sigma: float
+
+
+def from_bundle(bundle: Bundle) -> Calibration:
+    """Return what a bundle says of its cameras."""
+    columns = bundle.network.layout
+    n = int(np.sum(columns.interior >= 0) + np.sum(columns.mount >= 0))
+    first = np.arange(n)
+    return Calibration(
+        cameras=bundle.cameras,
+        layout=Layout(
+            interior=columns.interior, mount=columns.mount, pose=np.zeros((0, 6), dtype=np.intp)
+        ),
+        cov=bundle.solution.inverse.at(first[:, None], first),
+        sigma0_sq=bundle.solution.sigma0_sq,
+        open_columns=bundle.solution.undetermined[:n],
+    )
+
+
+def given(cameras: Sequence[Camera]) -> Calibration:
+    """Return cameras taken as they are: nothing estimated, no covariance."""
+    expected.sequence("cameras", cameras, Camera)
+    return Calibration(
+        cameras=tuple(cameras),
+        layout=layout(len(cameras), 0, free=()),
+        cov=np.zeros((0, 0)),
+        sigma0_sq=1.0,
+        open_columns=np.zeros(0, dtype=bool),
+    )
+
+
+def parameters(calibration: Calibration) -> list[Parameter]:
+    """Return every estimated parameter with its a posteriori standard deviation."""
+    expected.instance("calibration", calibration, Calibration)
+    sigma = sigmas(reported_covariance(calibration))
+    open_columns = _open_reported(calibration)
+    out = []
+    for k, camera in enumerate(calibration.cameras):
+        values = _reported_values(camera)
+        for key, column in zip((*INTERIOR, *MOUNT), _columns(calibration, k), strict=True):
+            if column >= 0:
+                name, unit = REPORTED[key]
+                out.append(
+                    Parameter(
+                        camera=camera.name,
+                        name=name,
+                        key=key,
+                        unit=unit,
+                        value=values[key],
+                        sigma=np.inf if open_columns[column] else float(sigma[column]),
+                    )
+                )
+    return sorted(out, key=lambda p: _position(calibration, p))
+
+
+def _position(calibration: Calibration, parameter: Parameter) -> int:
+    names = [camera.name for camera in calibration.cameras]
+    columns = _columns(calibration, names.index(parameter.camera))
+    return int(columns[(*INTERIOR, *MOUNT).index(parameter.key)])
+
+
+def _columns(calibration: Calibration, k: int) -> Index:
+    return np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
+
+
+def _reported_values(camera: Camera) -> dict[str, float]:
+    values = dict(zip(INTERIOR, camera.interior.to_array(), strict=True))
+    mounting = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
+    values |= dict(zip(MOUNT, mounting, strict=True))
+    return {key: float(value) for key, value in values.items()}
+
+
+def to_reported(calibration: Calibration) -> Array:
+    """Return d(reported parameters) / d(columns): boresight angles in degrees.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+    """
+    J = np.eye(calibration.n_columns)
+    for k, camera in enumerate(calibration.cameras):
+        columns = calibration.layout.mount[k, 3:]
+        if np.all(columns >= 0):
+            J[np.ix_(columns, columns)] = np.degrees(opk_jacobian(camera.T_b_c.opk))
+    return J
+
+
+def reported_covariance(calibration: Calibration) -> Array:
+    """Return the a posteriori covariance of the reported parameters, shape (n, n)."""
+    return calibration.sigma0_sq * propagate(to_reported(calibration), calibration.cov)
+
+
+def _open_reported(calibration: Calibration) -> Mask:
+    """Return which reported parameters have a part in what is left open."""
+    return (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
+
+
+def is_determined(calibration: Calibration) -> Mask:
+    """Tell for every reported parameter whether the data determine it, shape (n,)."""
+    f = {camera.name: camera.interior.f for camera in calibration.cameras}
+    limits = []
+    for p in parameters(calibration):
+        if p.key in ("f", "xp", "yp"):
+            limits.append(LIMIT_INTERIOR * f[p.camera])
+        elif p.key.startswith("lever"):
+            limits.append(LIMIT_LEVER_M)
+        elif p.key.startswith("boresight"):
+            limits.append(LIMIT_BORESIGHT_DEG)
+        else:
+            limits.append(np.inf)
+    sigma = np.array([p.sigma for p in parameters(calibration)])
+    return (sigma <= np.array(limits)) & np.isfinite(sigma)
+
+
+def not_determined(calibration: Calibration) -> list[str]:
+    """Return one sentence per parameter that the data do not determine.
+
+    Each names its standard deviation, the largest correlations and the geometry that helps.
+    """
+    listed = parameters(calibration)
+    related = correlation(reported_covariance(calibration))
+    out = []
+    for i in np.flatnonzero(~is_determined(calibration)):
+        p = listed[i]
+        how = (
+            "left open by the observations"
+            if np.isinf(p.sigma)
+            else f"sigma {p.sigma:.3g} {p.unit}"
+        )
+        strongest = sorted(
+            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
+        )[:2]
+        with_others = ", ".join(f"{related[i, j]:+.2f} with {listed[j].name}" for j in strongest)
+        out.append(
+            f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
+            f"it would need: {HELP[p.key]}"
+        )
+    return out

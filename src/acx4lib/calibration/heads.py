@@ -1,0 +1,318 @@
+"""Calibration of the heads and their orientation in the synthetic frame (2.1, 4.1, Table 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle, free_orientation, require_control
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, select_camera
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
+from acx4lib.least_squares.adjustment import cross_covariance
+from acx4lib.least_squares.covariance import propagate, sigmas
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Heads:
+    """The self-calibrations of all heads.
+
+    Attributes
+    ----------
+    bundles : dict of str to Bundle
+        By head.
+    failures : dict of str to str
+        Why a head could not be adjusted.
+    """
+
+    bundles: dict[str, Bundle]
+    failures: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelativeOrientation:
+    """Heads in the synthetic frame, as Table 1 counts them.
+
+    Attributes
+    ----------
+    heads : tuple of Camera
+        With calibrated interior orientation.
+    xyz_mm : ndarray, shape (n_heads, 3)
+        Xc, Yc, Zc: where a head stands over the synthetic image, whose plane is Z = 0.
+    opk : ndarray, shape (n_heads, 3)
+        omega, phi, kappa of eq. (6) from the synthetic frame to the head, radians.
+    cov_joint : ndarray, shape (15 n_heads, 15 n_heads)
+        A posteriori: head by head Xc, Yc, Zc (mm), omega, phi, kappa (rad), and then head by
+        head the interior orientations in the order of `camera.INTERIOR`, zero where held. What
+        a head's tilt has wrong its principal point makes up for; neither is known alone.
+    n_exposures : int
+    """
+
+    heads: tuple[Camera, ...]
+    xyz_mm: Array
+    opk: Array
+    cov_joint: Array
+    n_exposures: int
+
+    def __post_init__(self) -> None:
+        expected.sequence("heads", self.heads, Camera)
+        n = len(self.heads)
+        for name in ("xyz_mm", "opk"):
+            expected.shape(name, getattr(self, name), (n, 3))
+            expected.finite(name, getattr(self, name))
+        expected.shape("cov_joint", self.cov_joint, (15 * n, 15 * n))
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of Xc, Yc, Zc (mm), omega, phi, kappa (rad), (6 n_heads, 6 n_heads)."""
+        n = 6 * len(self.heads)
+        return self.cov_joint[:n, :n]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, shape (n_heads, 6): mm and radians."""
+        return sigmas(self.cov).reshape(-1, 6)
+
+
+def calibrate_heads(
+    block: Block, heads: Sequence[str], *, free: Sequence[str], refraction: str = "none"
+) -> Heads:
+    """Adjust every head by itself, exterior orientation free, gross errors taken out.
+
+    Parameters
+    ----------
+    block : Block
+    heads : sequence of str
+        Cameras of the block.
+    free : sequence of str
+        Interior parameters, names of `camera.INTERIOR`; the others are held.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Heads
+        A head that cannot be adjusted stands in `failures`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    expected.instance("block", block, Block)
+    expected.names("heads", heads)
+    bundles, failures = {}, {}
+    for name in heads:
+        alone = select_camera(block, name)
+        try:
+            require_control(alone)
+            bundles[name] = adjust_rejecting(
+                alone,
+                lambda b: free_orientation(b, free=free, refraction=refraction),
+            )
+        except AdjustmentError as error:
+            failures[name] = str(error)
+    return Heads(bundles=bundles, failures=failures)
+
+
+def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> RelativeOrientation:
+    """Orient heads in the synthetic frame, averaged over the exposures that all heads have.
+
+    Parameters
+    ----------
+    bundles : mapping of str to Bundle
+        Self-calibrations; the first head is the reference.
+    synthetic : Camera
+        Its declared mounting turns the body frame into the synthetic frame.
+
+    Returns
+    -------
+    RelativeOrientation
+
+    Raises
+    ------
+    AdjustmentError
+        Where the heads share no oriented exposure.
+    ValueError
+        For no bundles.
+
+    Notes
+    -----
+    Covariances come from the heads' full covariance matrices, from the control points that the
+    heads share, and from the trajectory; all exposures share a head's interior orientation, so
+    their scatter would claim too little.
+    """
+    if not isinstance(bundles, Mapping):
+        msg = f"bundles: expected a mapping of Bundle, got {expected.given(bundles)}"
+        raise ValueError(msg)
+    fits = list(bundles.values())
+    expected.sequence("bundles", fits, Bundle)
+    expected.instance("synthetic", synthetic, Camera)
+    images, exposures = _common(fits)
+    T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
+    T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]
+    R_b_s = synthetic.T_b_c.R
+    scale, height = ground_scale(fits[0], images[0])
+    R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
+    xyz, opk = np.zeros((len(fits), 3)), np.zeros((len(fits), 3))
+    for k, T in enumerate(T_m_h):
+        xyz[k] = (scale[:, None] * transform(R_s_m, T.r - T_m_h[0].r)).mean(axis=0)
+        opk[k] = Pose(R=mean_rotation(R_s_m @ T.R), r=xyz[k]).opk
+    xyz[:, 2] += fits[0].state.interiors[0].f
+    xyz[:, :2] -= xyz[:, :2].mean(axis=0)
+    J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
+    # all millimetres are proportional to the first head's focal length
+    by_f = np.hstack([xyz / fits[0].state.interiors[0].f, np.zeros_like(opk)]).ravel()
+    cov = _covariance(fits, images, exposures, (J, K, by_f))
+    to_opk = np.eye(len(cov))
+    for k in range(len(fits)):
+        angles = slice(6 * k + 3, 6 * k + 6)
+        to_opk[angles, angles] = opk_jacobian(opk[k])
+    return RelativeOrientation(
+        heads=tuple(fit.cameras[0] for fit in fits),
+        xyz_mm=xyz,
+        opk=opk,
+        cov_joint=propagate(to_opk, cov),
+        n_exposures=len(exposures),
+    )
+
+
+def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
+    """Return for every head its images at the exposures that all heads have, and these."""
+    sets = []
+    for fit in fits:
+        exposure = fit.network.block.images.exposure_idx
+        sigma = fit.network.block.trajectory.sigma_attitude
+        attitude: Mask = np.all(np.isfinite(sigma), axis=1)
+        sets.append(set(exposure[fit.oriented & attitude[exposure]].tolist()))
+    exposures = np.array(sorted(set.intersection(*sets)), dtype=np.intp)
+    if len(exposures) == 0:
+        msg = (
+            "the heads share no exposure at which all of them are oriented; each needs images "
+            "there, and three control points off one line in its images"
+        )
+        raise AdjustmentError(msg)
+    images = []
+    for fit in fits:
+        exposure = fit.network.block.images.exposure_idx
+        at = np.full(len(fit.network.block.trajectory), -1)
+        at[exposure] = np.arange(len(exposure))
+        images.append(at[exposures])
+    return images, exposures
+
+
+def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:
+    """Return mm in a bundle's first camera per m on the ground, and its height over it in m.
+
+    Parameters
+    ----------
+    first : Bundle
+    images : ndarray, shape (n,)
+        Of its first camera.
+
+    Returns
+    -------
+    scale, height : ndarray, shape (n,)
+        The ground is the mean height of the points in an image.
+    """
+    points = first.network.image_points
+    z = first.state.x_m[points.point_idx, 2]
+    n_images = len(first.network.block.images)
+    count = np.bincount(points.image_idx, minlength=n_images)
+    ground = np.bincount(points.image_idx, z, minlength=n_images) / np.maximum(count, 1)
+    height = first.T_m_c.r[images, 2] - ground[images]
+    return first.state.interiors[0].f / height, height
+
+
+def _jacobians(
+    T_m_b: Pose, T_m_h: Sequence[Pose], R_b_s: Array, *, scale: Array, height: Array
+) -> tuple[Array, Array]:
+    """Return the derivatives of (Xc, Yc, Zc, rotation about the head's axes) of all heads.
+
+    Returns
+    -------
+    by_pose : ndarray, shape (n_heads, 6, n_heads, n_exposures, 6)
+        By the heads' poses.
+    by_body : ndarray, shape (n_heads, 6, n_exposures, 6)
+        By the trajectory.
+    """
+    n_heads, n = len(T_m_h), len(T_m_b)
+    by_pose, by_body = np.zeros((n_heads, 6, n_heads, n, 6)), np.zeros((n_heads, 6, n, 6))
+    R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
+    per_mm = np.moveaxis(scale[:, None, None] * R_s_m, 0, 1) / n  # (3, n, 3)
+    for k, T in enumerate(T_m_h):
+        d_m = T.r - T_m_h[0].r
+        d_b = np.einsum("nji,nj->ni", T_m_b.R, d_m)
+        by_pose[k, :3, k, :, :3] += per_mm
+        by_pose[k, :3, 0, :, :3] -= per_mm
+        # the scale itself hangs on the first head's height
+        by_pose[k, :3, 0, :, 2] -= np.einsum("inj,nj->in", per_mm, d_m) / height
+        by_pose[k, 3:, k, :, 3:] = np.eye(3)[:, None, :] / n
+        turned = scale[:, None, None] * R_b_s.T @ skew(d_b)
+        by_body[k, :3, :, 3:] = np.moveaxis(turned, 0, 1) / n
+        R_h_b = np.swapaxes(T.R, -1, -2) @ T_m_b.R
+        by_body[k, 3:, :, 3:] = -np.moveaxis(R_h_b, 0, 1) / n
+    by_pose[:, :2] -= by_pose[:, :2].mean(axis=0)
+    by_body[:, :2] -= by_body[:, :2].mean(axis=0)
+    return by_pose, by_body
+
+
+def _covariance(
+    fits: Sequence[Bundle],
+    images: Sequence[Index],
+    exposures: Index,
+    derivatives: tuple[Array, Array, Array],
+) -> Array:
+    """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory.
+
+    The derivatives are by the heads' poses, by the trajectory, by the first focal length.
+    """
+    J, K, by_f = derivatives
+    n = 15 * len(fits)
+    cov, by_control = np.zeros((n, n)), []
+    for k, (fit, idx) in enumerate(zip(fits, images, strict=True)):
+        by_columns = _by_columns(fit, k, idx, J[:, :, k])
+        own_f = fit.network.layout.interior[0, 0]
+        if k == 0 and own_f >= 0:
+            by_columns[: len(by_f), own_f] = by_f
+        by_columns *= np.sqrt(fit.solution.sigma0_sq)
+        by_control.append(by_columns @ _by_control(fit))
+        cov += propagate(by_columns, fit.solution.cov)
+        cov -= by_control[k] @ by_control[k].T
+    together: Array = np.sum(by_control, axis=0)
+    by_body = np.zeros((n, len(exposures), 6))
+    by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
+    cov_body = fits[0].network.block.trajectory.cov[exposures]
+    cov += np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+    return cov + together @ together.T
+
+
+def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
+    """Return the derivatives of all joint quantities by the columns of head k's bundle."""
+    columns = fit.network.layout
+    n_heads = len(by_pose)
+    out = np.zeros((15 * n_heads, columns.n_columns))
+    out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
+    own = columns.interior[0]
+    out[6 * n_heads + 9 * k + np.flatnonzero(own >= 0), own[own >= 0]] = 1.0
+    return out
+
+
+def _by_control(fit: Bundle) -> Array:
+    """Return d(columns) / d(control coordinates) in units of the coordinates' sigma.
+
+    Shape (n_columns, 3 n_control) over all control points of the block, so that heads match.
+    """
+    network = fit.network
+    control = network.control
+    cross = cross_covariance(network, fit.state, fit.solution, control.point_idx)
+    sigma = np.where(control.sigma_m > 0, control.sigma_m, np.inf)
+    out = np.zeros((len(network.block.points), 3, network.n_columns))
+    out[control.point_idx] = (control.R_g_m @ cross) / sigma[:, :, None]
+    return out[network.block.control.point_idx].reshape(-1, network.n_columns).T

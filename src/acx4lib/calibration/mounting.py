@@ -1,0 +1,350 @@
+"""Boresight and lever arm: the two-step and the single-step method (section 2.2, Table 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import (
+    Bundle,
+    adjust,
+    free_orientation,
+    mounted_orientation,
+    require_control,
+)
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.gross_errors.rejections import Rejection, without
+from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.unknowns import Layout, free_mount, layout
+from acx4lib.calibration.estimates import Calibration, from_bundle
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Mask
+from acx4lib.flight.block import Block, mountings
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
+from acx4lib.least_squares.covariance import propagate
+
+METHODS = ("two_step", "two_step_gnss", "single_step")
+"""Names of the methods, in the order of Table 3; the paper's two-step is `two_step_gnss`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounting:
+    """The outcome of one method.
+
+    Attributes
+    ----------
+    method : str
+    calibration : Calibration
+    bundle : Bundle
+        The adjustment behind it.
+    per_image : Pose, optional
+        Two-step only: eqs (12) and (13), the mounting that every image shows, T_b_c.
+    averaged : ndarray, optional
+        Two-step only: which images entered the mean, shape (n_images,).
+    """
+
+    method: str
+    calibration: Calibration
+    bundle: Bundle
+    per_image: Pose | None = None
+    averaged: Mask | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mountings:
+    """The outcome of all methods on one block.
+
+    Attributes
+    ----------
+    methods : dict of str to Mounting
+        In the order of `METHODS`.
+    failures : dict of str to str
+        Methods without an outcome, and why.
+    """
+
+    methods: dict[str, Mounting]
+    failures: dict[str, str]
+
+    def __getitem__(self, method: str) -> Mounting:
+        """Return one method's outcome; an AdjustmentError says why it has none."""
+        expected.one_of("method", method, METHODS)
+        if method not in self.methods:
+            raise AdjustmentError(self.failures[method])
+        return self.methods[method]
+
+
+def calibrate(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
+) -> Mountings:
+    """Calibrate by all methods; the two-step ones take over what single step rejected.
+
+    Parameters
+    ----------
+    block, free, fix, refraction, gnss
+        As in `single_step`; `gnss` is for it alone.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no method has an outcome.
+    ValueError
+        For an unknown name, or something else than a block.
+    """
+    methods: dict[str, Mounting] = {}
+    failures: dict[str, str] = {}
+    rejected: tuple[Rejection, ...] = ()
+    try:
+        methods["single_step"] = single_step(
+            block, free=free, fix=fix, refraction=refraction, gnss=gnss
+        )
+        rejected = methods["single_step"].bundle.rejected
+    except AdjustmentError as error:
+        failures["single_step"] = str(error)
+    for name, method in (("two_step", two_step), ("two_step_gnss", two_step_gnss)):
+        try:
+            methods[name] = method(
+                block, free=free, fix=fix, rejected=rejected, refraction=refraction
+            )
+        except AdjustmentError as error:
+            failures[name] = str(error)
+    if not methods:
+        raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
+    methods = {name: methods[name] for name in METHODS if name in methods}
+    return Mountings(methods=methods, failures=failures)
+
+
+def single_step(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
+) -> Mounting:
+    """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
+
+    Parameters
+    ----------
+    block : Block
+    free : sequence of str
+        Interior parameters, names of `camera.INTERIOR`.
+    fix : sequence of str
+        ``"lever_arm"`` and ``"boresight"`` stay at the cameras' values where named.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+    gnss : sequence of str
+        ``"shift"`` and ``"drift"`` of GNSS positions are unknowns where named, as in
+        `adjust.mounted_orientation`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    """
+    bundle = adjust_rejecting(
+        block,
+        lambda b: mounted_orientation(
+            b, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
+        ),
+    )
+    return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
+
+
+def two_step(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    rejected: Sequence[Rejection] = (),
+    refraction: str = "none",
+) -> Mounting:
+    """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
+
+    Parameters
+    ----------
+    block : Block
+    free, fix, refraction
+        As in `single_step`.
+    rejected : sequence of Rejection
+        Gross errors found elsewhere; none are looked for here.
+
+    Raises
+    ------
+    AdjustmentError
+        Where control does not orient the block, or the bundle does not converge.
+    """
+    estimated = free_mount(fix)
+    cleaned = without(block, rejected)
+    network = free_orientation(cleaned, free=free, refraction=refraction)
+    require_control(cleaned)
+    bundle = replace(adjust(network), rejected=tuple(rejected))
+    return _averaged("two_step", bundle, free=free, estimated=estimated)
+
+
+def two_step_gnss(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    rejected: Sequence[Rejection] = (),
+    refraction: str = "none",
+) -> Mounting:
+    """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
+
+    The cameras' lever arms are held; an unknown one is zero there, and the interior orientation
+    absorbs it.
+
+    Parameters
+    ----------
+    block, free, fix, rejected, refraction
+        As in `two_step`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where the bundle does not converge.
+    """
+    estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
+    cleaned = without(block, rejected)
+    lever = mountings(block.cameras).r[block.images.camera_idx]
+    T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
+    positions = PoseObservations(
+        T_m_b=Pose(R=T_m_b.R, r=T_m_b.r + transform(T_m_b.R, lever)),
+        R_g_m=cleaned.trajectory.R_g_m[exposure],
+        sigma_position=cleaned.trajectory.sigma_position[exposure],
+        sigma_attitude=np.full((len(T_m_b), 3), np.inf),
+    )
+    network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
+    bundle = replace(adjust(network), rejected=tuple(rejected))
+    return _averaged("two_step_gnss", bundle, free=free, estimated=estimated)
+
+
+# --- eqs (12) and (13) -----------------------------------------------------------------------
+
+
+def _averaged(
+    method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
+) -> Mounting:
+    """Average the mountings of all images, camera by camera, and propagate their covariance."""
+    block = bundle.network.block
+    T_b_c = mountings_per_image(bundle)
+    trajectory, exposure = block.trajectory, block.images.exposure_idx
+    sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
+    known: Mask = np.all(np.isfinite(sigma), axis=1)
+    entering = bundle.oriented & known[exposure]
+    by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
+    cov_trajectory = trajectory.cov
+    per_image = propagate(by_camera_pose, _pose_covariances(bundle))
+    per_image += propagate(by_trajectory, cov_trajectory[exposure])
+    n_cameras, n_images = len(block.cameras), len(block.images)
+    weights = np.zeros((n_cameras, 6, n_images, 6))
+    cameras = list(bundle.cameras)
+    for k, camera in enumerate(block.cameras):
+        idx = np.flatnonzero(entering & (block.images.camera_idx == k))
+        if len(idx) == 0:
+            msg = f"no image of {camera.name} is oriented and has a trajectory row to compare with"
+            raise AdjustmentError(msg)
+        mean, weights[k][:, idx] = _weighted_mean(T_b_c[idx], per_image[idx])
+        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, estimated)
+    columns = layout(n_cameras, 0, free=free, free_mount=estimated)
+    J = _by_bundle(bundle, weights, by_camera_pose, columns)
+    K = _by_exposures(block, weights, by_trajectory, columns)
+    cov = propagate(J, bundle.solution.cov)
+    cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
+    calibration = Calibration(
+        cameras=tuple(cameras),
+        layout=columns,
+        cov=cov,
+        sigma0_sq=bundle.solution.sigma0_sq,
+        open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
+    )
+    return Mounting(
+        method=method, calibration=calibration, bundle=bundle, per_image=T_b_c, averaged=entering
+    )
+
+
+def mountings_per_image(bundle: Bundle) -> Pose:
+    """Return T_b_c of every image, eqs (12) and (13): trajectory against bundle."""
+    return bundle.network.block.T_m_b_images.inverse @ bundle.T_m_c
+
+
+def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
+    """Return d(lever arm, boresight) by the camera poses and by the trajectory.
+
+    Boresights turn about the camera's axes, attitudes about the body's.
+
+    Returns
+    -------
+    by_camera_pose, by_trajectory : ndarray, shape (n_images, 6, 6)
+    """
+    R_b_m = np.swapaxes(bundle.network.block.T_m_b_images.R, -1, -2)
+    by_camera_pose = np.zeros((len(T_b_c), 6, 6))
+    by_camera_pose[:, :3, :3] = R_b_m
+    by_camera_pose[:, 3:, 3:] = np.eye(3)
+    by_trajectory = np.zeros_like(by_camera_pose)
+    by_trajectory[:, :3, :3] = -R_b_m
+    by_trajectory[:, :3, 3:] = skew(T_b_c.r)
+    by_trajectory[:, 3:, 3:] = -np.swapaxes(T_b_c.R, -1, -2)
+    return by_camera_pose, by_trajectory
+
+
+def _pose_covariances(bundle: Bundle) -> Array:
+    """Return the covariances of the poses, shape (n_poses, 6, 6)."""
+    columns = bundle.network.layout.pose
+    return bundle.solution.inverse.at(columns[:, :, None], columns[:, None, :])
+
+
+def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
+    """Return the mean mounting and the weight matrices of its images, shape (6, n, 6)."""
+    weights = np.zeros((6, len(T_b_c), 6))
+    for part in (slice(0, 3), slice(3, 6)):
+        P = np.linalg.inv(cov[:, part, part])
+        weights[part, :, part] = np.moveaxis(np.linalg.inv(P.sum(axis=0)) @ P, 0, 1)
+    r = np.einsum("inj,nj->i", weights[:3, :, :3], T_b_c.r)
+    return Pose(R=mean_rotation(T_b_c.R, weights[3:, :, 3:]), r=r), weights
+
+
+def _with_mounting(
+    estimated_camera: Camera, declared: Camera, mean: Pose, estimated: Sequence[str]
+) -> Camera:
+    """Return the camera with the mean mounting, held parts as declared."""
+    return replace(
+        estimated_camera,
+        T_b_c=Pose(
+            R=mean.R if BORESIGHT[0] in estimated else declared.T_b_c.R,
+            r=mean.r if LEVER_ARM[0] in estimated else declared.T_b_c.r,
+        ),
+    )
+
+
+def _by_bundle(bundle: Bundle, weights: Array, by_pose: Array, columns: Layout) -> Array:
+    """Return d(interior, mean mounting) / d(columns of the bundle), shape (n, n_columns)."""
+    source = bundle.network.layout
+    J = np.zeros((columns.n_columns, source.n_columns))
+    free = source.interior >= 0
+    J[columns.interior[free], source.interior[free]] = 1.0
+    for k, mount in enumerate(columns.mount):
+        mean = np.einsum("ina,nab->inb", weights[k], by_pose).reshape(6, -1)
+        J[np.ix_(mount[mount >= 0], source.pose.ravel())] = mean[mount >= 0]
+    return J
+
+
+def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: Layout) -> Array:
+    """Return d(mean mounting) / d(body poses), shape (n, n_exposures, 6)."""
+    K = np.zeros((columns.n_columns, len(block.trajectory), 6))
+    for k, mount in enumerate(columns.mount):
+        mean = np.einsum("ina,nab->inb", weights[k], by_trajectory)
+        total = np.zeros((len(block.trajectory), 6, 6))
+        np.add.at(total, block.images.exposure_idx, np.moveaxis(mean, 1, 0))
+        K[mount[mount >= 0]] = np.moveaxis(total, 1, 0)[mount >= 0]
+    return K

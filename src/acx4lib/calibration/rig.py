@@ -1,0 +1,258 @@
+"""A rig: all heads with their trajectory in one adjustment, each mounted rigidly on one body.
+
+Every head has an interior orientation, a boresight and a lever arm of its own; all heads of an
+exposure hang on one body pose by eq. (14), which GNSS and INS observe. The relative orientation
+follows from the mountings, and is the same at every exposure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration.estimates import not_determined
+from acx4lib.calibration.heads import RelativeOrientation, ground_scale
+from acx4lib.calibration.mounting import Mounting, single_step
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, SurveyedPoints, mountings
+from acx4lib.geometry.camera import INTERIOR, Camera
+from acx4lib.geometry.collinearity import Measurement, directions
+from acx4lib.geometry.frames import Pose, opk_jacobian
+from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares.covariance import propagate
+
+
+def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") -> Mounting:
+    """Estimate interior orientation, boresight and lever arm of all heads in one adjustment.
+
+    Parameters
+    ----------
+    block : Block
+        Of at least two heads.
+    free : sequence of str
+        Interior parameters of every head, names of `camera.INTERIOR`. The focal lengths are
+        estimated besides, since GNSS observes the heights; where they are not named, and holding
+        them makes everything determined that is not with them, they stay at the cameras' values.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Mounting
+        Its method is ``rig``.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    ValueError
+        For an unknown name.
+    """
+    expected.names_of("free", free, INTERIOR)
+    rig = _adjusted(block, free=("f", *free), refraction=refraction)
+    if "f" in free or not not_determined(rig.calibration):
+        return rig
+    held = _adjusted(block, free=free, refraction=refraction)
+    return rig if not_determined(held.calibration) else held
+
+
+def _adjusted(block: Block, *, free: Sequence[str], refraction: str) -> Mounting:
+    """Adjust in a single step; a second time where points need the height of their neighbours."""
+    rig = single_step(block, free=free, refraction=refraction)
+    lonely = one_exposure_points(block)
+    if len(lonely):
+        with_heights = observe_heights(block, rig.bundle, lonely)
+        rig = single_step(with_heights, free=free, refraction=refraction)
+    return replace(rig, method="rig")
+
+
+# --- points that heads share at one exposure only --------------------------------------------
+
+
+def one_exposure_points(block: Block) -> Index:
+    """Return the tie points that several heads show, all at the same exposure.
+
+    Their rays start decimetres apart and meet at a thousandth of a degree, so that an ordinary
+    bundle leaves them out. To a rig they say how its heads are turned against each other.
+    """
+    used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
+    points = block.image_points[used]
+    exposure = block.images.exposure_idx[points.image_idx]
+    first = np.full(len(block.points), len(block.trajectory))
+    last = np.full(len(block.points), -1)
+    np.minimum.at(first, points.point_idx, exposure)
+    np.maximum.at(last, points.point_idx, exposure)
+    rays = np.bincount(points.point_idx, minlength=len(block.points))
+    alone: Mask = (first == last) & (rays >= 2)
+    alone[block.control.point_idx] = False
+    alone[block.check.point_idx] = False
+    return np.flatnonzero(alone)
+
+
+def heads_at_once(block: Block) -> Index:
+    """Return how often a point is measured by 0, 1, 2, ... heads at one exposure."""
+    points = block.image_points
+    exposure = block.images.exposure_idx[points.image_idx]
+    together = exposure * len(block.points) + points.point_idx
+    return np.bincount(np.unique(together, return_counts=True)[1], minlength=1)
+
+
+def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
+    """Return the block with points that lie as high as their nearest neighbours do.
+
+    What relief they may have moves a ray of a head by the distance between the heads' lenses
+    over the flying height, hundredths of a pixel: a rough height is all that they need.
+
+    Parameters
+    ----------
+    block : Block
+    bundle : Bundle
+        An adjustment of the block without these points.
+    points : ndarray
+        Measured, not surveyed.
+
+    Returns
+    -------
+    Block
+        The points are control in height; its standard deviation is the root mean square
+        difference in height of nearest neighbours among the points that the bundle has.
+    """
+    known = bundle.state.x_m[np.unique(bundle.network.image_points.point_idx)]
+    tree = cKDTree(known[:, :2])
+    nearest: Index = np.asarray(tree.query(known[:, :2], k=[2])[1])[:, 0]
+    sigma = np.sqrt(np.mean((known[nearest, 2] - known[:, 2]) ** 2))
+    level = np.full(len(points), known[:, 2].mean())
+    x_m = _on_first_ray(block, bundle, points, level)
+    x_m = _on_first_ray(block, bundle, points, known[tree.query(x_m[:, :2])[1], 2])
+    control = block.control
+    return replace(
+        block,
+        control=SurveyedPoints(
+            point_idx=np.concatenate([control.point_idx, points]),
+            x_m=np.concatenate([control.x_m, x_m]),
+            R_g_m=np.concatenate([control.R_g_m, block.frame.grid_axes(x_m)]),
+            sigma_m=np.concatenate(
+                [control.sigma_m, np.tile([np.inf, np.inf, sigma], (len(points), 1))]
+            ),
+        ),
+    )
+
+
+def _on_first_ray(block: Block, bundle: Bundle, points: Index, height: Array) -> Array:
+    """Return where the first ray of every point is at a height in the mapping frame, m."""
+    seen = np.flatnonzero(np.isin(block.image_points.point_idx, points))
+    first = seen[np.unique(block.image_points.point_idx[seen], return_index=True)[1]]
+    image = block.image_points.image_idx[first]
+    rays = directions(
+        Measurement(
+            cameras=bundle.cameras,
+            camera_idx=block.images.camera_idx[image],
+            T_m_c=bundle.T_m_c[image],
+            colrow=block.image_points.colrow[first],
+        )
+    )
+    origin = bundle.T_m_c.r[image]
+    return origin + rays * ((height - origin[:, 2]) / rays[:, 2])[:, None]
+
+
+# --- relative orientation --------------------------------------------------------------------
+
+
+def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientation:
+    """Return the orientation of a rig's heads in the synthetic frame, from their mountings.
+
+    Parameters
+    ----------
+    rig : Mounting
+        The first head is the reference.
+    synthetic : Camera
+        Its declared mounting turns the body frame into the synthetic frame.
+
+    Returns
+    -------
+    RelativeOrientation
+        As `relative_orientation` defines it: R_s_h = R_s_b R_b_h, and the
+        places are the lever arms' differences in the synthetic frame, reduced to the scale of
+        the first head, mean of the exposures that all heads have. The covariance takes the
+        heights over ground as known; they are, to some hundred thousandths.
+
+    Raises
+    ------
+    AdjustmentError
+        Where the heads share no exposure.
+    """
+    expected.instance("synthetic", synthetic, Camera)
+    calibration = rig.calibration
+    heads, n = calibration.cameras, len(calibration.cameras)
+    images = _first_images(rig.bundle)
+    scale = float(ground_scale(rig.bundle, images)[0].mean())
+    R_s_b = synthetic.T_b_c.R.T
+    T_b_h = mountings(heads)
+    xyz = scale * (T_b_h.r - T_b_h.r[0]) @ R_s_b.T
+    xyz[:, 2] += heads[0].interior.f
+    xyz[:, :2] -= xyz[:, :2].mean(axis=0)
+    opk = Pose(R=R_s_b @ T_b_h.R, r=xyz).opk
+    J = _jacobian(scale * R_s_b, xyz / heads[0].interior.f, opk)
+    columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
+    estimated = columns >= 0
+    cov = np.zeros((15 * n, 15 * n))
+    cov[np.ix_(estimated, estimated)] = calibration.cov[
+        np.ix_(columns[estimated], columns[estimated])
+    ]
+    return RelativeOrientation(
+        heads=heads,
+        xyz_mm=xyz,
+        opk=opk,
+        cov_joint=calibration.sigma0_sq * propagate(J, cov),
+        n_exposures=len(images),
+    )
+
+
+def _first_images(bundle: Bundle) -> Index:
+    """Return the images of the first head at the exposures at which every head has measured."""
+    block = bundle.network.block
+    camera, exposure = block.images.camera_idx, block.images.exposure_idx
+    measured = np.unique(bundle.network.image_points.image_idx)
+    has = np.zeros((len(block.trajectory), len(block.cameras)), dtype=bool)
+    has[exposure[measured], camera[measured]] = True
+    complete: Mask = np.all(has, axis=1)
+    images = measured[(camera[measured] == 0) & complete[exposure[measured]]]
+    if len(images) == 0:
+        msg = "the heads share no exposure at which all of them have measurements"
+        raise AdjustmentError(msg)
+    return images
+
+
+def _jacobian(mm_per_m: Array, by_f: Array, opk: Array) -> Array:
+    """Return d(joint quantities) / d(interior orientation and mounting, head by head).
+
+    Parameters
+    ----------
+    mm_per_m : ndarray, shape (3, 3)
+        Body axes to synthetic axes, with the scale.
+    by_f : ndarray, shape (n_heads, 3)
+        Of the places by the first focal length, to which they are proportional.
+    opk : ndarray, shape (n_heads, 3)
+
+    Returns
+    -------
+    ndarray, shape (15 n_heads, 15 n_heads)
+        Rows in the order of `RelativeOrientation.cov_joint`.
+    """
+    n, inner = len(opk), len(INTERIOR)
+    outer = np.zeros((n, 6, n, inner + len(MOUNT)))
+    lever, turn = slice(inner, inner + 3), slice(inner + 3, None)
+    for k in range(n):
+        outer[k, :3, k, lever] += mm_per_m
+        outer[k, :3, 0, lever] -= mm_per_m
+        outer[k, 3:, k, turn] = opk_jacobian(opk[k])
+    outer[:, :2] -= outer[:, :2].mean(axis=0)
+    outer[:, :3, 0, 0] = by_f
+    interior = np.eye(n * (inner + len(MOUNT))).reshape(n, inner + len(MOUNT), -1)[:, :inner]
+    return np.concatenate([outer.reshape(6 * n, -1), interior.reshape(inner * n, -1)])

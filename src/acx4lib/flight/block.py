@@ -1,0 +1,341 @@
+"""A photogrammetric block: images, measurements, control and trajectory as plain arrays.
+
+Everything stands in the mapping frame; names are text and appear once. Observations are flat
+arrays that point into the names by index, which counts from zero.
+
+Values are checked at their birth, a `ValueError` says what is wrong: each part by itself, and
+its indices by the block that they point into. What is selected of a part is not checked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import MappingFrame
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """The images of a block.
+
+    Attributes
+    ----------
+    names, strips : tuple of str
+        One each per image; a strip may be empty.
+    camera_idx, exposure_idx : ndarray, shape (n_images,)
+        Into the block's cameras and the trajectory's exposures.
+    """
+
+    names: tuple[str, ...]
+    camera_idx: Index
+    exposure_idx: Index
+    strips: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        expected.names("names", self.names)
+        n = len(self.names)
+        expected.names("strips", self.strips, n)
+        expected.whole_numbers("camera_idx", self.camera_idx, (n,))
+        expected.whole_numbers("exposure_idx", self.exposure_idx, (n,))
+
+    def __len__(self) -> int:
+        """Count the images."""
+        return len(self.names)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePoints:
+    """Image measurements.
+
+    Attributes
+    ----------
+    image_idx, point_idx : ndarray, shape (n,)
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+    sigma_px : ndarray, shape (n,)
+        Positive; infinite where a measurement takes no part.
+    """
+
+    image_idx: Index
+    point_idx: Index
+    colrow: Array
+    sigma_px: Array
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("image_idx", self.image_idx)
+        n = len(self.image_idx)
+        expected.whole_numbers("point_idx", self.point_idx, (n,))
+        expected.shape("colrow", self.colrow, (n, 2))
+        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.finite("colrow", self.colrow)
+        expected.positive("sigma_px", self.sigma_px)
+
+    def __len__(self) -> int:
+        """Count the measurements."""
+        return len(self.image_idx)
+
+    def __getitem__(self, keep: Index | Mask) -> ImagePoints:
+        """Select measurements."""
+        return expected.part_of(self, keep)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurveyedPoints:
+    """Points with surveyed coordinates: control or check points.
+
+    Attributes
+    ----------
+    point_idx : ndarray, shape (k,)
+        Into the block's points, each once.
+    x_m : ndarray, shape (k, 3)
+        m.
+    R_g_m : ndarray, shape (k, 3, 3)
+        Mapping axes to the grid axes along which sigma is given.
+    sigma_m : ndarray, shape (k, 3)
+        East, north, height, m; zero means error-free, infinite not known.
+    """
+
+    point_idx: Index
+    x_m: Array
+    R_g_m: Array
+    sigma_m: Array
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("point_idx", self.point_idx)
+        n = len(self.point_idx)
+        expected.shape("x_m", self.x_m, (n, 3))
+        expected.shape("R_g_m", self.R_g_m, (n, 3, 3))
+        expected.shape("sigma_m", self.sigma_m, (n, 3))
+        expected.not_negative("sigma_m", self.sigma_m)
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.point_idx)
+
+    def __getitem__(self, keep: Index | Mask) -> SurveyedPoints:
+        """Select points."""
+        return expected.part_of(self, keep)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Body poses at the exposures, from GNSS and INS.
+
+    Attributes
+    ----------
+    exposures : tuple of str
+    T_m_b : Pose
+        n_exposures poses of the IMU's body frame.
+    R_g_m : ndarray, shape (n_exposures, 3, 3)
+        Mapping axes to the grid axes along which the positions' sigma is given.
+    sigma_position : ndarray, shape (n_exposures, 3)
+        East, north, height, m; infinite where a position is not known. Zero, error-free, is for
+        georeferencing alone: no adjustment has such observations.
+    sigma_attitude : ndarray, shape (n_exposures, 3)
+        About the body's x, y, z axes, radians; infinite where an attitude is not known.
+    time_s : ndarray, shape (n_exposures,), or (1,) where no time is known
+        From any origin, s; NaN where it is not known.
+    """
+
+    exposures: tuple[str, ...]
+    T_m_b: Pose
+    R_g_m: Array
+    sigma_position: Array
+    sigma_attitude: Array
+    time_s: Array = field(default_factory=lambda: np.full(1, np.nan))
+
+    def __post_init__(self) -> None:
+        expected.names("exposures", self.exposures)
+        n = len(self.exposures)
+        expected.instance("T_m_b", self.T_m_b, Pose)
+        for name, R in (("T_m_b.R", self.T_m_b.R), ("R_g_m", self.R_g_m)):
+            expected.shape(name, R, (n, 3, 3))
+            expected.rotations(name, R)
+        expected.shape("T_m_b.r", self.T_m_b.r, (n, 3))
+        for name in ("sigma_position", "sigma_attitude"):
+            expected.shape(name, getattr(self, name), (n, 3))
+            expected.not_negative(name, getattr(self, name))
+        if np.shape(self.time_s) != (1,):
+            expected.shape("time_s", self.time_s, (n,))
+
+    def __len__(self) -> int:
+        """Count the exposures."""
+        return len(self.exposures)
+
+    @property
+    def cov(self) -> Array:
+        """Covariances of the poses, shape (n, 6, 6): mapping frame in m, body axes in radians.
+
+        Zero where a position or an attitude is not known, that is its sigma is infinite.
+        """
+        out = np.zeros((len(self), 6, 6))
+        variance = np.where(np.isfinite(self.sigma_position), self.sigma_position, 0.0) ** 2
+        R_m_g = np.swapaxes(self.R_g_m, -1, -2)
+        out[:, :3, :3] = (R_m_g * variance[:, None, :]) @ self.R_g_m
+        known = np.where(np.isfinite(self.sigma_attitude), self.sigma_attitude, 0.0)
+        out[:, [3, 4, 5], [3, 4, 5]] = known**2
+        return out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """A block of images with everything measured for it.
+
+    Attributes
+    ----------
+    name : str
+        ``heads``, ``calibration``, ``validation`` or any other.
+    frame : MappingFrame
+    cameras : tuple of Camera
+    images : Images
+    points : tuple of str
+        Names of all points, measured or surveyed.
+    image_points : ImagePoints
+    control, check : SurveyedPoints
+        What takes part as control, and what is only compared; no point is both.
+    trajectory : Trajectory
+    """
+
+    name: str
+    frame: MappingFrame
+    cameras: tuple[Camera, ...]
+    images: Images
+    points: tuple[str, ...]
+    image_points: ImagePoints
+    control: SurveyedPoints
+    check: SurveyedPoints
+    trajectory: Trajectory
+
+    def __post_init__(self) -> None:
+        _check_cameras(self.cameras)
+        expected.names("points", self.points)
+        for name, kind in _PARTS:
+            expected.instance(name, getattr(self, name), kind)
+        expected.different("images.names", self.images.names)
+        expected.different("points", self.points)
+        for name, idx, n in (
+            ("images.camera_idx", self.images.camera_idx, len(self.cameras)),
+            ("images.exposure_idx", self.images.exposure_idx, len(self.trajectory)),
+            ("image_points.image_idx", self.image_points.image_idx, len(self.images)),
+            ("image_points.point_idx", self.image_points.point_idx, len(self.points)),
+            ("control.point_idx", self.control.point_idx, len(self.points)),
+            ("check.point_idx", self.check.point_idx, len(self.points)),
+        ):
+            expected.places(name, idx, n)
+        _check_surveyed(self)
+
+    @property
+    def T_m_b_images(self) -> Pose:
+        """The trajectory's body poses, one per image."""
+        return self.trajectory.T_m_b[self.images.exposure_idx]
+
+    @property
+    def rays(self) -> Index:
+        """Number of measurements of every point, shape (n_points,)."""
+        return np.bincount(self.image_points.point_idx, minlength=len(self.points))
+
+
+_PARTS = (
+    ("images", Images),
+    ("image_points", ImagePoints),
+    ("control", SurveyedPoints),
+    ("check", SurveyedPoints),
+    ("trajectory", Trajectory),
+)
+
+
+def _check_cameras(cameras: tuple[Camera, ...]) -> None:
+    expected.sequence("cameras", cameras, Camera)
+    expected.different("cameras", [camera.name for camera in cameras])
+
+
+def _check_surveyed(block: Block) -> None:
+    """Raise where a surveyed point stands twice."""
+    control, check = block.control.point_idx.tolist(), block.check.point_idx.tolist()
+    expected.different("control.point_idx", control, "points")
+    expected.different("check.point_idx", check, "points")
+    if both := sorted({*control} & {*check}):
+        twice = block.points[both[0]]
+        msg = f"control and check: expected different points, got point {twice!r} in both"
+        raise ValueError(msg)
+
+
+def mountings(cameras: Sequence[Camera]) -> Pose:
+    """Return the mountings T_b_c of cameras, one after the other."""
+    expected.sequence("cameras", cameras, Camera)
+    return Pose(
+        R=np.stack([camera.T_b_c.R for camera in cameras]),
+        r=np.stack([camera.T_b_c.r for camera in cameras]),
+    )
+
+
+def select_camera(block: Block, name: str) -> Block:
+    """Return the part of a block that one camera took, as `select_cameras` does."""
+    return select_cameras(block, [name])
+
+
+def select_cameras(block: Block, names: Sequence[str]) -> Block:
+    """Return the part of a block that some cameras took; exposures and points stay as they are.
+
+    Parameters
+    ----------
+    block : Block
+    names : sequence of str
+        Of the cameras, in the order that they are to have.
+
+    Raises
+    ------
+    ValueError
+        Where the block has no such camera, or it is named twice.
+    """
+    expected.instance("block", block, Block)
+    expected.names("names", names)
+    expected.different("names", names)
+    known = [camera.name for camera in block.cameras]
+    if unknown := [name for name in names if name not in known]:
+        msg = f"block {block.name!r} has no camera {unknown[0]!r}, only {', '.join(known)}"
+        raise ValueError(msg)
+    taken = [known.index(name) for name in names]
+    renumbered = np.full(len(known), -1)
+    renumbered[taken] = np.arange(len(taken))
+    own = select_images(block, renumbered[block.images.camera_idx] >= 0)
+    images = replace(own.images, camera_idx=renumbered[own.images.camera_idx])
+    return replace(own, cameras=tuple(block.cameras[k] for k in taken), images=images)
+
+
+def select_images(block: Block, keep: Mask) -> Block:
+    """Return the part of a block that some images saw; exposures and points stay as they are.
+
+    Parameters
+    ----------
+    block : Block
+    keep : ndarray of bool, shape (n_images,)
+
+    Raises
+    ------
+    ValueError
+        Where `keep` is no such mask; indices of images are none.
+    """
+    expected.instance("block", block, Block)
+    expected.mask("keep", keep, len(block.images))
+    kept = np.flatnonzero(keep)
+    renumbered = np.full(len(block.images), -1)
+    renumbered[kept] = np.arange(len(kept))
+    points = block.image_points[renumbered[block.image_points.image_idx] >= 0]
+    return replace(
+        block,
+        images=Images(
+            names=tuple(block.images.names[i] for i in kept),
+            camera_idx=block.images.camera_idx[kept],
+            exposure_idx=block.images.exposure_idx[kept],
+            strips=tuple(block.images.strips[i] for i in kept),
+        ),
+        image_points=replace(points, image_idx=renumbered[points.image_idx]),
+    )

@@ -1,0 +1,207 @@
+"""From the tables of a block to its arrays in the mapping frame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.setup import Setup
+from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
+from acx4lib.flight.text.table import Table
+from acx4lib.flight.text.table_files import read_table
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
+
+BLOCKS = ("heads", "calibration", "validation")
+TABLES = ("images", "image_points", "trajectory")
+SIGMA_CONTROL = (0.01, 0.01, 0.02)
+"""East, north, height, m, of control points without their own."""
+
+
+NOWHERE = (0.0, 0.0, 1e6)
+"""Mapping frame, m, instead of a surveyed position that the CRS does not cover: far above the
+block, where no camera looks, so that it is rejected as a gross error."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockTables:
+    """The four tables of a block, and the flight's folder that has its pictures."""
+
+    name: str
+    pictures: Path
+    images: Table
+    image_points: Table
+    trajectory: Table
+    control: Table
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """All four."""
+        return self.images, self.image_points, self.trajectory, self.control
+
+
+def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
+    """Return the tables of a block, whatever is wrong with them.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the flight.
+    name : str
+        Of the block and its folder.
+    pictures : Path
+        Folder of the flight that has its pictures.
+    """
+    own = folder / name / "control_points.csv"
+    control = own if os.path.lexists(own) else folder / "control_points.csv"
+    needs = f"block {name}"
+    images, image_points, trajectory = (
+        read_table(path, str(path), needed_by=needs)
+        for path in (folder / name / f"{table}.csv" for table in TABLES)
+    )
+    return BlockTables(
+        name=name,
+        pictures=pictures,
+        images=images,
+        image_points=image_points,
+        trajectory=trajectory,
+        control=read_table(control, str(control), needed_by=f"{needs} without its own"),
+    )
+
+
+def index_of(names: Iterable[str], known: Sequence[str]) -> Index:
+    """Return where names stand among known ones, -1 where they do not."""
+    where = {name: i for i, name in enumerate(known)}
+    return np.array([where.get(name, -1) for name in names], dtype=np.intp)
+
+
+def used_exposures(tables: BlockTables) -> Mask:
+    """Tell which rows of the trajectory have an image, shape (n_rows,)."""
+    used = set(tables.images.text["exposure"])
+    return np.array([name in used for name in tables.trajectory.text["exposure"]], dtype=bool)
+
+
+def measured_control(tables: BlockTables) -> Mask:
+    """Tell which control points are measured in the block, shape (n_rows,)."""
+    measured = set(tables.image_points.text["point"])
+    return np.array([name in measured for name in tables.control.text["point"]], dtype=bool)
+
+
+def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
+    """Return longitude and latitude of a trajectory of either form, degrees, shape (n, 2)."""
+    if "lat_deg" in trajectory.numbers:
+        return trajectory.stack("lon_deg", "lat_deg")
+    return grid.lonlat_from_grid(trajectory.stack("east_m", "north_m"))
+
+
+def assemble(tables: BlockTables, setup: Setup) -> Block:
+    """Return a block, after nothing wrong was found in its tables.
+
+    Parameters
+    ----------
+    tables : BlockTables
+    setup : Setup
+
+    Returns
+    -------
+    Block
+        In its own mapping frame; trajectory rows without an image and control points without a
+        measurement are left out.
+    """
+    used = used_exposures(tables)
+    frame = mean_origin(setup.grid, lonlat_of(tables.trajectory, setup.grid)[used])
+    trajectory = _trajectory(tables.trajectory, used, frame, setup)
+    points = tuple(dict.fromkeys(tables.image_points.text["point"]))
+    surveyed, is_check = _surveyed(tables, points, frame)
+    present = set(tables.images.text["camera"])
+    cameras = tuple(camera for name, camera in setup.cameras.items() if name in present)
+    return Block(
+        name=tables.name,
+        frame=frame,
+        cameras=cameras,
+        images=_images(tables.images, [camera.name for camera in cameras], trajectory.exposures),
+        points=points,
+        image_points=_image_points(tables, points, setup),
+        control=surveyed[~is_check],
+        check=surveyed[is_check],
+        trajectory=trajectory,
+    )
+
+
+def _images(table: Table, cameras: Sequence[str], exposures: Sequence[str]) -> Images:
+    return Images(
+        names=table.text["image"],
+        camera_idx=index_of(table.text["camera"], cameras),
+        exposure_idx=index_of(table.text["exposure"], exposures),
+        strips=table.text.get("strip", ("",) * len(table)),
+    )
+
+
+def _image_points(tables: BlockTables, points: Sequence[str], setup: Setup) -> ImagePoints:
+    table = tables.image_points
+    default = np.full(len(table), setup.apriori.image_point_px)
+    return ImagePoints(
+        image_idx=index_of(table.text["image"], tables.images.text["image"]),
+        point_idx=index_of(table.text["point"], points),
+        colrow=table.stack("col_px", "row_px"),
+        sigma_px=table.numbers.get("sigma_px", default),
+    )
+
+
+def _sigma(table: Table, columns: Sequence[str], default: Sequence[float]) -> Array:
+    """Return standard deviations: a file's own go before the default."""
+    sigma = [
+        table.numbers.get(column, np.full(len(table), value))
+        for column, value in zip(columns, default, strict=True)
+    ]
+    return np.stack(sigma, axis=-1)
+
+
+def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> Trajectory:
+    apriori = setup.apriori
+    gnss = (apriori.gnss_horizontal_m, apriori.gnss_horizontal_m, apriori.gnss_vertical_m)
+    ins = (apriori.roll_pitch_deg, apriori.roll_pitch_deg, apriori.heading_deg)
+    T_m_b = _poses(table, used, frame)
+    return Trajectory(
+        exposures=tuple(np.array(table.text["exposure"], dtype=object)[used]),
+        T_m_b=T_m_b,
+        R_g_m=frame.grid_axes(T_m_b.r),
+        sigma_position=_sigma(table, SIGMA_POSITION, gnss)[used],
+        sigma_attitude=np.radians(_sigma(table, SIGMA_ATTITUDE, ins)[used]),
+        time_s=table.numbers.get("time_s", np.full(len(table), np.nan))[used],
+    )
+
+
+def _poses(table: Table, used: Mask, frame: MappingFrame) -> Pose:
+    """Return T_m_b of either form of trajectory."""
+    if table.has(*GEOGRAPHIC):
+        rph = np.radians(table.stack("roll_deg", "pitch_deg", "heading_deg"))
+        lonlath = table.stack("lon_deg", "lat_deg", "height_m")
+        return frame.pose_from_geographic(lonlath[used], rph[used])
+    opk = np.radians(table.stack("omega_deg", "phi_deg", "kappa_deg"))
+    enh = table.stack("east_m", "north_m", "height_m")
+    return frame.pose_from_grid(enh[used], opk[used])
+
+
+def _surveyed(
+    tables: BlockTables, points: Sequence[str], frame: MappingFrame
+) -> tuple[SurveyedPoints, Mask]:
+    """Return the measured surveyed points, and which of them are check points."""
+    table, measured = tables.control, measured_control(tables)
+    x_m = frame.from_grid(table.stack("east_m", "north_m", "height_m")[measured])
+    x_m[~np.isfinite(x_m).all(axis=1)] = NOWHERE
+    role = np.array(table.text.get("role", ("control",) * len(table)), dtype=object)[measured]
+    surveyed = SurveyedPoints(
+        point_idx=index_of(np.array(table.text["point"], dtype=object)[measured], points),
+        x_m=x_m,
+        R_g_m=frame.grid_axes(x_m),
+        sigma_m=_sigma(table, SIGMA_POSITION, SIGMA_CONTROL)[measured],
+    )
+    is_check = (role == "check") if tables.name != "validation" else np.ones(len(role), dtype=bool)
+    return surveyed, is_check

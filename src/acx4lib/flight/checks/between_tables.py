@@ -1,0 +1,229 @@
+"""What the tables of a block say against each other and against flight.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array
+from acx4lib.flight.block_from_tables import (
+    BlockTables,
+    index_of,
+    lonlat_of,
+    measured_control,
+    used_exposures,
+)
+from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
+from acx4lib.flight.setup import Setup
+from acx4lib.flight.text.document import Toml
+from acx4lib.flight.text.files import named_file
+from acx4lib.flight.text.table import Table
+from acx4lib.geometry.camera import Camera, inside
+from acx4lib.geometry.geodesy import GridSystem
+
+
+def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
+    """Yield what names something that is not there, and cells that are none of the choices."""
+    cameras = toml.table("cameras")
+    if cameras:
+        yield from _unknown(tables.images, "camera", cameras, f"must be a camera of {toml.file}")
+    for table, column, other in (
+        (tables.images, "exposure", tables.trajectory),
+        (tables.image_points, "image", tables.images),
+    ):
+        if len(other) and column in other.text:
+            expected = f"must have a row in {other.file}"
+            yield from _unknown(table, column, other.text[column], expected)
+    yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
+    yield from _strip_problems(tables, toml)
+    yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
+    if tables.name == "heads":
+        yield from _head_problems(tables.images, toml)
+
+
+def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
+    """Yield where drifts along strips are asked for and there are no strips."""
+    keys = ("stages", "mounting", "gnss")
+    asked = toml.get(*keys) if tables.name == "calibration" else None
+    has_strips = any(tables.images.text.get("strip", ()))
+    if isinstance(asked, list) and "drift" in asked and not has_strips:
+        yield toml.problem(keys, "'drift'", f"needs strips in {tables.images.file}, column strip")
+
+
+def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:
+    names, known = table.text.get(column, ()), dict.fromkeys(known)
+    unknown = set(names) - known.keys() - {""}
+    rows = [row for row, name in enumerate(names) if name in unknown] if unknown else []
+
+    def problem(row: int) -> Problem:
+        found = f"{quoted(names[row])} is unknown{did_you_mean(names[row], known)}"
+        return table.problem(row, column, found, expected)
+
+    yield from counted(rows, problem)
+
+
+def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Problem]:
+    names = images.text.get("file", ())
+    expected = f"must be a file under {folder}, links resolved"
+    inside, block = flight.resolve(), folder.resolve()
+    faults = {name: named_file(inside, block, name)[1] for name in set(names) if name}
+    rows = [row for row, name in enumerate(names) if faults.get(name)]
+    yield from counted(
+        rows,
+        lambda row: images.problem(
+            row, "file", f"{quoted(names[row])} {faults[names[row]]}", expected
+        ),
+    )
+
+
+def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
+    """Yield where the heads' images and the declared heads do not agree."""
+    heads = toml.get("synthetic", "heads")
+    if toml.values and "synthetic" not in toml.values:
+        yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
+    if not isinstance(heads, list) or "camera" not in images.text:
+        return
+    names, cameras = images.text["camera"], toml.table("cameras")
+    declared = [head for head in heads if isinstance(head, str)]
+    others = set(names) & cameras.keys() - set(declared)
+    yield from counted(
+        [row for row, name in enumerate(names) if name in others],
+        lambda row: images.problem(
+            row,
+            "camera",
+            f"{names[row]!r} is no head",
+            f"must be one of synthetic.heads in {toml.file}",
+        ),
+    )
+    for head in declared:
+        if head not in set(names) and head in cameras:
+            expected = f"every head needs images in {images.file}"
+            yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
+
+
+def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
+    """Yield cameras that are to be validated and are not in the calibration block."""
+    images = {tables.name: tables.images for tables in blocks}
+    if not {"calibration", "validation"} <= images.keys():
+        return
+    calibrated = images["calibration"].text.get("camera", ())
+    validated, known = images["validation"].text.get("camera", ()), set(calibrated)
+    for name in dict.fromkeys(validated) if calibrated else ():
+        if name not in known:
+            row, found = validated.index(name), f"{name!r} is not calibrated"
+            expected = f"must be a camera with images in {images['calibration'].file}"
+            yield images["validation"].problem(row, "camera", found, expected)
+
+
+def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
+    """Yield measurements that lie outside the sensor; rows with unknown names are left alone."""
+    images, measured = tables.images, tables.image_points
+    if not (images.has("image", "camera") and measured.has("image", "col_px", "row_px")):
+        return
+    image_idx = index_of(measured.text["image"], images.text["image"])
+    names = tuple(setup.cameras)
+    camera_idx = np.append(index_of(images.text["camera"], names), -1)[image_idx]
+    colrow = measured.stack("col_px", "row_px")
+    finite = np.isfinite(colrow).all(axis=1)
+    for i, name in enumerate(names):
+        camera, mine = setup.cameras[name], np.flatnonzero((camera_idx == i) & finite)
+        rows = mine[~inside(camera, colrow[mine])]
+        beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
+        for column, size, outside in (
+            ("col_px", camera.width_px, rows[beyond_col]),
+            ("row_px", camera.height_px, rows[~beyond_col]),
+        ):
+            expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
+            yield from counted(outside, _outside(measured, column, colrow, camera, expected))
+
+
+def _outside(
+    measured: Table, column: str, colrow: Array, camera: Camera, expected: str
+) -> Callable[[int], Problem]:
+    """Return how to say that a measurement lies outside the sensor."""
+
+    def problem(row: int) -> Problem:
+        swapped = bool(inside(camera, colrow[row, ::-1]))
+        found = measured.text[column][row].strip() + (" (col and row swapped?)" if swapped else "")
+        return measured.problem(row, column, found, expected)
+
+    return problem
+
+
+def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
+    """Yield positions that the CRS or the geoid grid does not cover."""
+    for table, used in (
+        (tables.trajectory, used_exposures(tables)),
+        (tables.control, measured_control(tables)),
+    ):
+        rows = np.flatnonzero(used)
+        lonlat = lonlat_of(table, grid)
+        on_earth = np.isfinite(lonlat[:, 0]) & np.isfinite(lonlat[:, 1])
+        if "east_m" in table.numbers:
+            on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
+        yield from counted(rows[~on_earth[rows]], _nowhere(table, grid))
+        rows = rows[on_earth[rows]]
+        undulation = grid.undulation(lonlat[rows])
+        yield from counted(rows[~np.isfinite(undulation)], _no_height(table, grid, lonlat))
+
+
+def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:
+    expected = f"must be a position that {quoted(grid.crs)[1:-1]} covers, easting first"
+
+    def problem(row: int) -> Problem:
+        east, north = (table.text[name][row].strip() for name in ("east_m", "north_m"))
+        return table.problem(row, "east_m", f"{east}, {north} is nowhere", expected)
+
+    return problem
+
+
+def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int], Problem]:
+    column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
+    expected = f"must lie inside the geoid grid {grid.heights}"
+
+    def problem(row: int) -> Problem:
+        found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
+        return table.problem(row, column, found, expected)
+
+    return problem
+
+
+def height_problems(tables: BlockTables) -> Iterator[Problem]:
+    """Yield exposures below the control points that they see, or below all of the block."""
+    measured = measured_control(tables)
+    if not measured.any():
+        return
+    height = tables.control.numbers["height_m"]
+    lowest = int(np.flatnonzero(measured)[np.argmin(height[measured])])
+    highest = _highest_seen(tables)
+    trajectory = tables.trajectory
+    above = [highest.get(name, lowest) for name in trajectory.text["exposure"]]
+    below = trajectory.numbers["height_m"] <= height[above]
+    expected = f"must lie above the control points of {tables.control.file}"
+
+    def problem(row: int) -> Problem:
+        found = (
+            f"{trajectory.text['height_m'][row].strip()} is below control point "
+            f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}"
+        )
+        return trajectory.problem(row, "height_m", found, expected)
+
+    yield from counted(np.flatnonzero(used_exposures(tables) & below), problem)
+
+
+def _highest_seen(tables: BlockTables) -> dict[str, int]:
+    """Return the row of the highest control point measured at every exposure that has any."""
+    rows = {name: row for row, name in enumerate(tables.control.text["point"])}
+    exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
+    height = tables.control.numbers["height_m"]
+    highest: dict[str, int] = {}
+    text = tables.image_points.text
+    for image, point in zip(text["image"], text["point"], strict=True):
+        row = rows.get(point)
+        if row is not None:
+            before = highest.setdefault(exposure[image], row)
+            if height[row] > height[before]:
+                highest[exposure[image]] = row
+    return highest

@@ -1,0 +1,141 @@
+"""What is odd about where a flight's points are, and yet no reason to refuse it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from textwrap import shorten
+
+import numpy as np
+import pyproj
+
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block
+from acx4lib.flight.block_from_tables import (
+    BlockTables,
+    lonlat_of,
+    measured_control,
+    used_exposures,
+)
+from acx4lib.flight.checks.fit import misfit
+from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.least_squares.medians import medians
+
+ABSURD = 4.0
+"""Distance from the measurements, in quarters of the image diagonal: not even in another image."""
+
+SHARE, ENOUGH = 10, 3
+"""Single rows are at most one in so many, or one, and so many others are left."""
+
+NAMED = 5
+"""So many points a note names."""
+
+BESIDE_DEG = 3.0
+"""By so much a flight may leave the area of use of its CRS; zones are used beyond their borders."""
+
+
+def without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
+    """Return tables without single control points that lie nowhere, or above all that see them.
+
+    A mistake in one row of many is a gross error like any other, and is found as one. More of
+    them are a mistake of the table, and stay.
+
+    Parameters
+    ----------
+    tables : BlockTables
+    grid : GridSystem
+    """
+    rows = np.flatnonzero(measured_control(tables))
+    lonlat = lonlat_of(tables.control, grid)[rows]
+    on_earth = np.flatnonzero(np.isfinite(lonlat).all(axis=1))
+    wrong = np.ones(len(rows), dtype=bool)
+    wrong[on_earth] = ~np.isfinite(grid.undulation(lonlat[on_earth]))
+    height = tables.control.numbers["height_m"][rows]
+    lowest = tables.trajectory.numbers["height_m"][used_exposures(tables)].min(initial=np.inf)
+    if np.any(height >= lowest):
+        wrong |= height >= _highest_below(tables)[rows]
+    n = int(wrong.sum())
+    if n > max(1, len(rows) // SHARE) or len(rows) - n < ENOUGH:
+        return tables
+    keep = np.ones(len(tables.control), dtype=bool)
+    keep[rows[wrong]] = False
+    return replace(tables, control=tables.control.select(keep))
+
+
+def _highest_below(tables: BlockTables) -> Array:
+    """Return the height from which every control point is above all exposures that see it.
+
+    And above most of the block's: an exposure may be too low itself.
+    """
+    trajectory = tables.trajectory
+    used = trajectory.numbers["height_m"][used_exposures(tables)]
+    height = dict(zip(trajectory.text["exposure"], trajectory.numbers["height_m"], strict=True))
+    exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
+    highest = dict.fromkeys(tables.control.text["point"], float(np.median(used)))
+    text = tables.image_points.text
+    for image, point in zip(text["image"], text["point"], strict=True):
+        if point in highest:
+            highest[point] = max(highest[point], float(height[exposure[image]]))
+    return np.array(list(highest.values()))
+
+
+def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
+    """Yield which surveyed points are nowhere near where they were measured.
+
+    Parameters
+    ----------
+    tables : BlockTables
+    block : Block
+        Of these tables.
+    """
+    found = misfit(block)
+    ratio = medians(found.distance_px / found.allowed_px, found.point_idx, len(block.points))
+    absurd = {block.points[i] for i in np.flatnonzero(ratio > ABSURD)}
+    line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
+    far = [name for name in line if name in absurd]
+    if far:
+        listed = ", ".join(f"{name!r} (line {line[name]})" for name in far[:NAMED])
+        more = ", …" if len(far) > NAMED else ""
+        yield (
+            f"{tables.name}: {len(far)} of {len(np.unique(found.point_idx))} surveyed points of "
+            f"{tables.control.file} lie nowhere near where they were measured, and will be "
+            f"rejected as gross errors if the others fit: {listed}{more}"
+        )
+
+
+def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
+    """Yield where a CRS is used far from where it is made for; not every CRS says where.
+
+    Parameters
+    ----------
+    grid : GridSystem
+    blocks : dict of str to Block
+    """
+    crs = pyproj.CRS.from_user_input(grid.crs)
+    area = crs.area_of_use
+    if area is None:
+        return
+    for name, block in blocks.items():
+        lon, lat = block.frame.origin
+        lon += 0.0 if crs.prime_meridian is None else crs.prime_meridian.longitude
+        if not holds(area.bounds, lon, lat):
+            called = shorten(area.name.rstrip("."), 80, placeholder=" …")
+            yield (
+                f"{name}: the exposures are at {_place(lon, lat)}, but {grid.crs} ({crs.name}) is "
+                f"meant for {_place(area.west, area.south)} to {_place(area.east, area.north)}, "
+                f"{called}: is it the right CRS?"
+            )
+
+
+def holds(bounds: tuple[float, float, float, float], lon: float, lat: float) -> bool:
+    """Tell whether a place lies in an area or near it; an area may cross the date line."""
+    west, south, east, north = bounds
+    wide = (east - west) % 360 or 360.0
+    along = (lon - west + BESIDE_DEG) % 360
+    near_north = south - BESIDE_DEG <= lat <= north + BESIDE_DEG
+    return near_north and along <= wide + 2 * BESIDE_DEG
+
+
+def _place(lon: float, lat: float) -> str:
+    """Return a place as 25.4 S 49.3 W."""
+    return f"{abs(lat):.1f} {'S' if lat < 0 else 'N'} {abs(lon):.1f} {'W' if lon < 0 else 'E'}"

@@ -1,0 +1,235 @@
+"""What can be wrong with what flight.toml says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from pyproj.exceptions import ProjError
+
+from acx4lib.errors import UNSEEN
+from acx4lib.flight.problems import POSITIVE, RANGES, SHOWN, Problem, Range, did_you_mean, quoted
+from acx4lib.flight.setup import ESTIMABLE, LENS, LEVER, MOUNT, SIZE, Apriori, camera_of, grid_of
+from acx4lib.flight.text.document import Toml
+from acx4lib.flight.text.files import named_file
+from acx4lib.flight.text.names import name_fault
+from acx4lib.geometry.camera import distortion
+from acx4lib.geometry.crs_text import is_code_or_wkt
+from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.parameters import GNSS
+
+TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori", "stages")
+STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
+FIXABLE = ("lever_arm", "boresight")
+WEIGHTS = ("given", "estimated")
+MOST_CAMERAS = 1000
+MOST_REASON = 200
+"""Characters of what PROJ says."""
+
+
+def toml_problems(toml: Toml) -> Iterator[Problem]:
+    """Yield what is wrong with flight.toml; nothing more where it could not be read at all."""
+    if toml.problems:
+        yield from toml.problems
+        return
+    yield from _keys(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
+    for key in ("name", "crs", "heights"):
+        if key in toml.values:
+            yield from _text_problems(toml, key)
+    if toml.values.get("refraction", "none") not in ("none", "standard"):
+        found = quoted(toml.values["refraction"])
+        yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
+    yield from _grid_problems(toml)
+    yield from _camera_problems(toml)
+    yield from _synthetic_problems(toml)
+    apriori = tuple(Apriori.__dataclass_fields__)
+    yield from _keys(toml, ("apriori",), apriori)
+    yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
+    yield from _stage_problems(toml)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip())
+
+
+def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
+    value = toml.values[key]
+    if not _is_name(value):
+        yield toml.problem((key,), quoted(value), "must be text")
+    elif key == "crs":  # WKT may have several lines
+        unseen = UNSEEN.search(re.sub(r"[\n\r\t]", " ", value))
+        if unseen:
+            found = f"holds the character U+{ord(unseen[0]):04X}"
+            yield toml.problem((key,), found, "must be text without control characters")
+    else:
+        fault = name_fault(value)
+        if fault:
+            yield toml.problem((key,), *fault)
+
+
+def _keys(
+    toml: Toml, keys: tuple[str, ...], known: Iterable[str], required: Iterable[str] = ()
+) -> Iterator[Problem]:
+    """Say what a table has that is not known, and has not that is required."""
+    value = toml.get(*keys)
+    if value is not None and not isinstance(value, dict):
+        yield toml.problem(keys, quoted(value), "must be a table")
+        return
+    table, known = toml.table(*keys), tuple(known)
+    unknown = [key for key in table if key not in known]
+    for n, key in enumerate(unknown[: SHOWN + 1]):
+        expected = f"must be one of {', '.join(known)}"
+        found = f"unknown key{did_you_mean(key, known)}"
+        if n == SHOWN:
+            found = f"unknown key, as {len(unknown) - n - 1} more"
+        yield toml.problem((*keys, key), found, expected)
+    for key in required:
+        if key not in table:
+            yield toml.problem((*keys, key), "missing", "required")
+
+
+def _numbers(toml: Toml, keys: tuple[str, ...], ranges: dict[str, Range]) -> Iterator[Problem]:
+    for key, allowed in ranges.items():
+        value = toml.table(*keys).get(key)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            yield toml.problem((*keys, key), quoted(value), "must be a number")
+        elif value not in allowed:
+            yield toml.problem(
+                (*keys, key), f"{quoted(value)}{_unit_hint(key, value)}", str(allowed)
+            )
+
+
+def _unit_hint(key: str, value: float) -> str:
+    if key == "pixel_um" and 0 < value < 0.1:
+        return " (millimetres or metres?)"
+    if key == "focal_mm" and 0 < value < 1:
+        return " (metres?)"
+    return " (pixels?)" if key == "focal_mm" and value > 10_000 else ""
+
+
+def _grid_problems(toml: Toml) -> Iterator[Problem]:
+    crs, heights = toml.values.get("crs"), toml.values.get("heights")
+    if not _is_name(crs):
+        return
+    try:
+        _ = GridSystem(crs=str(crs))
+    except ValueError as error:
+        yield toml.problem(("crs",), str(error), "must be a projected CRS in metres")
+        return
+    if not _is_name(heights) or heights == "ellipsoidal":
+        return
+    expected = "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
+    inside = toml.folder.resolve()
+    path, wrong = named_file(inside, inside, str(heights))
+    hint = did_you_mean(str(heights), ["ellipsoidal"])
+    if path is None and not hint and not is_code_or_wkt(str(heights)):
+        yield toml.problem(("heights",), f"{quoted(heights)} {wrong}", expected)
+        return
+    try:
+        _ = grid_of(toml)
+    except ValueError as error:
+        reason = " ".join(str(error.__cause__ or error).split())
+        if path is not None and type(error.__cause__) is ProjError:
+            reason = "PROJ cannot read it as a geoid grid"
+        found = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
+        yield toml.problem(("heights",), found, expected)
+
+
+def _camera_problems(toml: Toml) -> Iterator[Problem]:
+    if "cameras" in toml.values and not toml.table("cameras"):
+        yield toml.problem(("cameras",), "no cameras", "must hold one table per camera")
+    if len(toml.table("cameras")) > MOST_CAMERAS:
+        found = f"{len(toml.table('cameras'))} cameras"
+        yield toml.problem(("cameras",), found, f"must be at most {MOST_CAMERAS}")
+        return
+    for name in toml.table("cameras"):
+        keys = ("cameras", name)
+        known = (*SIZE, *LENS, *MOUNT, *LEVER)
+        wrong = list(_keys(toml, keys, known, SIZE))
+        wrong += _numbers(toml, keys, {key: RANGES[key] for key in known})
+        if not isinstance(toml.get(*keys), dict):
+            wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
+        if not _is_name(name):
+            wrong.append(toml.problem(keys, "is empty", "must be a name"))
+        fault = name_fault(name)
+        if fault:
+            wrong.append(toml.problem(keys, *fault))
+        yield from wrong or _lens_problems(toml, keys)
+
+
+def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
+    """Say where distortion at the corners is absurd: other units, or of another model."""
+    camera = camera_of(keys[-1], toml.table(*keys))
+    half = 0.5 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    corners = half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    worst = float(np.abs(distortion(camera.interior, corners)).max())
+    if worst > 0.25 * float(np.hypot(*half)):
+        found = f"distortion by k1 to p2 reaches {worst:.3g} mm at a corner"
+        yield toml.problem(keys, found, "must be small; k1 in mm^-2, k2 in mm^-4, k3 in mm^-6")
+    for axis, key in enumerate(("xp_mm", "yp_mm")):
+        value = toml.table(*keys).get(key, 0.0)
+        if abs(value) > half[axis]:
+            expected = "must lie on the sensor, in mm from its middle"
+            yield toml.problem((*keys, key), f"{value!r} (pixels?)", expected)
+
+
+def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
+    if "synthetic" not in toml.values:
+        return
+    yield from _keys(toml, ("synthetic",), ("camera", "heads"), ("camera", "heads"))
+    camera, heads = toml.get("synthetic", "camera"), toml.get("synthetic", "heads")
+    cameras = toml.table("cameras")
+    if camera is not None and (not isinstance(camera, str) or camera not in cameras):
+        yield _unknown_camera(toml, ("synthetic", "camera"), camera)
+    if heads is not None and (not isinstance(heads, list) or not heads):
+        yield toml.problem(("synthetic", "heads"), quoted(heads), "must be a list of cameras")
+        return
+    seen = {camera} if isinstance(camera, str) else set()
+    for n, head in enumerate((heads or [])[:MOST_CAMERAS]):
+        if not isinstance(head, str) or head not in cameras:
+            yield _unknown_camera(toml, ("synthetic", "heads"), head, hints=n < SHOWN)
+        elif head in seen:
+            yield toml.problem(("synthetic", "heads"), f"{quoted(head)} again", "every camera once")
+        else:
+            seen.add(head)
+
+
+def _unknown_camera(
+    toml: Toml, keys: tuple[str, ...], name: object, *, hints: bool = True
+) -> Problem:
+    hint = did_you_mean(name, toml.table("cameras")) if hints and isinstance(name, str) else ""
+    return toml.problem(keys, f"{quoted(name)}{hint}", "must be one of [cameras.…]")
+
+
+def _stage_problems(toml: Toml) -> Iterator[Problem]:
+    yield from _keys(toml, ("stages",), STAGES)
+    for stage, known in STAGES.items():
+        yield from _keys(toml, ("stages", stage), known)
+        for key, allowed in (("estimate", tuple(ESTIMABLE)), ("fix", FIXABLE), ("gnss", GNSS)):
+            yield from _choices(toml, ("stages", stage, key), allowed)
+    keys = ("stages", "mounting", "weights")
+    weights = toml.get(*keys)
+    if weights is not None and weights not in WEIGHTS:
+        hint = did_you_mean(weights, WEIGHTS) if isinstance(weights, str) else ""
+        yield toml.problem(keys, f"{quoted(weights)}{hint}", "must be 'given' or 'estimated'")
+
+
+def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Iterator[Problem]:
+    names = toml.get(*keys)
+    if names is None:
+        return
+    if not isinstance(names, list):
+        yield toml.problem(keys, quoted(names), f"must be a list of {', '.join(allowed)}")
+        return
+    seen = set()
+    for name in names[:MOST_CAMERAS]:
+        if not isinstance(name, str) or name not in allowed:
+            hint = did_you_mean(name, allowed) if isinstance(name, str) else ""
+            yield toml.problem(keys, f"{quoted(name)}{hint}", f"must be of {', '.join(allowed)}")
+        elif name in seen:
+            yield toml.problem(keys, f"{name!r} again", "every name once")
+        else:
+            seen.add(name)

@@ -1,0 +1,231 @@
+"""The design of a block: flying heights, ground pixels and overlaps (section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.collinearity import rays
+from acx4lib.geometry.frames import Pose, transform
+
+SAME_HEIGHT = 0.15
+"""Strips whose flying heights differ by less than this share count as one level."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Level:
+    """The strips of a block at one flying height.
+
+    Attributes
+    ----------
+    strips : tuple of str
+    exposure_idx : ndarray
+    height_m : float
+        Median above the mean of the surveyed points; NaN where there are none.
+    gsd_m : float
+        Ground pixel, mean of the cameras.
+    images_per_strip : float
+        Mean, of one camera.
+    forward_overlap, side_overlap : float
+        Medians, 0 to 1, over flat ground at the surveyed points; NaN where not known.
+    n_directions : int
+        Flying directions that differ by more than a right angle.
+    """
+
+    strips: tuple[str, ...]
+    exposure_idx: Index
+    height_m: float
+    gsd_m: float
+    images_per_strip: float
+    forward_overlap: float
+    side_overlap: float
+    n_directions: int
+
+
+def ground_height(block: Block) -> float:
+    """Return the mean height of the surveyed points in the mapping frame, m; NaN for none."""
+    surveyed = _on_the_ground(block)
+    return float(surveyed[:, 2].mean()) if len(surveyed) else np.nan
+
+
+def _on_the_ground(block: Block) -> Array:
+    """Return the surveyed points but those whose height is absurd, shape (n, 3).
+
+    No relief is as high as the flight above it.
+    """
+    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    if not len(surveyed):
+        return surveyed
+    middle = np.median(surveyed[:, 2])
+    above = np.median(block.trajectory.T_m_b.r[:, 2]) - middle
+    return surveyed[np.abs(surveyed[:, 2] - middle) < above] if above > 0 else surveyed
+
+
+def flying_heights(block: Block) -> Array:
+    """Return the height of every exposure above the mean of the surveyed points, m.
+
+    Above the ellipsoid where there are none.
+
+    Returns
+    -------
+    ndarray, shape (n_exposures,)
+    """
+    surveyed = _on_the_ground(block)
+    ground = block.frame.to_geographic(surveyed)[:, 2].mean() if len(surveyed) else 0.0
+    above: Array = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
+    return above
+
+
+def strip_of_exposure(block: Block) -> list[str]:
+    """Return the strip of every exposure; an exposure of several images has the first one's."""
+    strips = [""] * len(block.trajectory)
+    for i in range(len(block.images) - 1, -1, -1):
+        strips[int(block.images.exposure_idx[i])] = block.images.strips[i]
+    return strips
+
+
+def directions(block: Block) -> Array:
+    """Return the flying direction at every exposure, unit vectors in the mapping frame.
+
+    From the neighbours in the strip; where there are none, the body's forward axis.
+
+    Returns
+    -------
+    ndarray, shape (n_exposures, 2)
+    """
+    way = block.trajectory.T_m_b.R[:, :2, 0].copy()
+    strips = np.array(strip_of_exposure(block), dtype=object)
+    for strip in sorted(set(strips) - {""}):
+        own = np.flatnonzero(strips == strip)
+        if len(own) > 1:
+            way[own] = np.gradient(block.trajectory.T_m_b.r[own, :2], axis=0)
+    unit: Array = way / np.linalg.norm(way, axis=1, keepdims=True)
+    return unit
+
+
+def footprints(block: Block) -> Array:
+    """Return the corners of every image on flat ground at the surveyed points.
+
+    With declared cameras and the trajectory.
+
+    Returns
+    -------
+    ndarray, shape (n_images, 4, 3)
+        Mapping frame, m, from the upper-left corner clockwise; NaN where a corner does not look
+        down or the ground is not known.
+    """
+    ground = ground_height(block)
+    corners = np.zeros((len(block.images), 4, 3))
+    for k, camera in enumerate(block.cameras):
+        own = np.flatnonzero(block.images.camera_idx == k)
+        T_m_c = block.T_m_b_images[own] @ camera.T_b_c
+        w, h = camera.width_px - 0.5, camera.height_px - 0.5
+        colrow = np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]])
+        poses = Pose(R=np.repeat(T_m_c.R, 4, axis=0), r=np.repeat(T_m_c.r, 4, axis=0))
+        ray = rays(camera, poses, np.tile(colrow, (len(own), 1)))
+        length = np.where(ray[:, 2] < 0, (ground - poses.r[:, 2]) / ray[:, 2], np.nan)
+        corners[own] = (poses.r + length[:, None] * ray).reshape(-1, 4, 3)
+    return corners
+
+
+def levels(block: Block) -> tuple[Level, ...]:
+    """Return the strips of a block by flying height, the highest first."""
+    height = flying_heights(block)
+    strip_of = np.array(strip_of_exposure(block), dtype=object)
+    names = list(dict.fromkeys(strip_of))
+    of_strip = {name: float(np.median(height[strip_of == name])) for name in names}
+    groups: list[list[str]] = []
+    for name in sorted(names, key=lambda n: -of_strip[n]):
+        if groups and of_strip[name] > (1 - SAME_HEIGHT) * of_strip[groups[-1][0]]:
+            groups[-1].append(name)
+        else:
+            groups.append([name])
+    return tuple(_level(block, sorted(group, key=names.index), strip_of) for group in groups)
+
+
+def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
+    exposures = np.flatnonzero(np.isin(strip_of, strips))
+    known = np.isfinite(ground_height(block))
+    height = float(np.median(flying_heights(block)[exposures])) if known else np.nan
+    per_camera = np.bincount(block.images.camera_idx, minlength=len(block.cameras))
+    present = np.flatnonzero(per_camera)
+    n_images = np.isin(block.images.exposure_idx, exposures).sum()
+    way = directions(block)[exposures]
+    image_idx, share = forward_overlaps(block)
+    return Level(
+        strips=tuple(strips),
+        exposure_idx=exposures,
+        height_m=height,
+        gsd_m=float(np.mean([height * c.pixel_mm / c.interior.f for c in block.cameras])),
+        images_per_strip=float(n_images / len(present) / len(strips)),
+        forward_overlap=_median(share[np.isin(block.images.exposure_idx[image_idx], exposures)]),
+        side_overlap=_side_overlap(block, strips, strip_of),
+        n_directions=1 + int(np.any(way @ way[0] < 0)),
+    )
+
+
+def _overlap(block: Block, images: Index, shift: Array) -> Array:
+    """Return the share of images that they keep when moved over flat ground, shape (n,)."""
+    T_m_b = block.T_m_b_images[images]
+    height = T_m_b.r[:, 2] - ground_height(block)
+    share = np.zeros(len(images))
+    for k, camera in enumerate(block.cameras):
+        own = block.images.camera_idx[images] == k
+        R_m_c = T_m_b.R[own] @ camera.T_b_c.R
+        moved = transform(np.swapaxes(R_m_c, -1, -2), shift[own])[:, :2]
+        size = camera.pixel_mm / camera.interior.f * np.array([camera.width_px, camera.height_px])
+        rest = np.maximum(1 - np.abs(moved) / (height[own, None] * size), 0)
+        share[own] = rest.prod(axis=1)
+    return share
+
+
+def forward_overlaps(block: Block) -> tuple[Index, Array]:
+    """Return which images have a next one of their camera in the strip, and their overlap with it.
+
+    Valid for images that look down, over flat ground at the surveyed points.
+
+    Returns
+    -------
+    image_idx : ndarray, shape (n,)
+    share : ndarray, shape (n,)
+        0 to 1; NaN where the ground is not known.
+    """
+    next_of: dict[int, int] = {}
+    last: dict[tuple[int, str], int] = {}
+    for i, strip in enumerate(block.images.strips):
+        key = (int(block.images.camera_idx[i]), strip)
+        if strip and key in last:
+            next_of[last[key]] = i
+        last[key] = i
+    a, b = (np.array([*part], dtype=np.intp) for part in (next_of.keys(), next_of.values()))
+    r = block.T_m_b_images.r
+    return a, _overlap(block, a, r[b] - r[a])
+
+
+def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float:
+    """Return the median overlap of each strip with the nearest parallel one."""
+    r, way = block.trajectory.T_m_b.r, directions(block)
+    shares = []
+    for strip in strips:
+        own = strip_of == strip
+        along = np.append(way[own].mean(axis=0), 0.0)
+        along /= np.linalg.norm(along)
+        apart = []
+        for other in strips:
+            parallel = abs(way[strip_of == other].mean(axis=0) @ along[:2]) > np.cos(np.radians(20))
+            if other != strip and parallel:
+                d = (r[strip_of == other].mean(axis=0) - r[own].mean(axis=0)) * [1.0, 1.0, 0.0]
+                apart.append(d - along * (d @ along))
+        if apart:
+            nearest = min(apart, key=lambda d: float(d @ d))
+            images = np.flatnonzero(own[block.images.exposure_idx])
+            shares.append(_median(_overlap(block, images, np.tile(nearest, (len(images), 1)))))
+    return _median(np.array(shares))
+
+
+def _median(values: Array) -> float:
+    return float(np.median(values)) if len(values) else np.nan

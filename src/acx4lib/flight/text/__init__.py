@@ -1,0 +1,4 @@
+"""The files of a flight as text, in which every value knows its line and column.
+
+`document` is flight.toml; `table_files` reads the tables by their `schemas`.
+"""

@@ -1,0 +1,97 @@
+"""flight.toml as a document that knows its lines."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from acx4lib.flight.problems import QUOTED, Problem
+from acx4lib.flight.text.files import read_text
+from acx4lib.flight.text.toml_lines import key_lines, too_much
+
+MOST_BYTES = 1_000_000
+"""Of a flight.toml; one of a thousand cameras has half as many."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Toml:
+    """A TOML document that knows on which line its keys stand.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the flight.
+    file : str
+        As the user reaches it.
+    values : dict
+    lines : dict
+        Of dotted keys, as tuples.
+    sha256 : str
+        Of the file.
+    problems : tuple of Problem
+        Why it could not be read.
+    """
+
+    folder: Path
+    file: str
+    values: dict[str, Any] = field(default_factory=dict)
+    lines: dict[tuple[str, ...], int] = field(default_factory=dict)
+    sha256: str = ""
+    problems: tuple[Problem, ...] = ()
+
+    def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
+        """Return a problem of a key, on its line or its table's."""
+        known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
+        name = ".".join(_shown(key) for key in keys)
+        line = next(known, 1)
+        return Problem(file=self.file, line=line, column=name, found=found, expected=expected)
+
+    def get(self, *keys: str) -> Any:
+        """Return a value, None where it is not there."""
+        value: Any = self.values
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return value
+
+    def table(self, *keys: str) -> dict[str, Any]:
+        """Return a table, empty where there is none."""
+        value = self.get(*keys)
+        return value if isinstance(value, dict) else {}
+
+
+def _shown(key: str) -> str:
+    """Return a key as flight.toml has it, the beginning of a long one."""
+    if len(key) > QUOTED:
+        key = f"{key[:QUOTED]}…"
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
+
+
+def read_toml(folder: Path) -> Toml:
+    """Return a flight's flight.toml, whatever is wrong with it."""
+    path = folder / "flight.toml"
+    text, sha256, problems = read_text(path, str(path), most=MOST_BYTES)
+    toml = Toml(folder=folder, file=str(path), sha256=sha256, problems=problems)
+    if problems:
+        return toml
+    text = text.replace("\r\n", "\n")
+    problem = too_much(text, str(path))
+    if problem:
+        return replace(toml, problems=(problem,))
+    try:
+        values = tomllib.loads(text)
+    except ValueError as error:
+        at = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line = int(at[1]) if at else text.count("\n") + 1
+        problem = Problem(
+            file=str(path),
+            line=line,
+            column=f"character {at[2]}" if at else "end",
+            found=re.sub(r" \(at .*\)$", "", str(error)).replace("\n", " "),
+            expected="must be valid TOML",
+        )
+        return replace(toml, problems=(problem,))
+    return replace(toml, values=values, lines=key_lines(text))

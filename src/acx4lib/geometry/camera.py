@@ -1,0 +1,311 @@
+"""A camera: pixels and millimetres, interior orientation, distortion (eqs 7-11)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Array
+from acx4lib.geometry.frames import Pose, transform
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interior:
+    """Interior orientation of one camera.
+
+    Attributes
+    ----------
+    f, xp, yp : float
+        Focal length and principal point, mm.
+    k1, k2, k3 : float
+        Radial coefficients, mm^-2, mm^-4, mm^-6.
+    p1, p2 : float
+        Decentring coefficients, mm^-1.
+    b1 : float
+        Scale of x against y less one, dimensionless.
+
+    Raises
+    ------
+    ValueError
+        Where f is not positive, or a number is not finite.
+    """
+
+    f: float
+    xp: float = 0.0
+    yp: float = 0.0
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    b1: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in INTERIOR:
+            expected.number(name, getattr(self, name))
+        if not self.f > 0:
+            msg = f"focal length must be positive, got f={self.f} mm"
+            raise ValueError(msg)
+
+    def to_array(self) -> Array:
+        """Return the nine values in the order of `INTERIOR`."""
+        return np.array([getattr(self, name) for name in INTERIOR])
+
+    @classmethod
+    def from_array(cls, values: Array) -> Interior:
+        """Make an interior orientation from nine values in the order of `INTERIOR`."""
+        values = expected.numbers("values", values, (len(INTERIOR),))
+        return cls(**dict(zip(INTERIOR, map(float, values), strict=True)))
+
+
+INTERIOR = tuple(f.name for f in fields(Interior))
+"""Names of the interior parameters, in the order of every column block."""
+
+LARGEST_FORMAT_MM = 1000.0
+"""No sensor has such a side; pixels in micrometres make one."""
+
+SMALLEST_F_MM = 1.0
+"""No camera of a flight has a smaller focal length."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """One camera as a flight declares it.
+
+    Attributes
+    ----------
+    name : str
+    width_px, height_px : int
+    pixel_mm : float
+        Pixel size.
+    interior : Interior
+        Given, or the approximation from which it is estimated.
+    T_b_c : Pose
+        Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), given or approximate.
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive, or the mounting is no single finite pose.
+    """
+
+    name: str
+    width_px: int
+    height_px: int
+    pixel_mm: float
+    interior: Interior
+    T_b_c: Pose = field(default_factory=lambda: Pose(R=np.eye(3), r=np.zeros(3)))
+
+    def __post_init__(self) -> None:
+        expected.text("name", self.name)
+        expected.whole("width_px", self.width_px)
+        expected.whole("height_px", self.height_px)
+        expected.positive_number("pixel_mm", self.pixel_mm)
+        side_mm = max(self.width_px, self.height_px) * self.pixel_mm
+        if not (self.pixel_mm <= 1 or side_mm <= LARGEST_FORMAT_MM):
+            msg = (
+                f"pixel_mm: expected mm, got {self.pixel_mm}, which makes a sensor of "
+                f"{side_mm / 1000:.1f} m (micrometres?)"
+            )
+            raise ValueError(msg)
+        expected.instance("interior", self.interior, Interior)
+        expected.instance("T_b_c", self.T_b_c, Pose)
+        expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
+        expected.finite("T_b_c.R", self.T_b_c.R)
+        expected.finite("T_b_c.r", self.T_b_c.r)
+        expected.rotation("T_b_c.R", self.T_b_c.R)
+
+    @property
+    def diagonal_px(self) -> float:
+        """Length of the image diagonal, px."""
+        return float(np.hypot(self.width_px, self.height_px))
+
+    def with_interior(self, interior: Interior) -> Camera:
+        """Return this camera with another interior orientation."""
+        expected.instance("interior", interior, Interior)
+        camera = copy(self)  # the rest is checked
+        object.__setattr__(camera, "interior", interior)
+        return camera
+
+
+def require_millimetres(cameras: Sequence[Camera]) -> None:
+    """Raise a ValueError where a focal length can only be meant in metres."""
+    for camera in cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            f = camera.interior.f
+            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
+            raise ValueError(msg)
+
+
+def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
+    """Return image coordinates of pixel coordinates.
+
+    Parameters
+    ----------
+    camera : Camera
+    colrow : ndarray, shape (..., 2)
+        col, row; (0, 0) is the centre of the top-left pixel.
+
+    Returns
+    -------
+    xy : ndarray, shape (..., 2)
+        mm from the middle of the image, x right, y up.
+    """
+    expected.instance("camera", camera, Camera)
+    colrow = expected.numbers("colrow", colrow, (..., 2))
+    centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
+    return (colrow - centre) * np.array([camera.pixel_mm, -camera.pixel_mm])
+
+
+def colrow_from_xy(camera: Camera, xy: Array) -> Array:
+    """Return pixel coordinates of image coordinates; inverse of `xy_from_colrow`."""
+    expected.instance("camera", camera, Camera)
+    xy = expected.numbers("xy", xy, (..., 2))
+    centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
+    return xy / np.array([camera.pixel_mm, -camera.pixel_mm]) + centre
+
+
+def inside(camera: Camera, colrow: Array) -> np.ndarray:
+    """Tell which pixel coordinates lie on the sensor, shape (...); outer pixel edges count."""
+    upper = np.array([camera.width_px, camera.height_px]) - 0.5
+    return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
+
+
+def distortion(interior: Interior, xy: Array) -> Array:
+    """Compute the lens distortion at measured image points.
+
+    Valid inside the format on which the coefficients were estimated.
+
+    Parameters
+    ----------
+    interior : Interior
+    xy : ndarray, shape (..., 2)
+        Measured image coordinates, mm.
+
+    Returns
+    -------
+    dxy : ndarray, shape (..., 2)
+        mm; subtract it from the point reduced to the principal point.
+
+    Notes
+    -----
+    Paper, eqs (7)-(11), after Brown [1]_.
+
+    References
+    ----------
+    .. [1] D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37(8),
+       1971.
+    """
+    expected.instance("interior", interior, Interior)
+    xy = reduced(interior, expected.numbers("xy", xy, (..., 2)))
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x * x + y * y
+    radial = r2 * (interior.k1 + r2 * (interior.k2 + r2 * interior.k3))
+    dx = x * radial + interior.p1 * (r2 + 2 * x * x) + 2 * interior.p2 * x * y
+    dy = y * radial + interior.p2 * (r2 + 2 * y * y) + 2 * interior.p1 * x * y
+    return np.stack([dx, dy], axis=-1)
+
+
+def reduced(interior: Interior, xy: Array) -> Array:
+    """Return measured points reduced to the principal point, x scaled by 1 + b1 before."""
+    return xy * np.array([1 + interior.b1, 1.0]) - np.array([interior.xp, interior.yp])
+
+
+def correct(interior: Interior, xy: Array) -> Array:
+    """Return ideal image points of measured ones, the left sides of eqs (1)-(2).
+
+    Parameters
+    ----------
+    interior : Interior
+    xy : ndarray, shape (..., 2)
+        Measured, mm from the middle of the image.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        mm from the principal point, free of distortion.
+    """
+    return reduced(interior, xy) - distortion(interior, xy)
+
+
+def correct_jacobian(interior: Interior, xy: Array) -> Array:
+    """Return d(correct) / d(f, xp, yp, k1, k2, k3, p1, p2, b1).
+
+    Parameters
+    ----------
+    interior : Interior
+    xy : ndarray, shape (n, 2)
+        Measured, mm.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 9)
+        Columns in the order of `INTERIOR`.
+    """
+    bar = reduced(interior, xy)
+    x, y = bar[:, 0], bar[:, 1]
+    r2 = x * x + y * y
+    by_point = _by_reduced_point(interior, bar)
+    out = np.zeros((len(xy), 2, 9))
+    out[:, :, 1:3] = -by_point
+    for j in range(3):
+        out[:, :, 3 + j] = -bar * (r2 ** (j + 1))[:, None]
+    out[:, 0, 6], out[:, 1, 6] = -(r2 + 2 * x * x), -2 * x * y
+    out[:, 0, 7], out[:, 1, 7] = -2 * x * y, -(r2 + 2 * y * y)
+    out[:, :, 8] = by_point[:, :, 0] * xy[:, :1]
+    return out
+
+
+def _by_reduced_point(interior: Interior, bar: Array) -> Array:
+    """Return d(correct) / d(reduced point), shape (n, 2, 2)."""
+    x, y = bar[:, 0], bar[:, 1]
+    r2 = x * x + y * y
+    k1, k2, k3, p1, p2 = (getattr(interior, name) for name in ("k1", "k2", "k3", "p1", "p2"))
+    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))  # d(radial)/d(r^2), times two
+    out = np.empty((len(bar), 2, 2))
+    out[:, 0, 0] = 1 - radial - x * x * slope - 6 * p1 * x - 2 * p2 * y
+    out[:, 1, 1] = 1 - radial - y * y * slope - 6 * p2 * y - 2 * p1 * x
+    out[:, 0, 1] = out[:, 1, 0] = -x * y * slope - 2 * p1 * y - 2 * p2 * x
+    return out
+
+
+def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
+    """Return measured image points of ideal ones; inverse of `correct`.
+
+    Newton's method; valid where the distorted radius still grows with the ideal one, NaN where
+    no such point is found.
+
+    Parameters
+    ----------
+    interior : Interior
+    ideal : ndarray, shape (n, 2)
+        mm from the principal point.
+    steps : int
+        At most so many.
+
+    Returns
+    -------
+    xy : ndarray, shape (n, 2)
+        Measured, mm from the middle of the image.
+    """
+    ideal = expected.numbers("ideal", ideal, ("n", 2))
+    expected.whole("steps", steps)
+    unscale = np.array([1 / (1 + interior.b1), 1.0])
+    xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
+    for _ in range(steps):
+        error = correct(interior, xy) - ideal
+        J = _by_reduced_point(interior, reduced(interior, xy))
+        trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
+        misfit = np.abs(error).max(axis=-1, initial=0.0)
+        if not np.any(misfit > 1e-13):
+            break
+        J_adj = trace[:, None, None] * np.eye(2) - J
+        xy = xy - transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+    # beyond its turning point the model has other roots, on the image's other side
+    found = (misfit < 1e-9) & (det > 0) & (trace > 0)
+    return np.where(found[:, None], xy, np.nan)

@@ -1,0 +1,324 @@
+"""Collinearity: the paper's eqs (1)-(5), and eq. (14) as the chain of two poses.
+
+A camera pose varies by six numbers: the perspective centre in the mapping frame, m, and a small
+rotation about the *camera's* axes, ``R_m_c <- R_m_c exp(delta)``, rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import (
+    INTERIOR,
+    Camera,
+    colrow_from_xy,
+    correct,
+    correct_jacobian,
+    distort,
+    xy_from_colrow,
+)
+from acx4lib.geometry.frames import Pose, skew, transform
+
+
+def to_camera(T_m_c: Pose, x_m: Array) -> Array:
+    """Return points in camera axes: (Dx, Dy, Dz) of eqs (3)-(5).
+
+    Parameters
+    ----------
+    T_m_c : Pose
+        One camera pose per point.
+    x_m : ndarray, shape (n, 3)
+        m.
+
+    Returns
+    -------
+    x_c : ndarray, shape (n, 3)
+        m; z is negative in front of the camera.
+    """
+    return np.einsum("nji,nj->ni", T_m_c.R, x_m - T_m_c.r)
+
+
+def to_camera_jacobian(T_m_c: Pose, x_c: Array) -> tuple[Array, Array]:
+    """Return the derivatives of `to_camera` by the camera pose and by the point.
+
+    Parameters
+    ----------
+    T_m_c : Pose
+    x_c : ndarray, shape (n, 3)
+        The value of `to_camera`.
+
+    Returns
+    -------
+    by_pose : ndarray, shape (n, 3, 6)
+    by_point : ndarray, shape (n, 3, 3)
+    """
+    R_c_m = np.swapaxes(T_m_c.R, -1, -2)
+    return np.concatenate([-R_c_m, skew(x_c)], axis=-1), R_c_m
+
+
+def pinhole(f: Array | float, x_c: Array) -> Array:
+    """Return ideal image points, the right sides of eqs (1)-(2): -f Dx/Dz, -f Dy/Dz.
+
+    Parameters
+    ----------
+    f : float or ndarray, shape (n,)
+        Focal length, mm.
+    x_c : ndarray, shape (n, 3)
+        Camera axes, m.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        mm from the principal point; NaN at and behind the camera.
+    """
+    z = np.where(x_c[:, 2] < 0, x_c[:, 2], np.nan)
+    return -np.reshape(f, (-1, 1)) * x_c[:, :2] / z[:, None]
+
+
+def pinhole_jacobian(f: Array | float, x_c: Array) -> Array:
+    """Return d(pinhole) / d(x_c), shape (n, 2, 3), mm per m."""
+    scale = -np.asarray(f) / x_c[:, 2]
+    out = np.zeros((len(x_c), 2, 3))
+    out[:, 0, 0] = out[:, 1, 1] = scale
+    out[:, :, 2] = -scale[:, None] * x_c[:, :2] / x_c[:, 2:]
+    return out
+
+
+def mounted_jacobian(T_m_b: Pose, T_b_c: Pose) -> tuple[Array, Array]:
+    """Return the derivatives of the camera pose ``T_m_b @ T_b_c`` (eq. 14) by its two factors.
+
+    Parameters
+    ----------
+    T_m_b : Pose
+        n body poses, varied by position in m and a rotation about the body's axes.
+    T_b_c : Pose
+        n mountings, varied by the lever arm in b and a rotation about the camera's axes.
+
+    Returns
+    -------
+    by_body, by_mount : ndarray, shape (n, 6, 6)
+    """
+    by_body = np.zeros((len(T_m_b), 6, 6))
+    by_body[:, :3, :3] = np.eye(3)
+    by_body[:, :3, 3:] = -T_m_b.R @ skew(T_b_c.r)
+    by_body[:, 3:, 3:] = np.swapaxes(T_b_c.R, -1, -2)
+    by_mount = np.zeros((len(T_m_b), 6, 6))
+    by_mount[:, :3, :3] = T_m_b.R
+    by_mount[:, 3:, 3:] = np.eye(3)
+    return by_body, by_mount
+
+
+def project(camera: Camera, T_m_c: Pose, x_m: Array) -> Array:
+    """Return where a camera sees points, eqs (1)-(11) solved for the measured point.
+
+    Parameters
+    ----------
+    camera : Camera
+    T_m_c : Pose
+        One camera pose per point.
+    x_m : ndarray, shape (n, 3)
+        m.
+
+    Returns
+    -------
+    colrow : ndarray, shape (n, 2)
+        Pixels, also outside the sensor; NaN behind the camera or outside the lens model.
+
+    Raises
+    ------
+    ValueError
+        For points of another shape, or poses that are not as many.
+    """
+    x_m = expected.numbers("x_m", x_m, ("n", 3))
+    if len(T_m_c.R) != 1:  # one pose spreads over all points
+        expected.shape("T_m_c.R", T_m_c.R, (len(x_m), 3, 3))
+    ideal = pinhole(camera.interior.f, to_camera(T_m_c, x_m))
+    colrow = np.full((len(x_m), 2), np.nan)
+    ahead = np.isfinite(ideal[:, 0])
+    colrow[ahead] = colrow_from_xy(camera, distort(camera.interior, ideal[ahead]))
+    return colrow
+
+
+def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
+    """Return unit vectors in the mapping frame from the camera towards measured points.
+
+    Parameters
+    ----------
+    camera : Camera
+    T_m_c : Pose
+        One camera pose per measurement.
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    colrow = expected.numbers("colrow", colrow, ("n", 2))
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
+    ray_c = np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)])
+    return transform(T_m_c.R, ray_c / np.linalg.norm(ray_c, axis=1, keepdims=True))
+
+
+LAPSE, DENSITY = 0.0065 / 288.15, 4.2559
+"""Standard atmosphere: decrease of temperature with height as a share, 1/m, and the exponent."""
+
+REFRACTION = ("none", "standard")
+"""What rays may be taken to do: go straight, or bend in the standard atmosphere."""
+
+REFRACTIVITY = 2.78e-4
+"""n - 1 of visible light in air at sea level, 15 degrees Celsius and 1013.25 hPa."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """Measured image points with the camera and the pose of each.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+    camera_idx : ndarray, shape (n,)
+    T_m_c : Pose
+        n camera poses.
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+    """
+
+    cameras: tuple[Camera, ...]
+    camera_idx: Index
+    T_m_c: Pose
+    colrow: Array
+
+    def by_camera(self) -> Iterator[tuple[Camera, Mask, Array]]:
+        """Yield every camera, which measurements are its own, and these in mm."""
+        for k, camera in enumerate(self.cameras):
+            own = self.camera_idx == k
+            yield camera, own, xy_from_colrow(camera, self.colrow[own])
+
+    @property
+    def px_per_mm(self) -> Array:
+        """Along col and row, shape (n, 2); rows count downwards."""
+        pixel_mm = np.array([camera.pixel_mm for camera in self.cameras])[self.camera_idx]
+        return np.array([1.0, -1.0]) / pixel_mm[:, None]
+
+    @property
+    def f(self) -> Array:
+        """Focal lengths, shape (n,), mm."""
+        return np.array([camera.interior.f for camera in self.cameras])[self.camera_idx]
+
+
+def directions(seen: Measurement) -> Array:
+    """Return the unit rays of measurements, shape (n, 3), mapping frame."""
+    out = np.zeros((len(seen.colrow), 3))
+    for k, camera in enumerate(seen.cameras):
+        own = seen.camera_idx == k
+        out[own] = rays(camera, seen.T_m_c[own], seen.colrow[own])
+    return out
+
+
+def image_residuals(seen: Measurement, x_m: Array) -> Array:
+    """Return projected less corrected measured image points, eqs (1)-(11), as col, row in px.
+
+    Parameters
+    ----------
+    seen : Measurement
+    x_m : ndarray, shape (n, 3)
+        The point of each measurement, m.
+
+    Returns
+    -------
+    v : ndarray, shape (n, 2)
+        NaN for points behind the camera.
+    """
+    v = pinhole(seen.f, to_camera(seen.T_m_c, x_m))
+    for camera, own, xy in seen.by_camera():
+        v[own] -= correct(camera.interior, xy)
+    return v * seen.px_per_mm
+
+
+def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Return `image_residuals` and its derivatives.
+
+    Parameters
+    ----------
+    seen : Measurement
+    x_m : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    v : ndarray, shape (n, 2)
+    by_interior : ndarray, shape (n, 2, 9)
+        Columns in the order of `camera.INTERIOR`.
+    by_pose : ndarray, shape (n, 2, 6)
+        By the camera pose.
+    by_point : ndarray, shape (n, 2, 3)
+    """
+    x_c = to_camera(seen.T_m_c, x_m)
+    v = pinhole(seen.f, x_c)
+    by_interior = np.zeros((len(x_m), 2, len(INTERIOR)))
+    for camera, own, xy in seen.by_camera():
+        v[own] -= correct(camera.interior, xy)
+        by_interior[own] = -correct_jacobian(camera.interior, xy)
+    by_interior[:, :, 0] -= x_c[:, :2] / x_c[:, 2:]
+    by_pose, by_point = to_camera_jacobian(seen.T_m_c, x_c)
+    scale = seen.px_per_mm[:, :, None]
+    by_x_c = pinhole_jacobian(seen.f, x_c) * scale
+    return v * scale[:, :, 0], by_interior * scale, by_x_c @ by_pose, by_x_c @ by_point
+
+
+def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
+    """Return by how much refraction makes points appear too high, m.
+
+    In level layers of air a ray that leaves the vertical by theta is bent by K tan(theta), K the
+    mean refractive index between point and camera less that at the camera. The straight ray
+    meets the point raised by K (Z_c - Z) / cos^2(theta).
+
+    Parameters
+    ----------
+    r_m_c, x_m : ndarray, shape (n, 3)
+        Cameras and points, m; heights are counted from the ellipsoid, up to 11 km.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Notes
+    -----
+    The density is that of the ICAO standard atmosphere, (1 - LAPSE h)^DENSITY of its value at
+    sea level, and n - 1 is proportional to it.
+    """
+    camera, ground = 1 - LAPSE * r_m_c[:, 2], 1 - LAPSE * x_m[:, 2]
+    down = x_m - r_m_c
+    integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
+    K = REFRACTIVITY * (integral / -down[:, 2] - camera**DENSITY)
+    return -K * np.sum(down * down, axis=1) / down[:, 2]
+
+
+def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
+    """Return where points appear to stand, so that rays to them are straight.
+
+    Parameters
+    ----------
+    r_m_c, x_m : ndarray, shape (n, 3)
+        Cameras and points, m.
+    refraction : str
+        ``"none"``, or ``"standard"`` for `refraction_lift`.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+
+    Raises
+    ------
+    ValueError
+        For another kind of refraction.
+    """
+    expected.one_of("refraction", refraction, REFRACTION)
+    if refraction == "none":
+        return x_m
+    return x_m + refraction_lift(r_m_c, x_m)[:, None] * np.array([0.0, 0.0, 1.0])

@@ -1,0 +1,319 @@
+"""Between a flight's own CRS and the topocentric mapping frame in which everything is computed.
+
+The mapping frame `m` is east-north-up at an origin on the ellipsoid, a rigid copy of ECEF: map
+grids have a scale and a curvature that a camera does not see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pyproj
+from pyproj.enums import TransformDirection
+from pyproj.exceptions import CRSError, ProjError
+from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # public, but not marked so
+
+from acx4lib import expected
+from acx4lib.expected import Array
+from acx4lib.geometry.crs_text import crs_fault, is_code_or_wkt
+from acx4lib.geometry.frames import Pose, rotation_from_opk, rotation_from_rph, turn
+from acx4lib.geometry.geoid import geoid_of_crs, geoid_of_file
+
+R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
+
+SHOWN = 80
+"""Characters of a CRS that a message repeats."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridSystem:
+    """The CRS and the height system in which a flight's numbers are given.
+
+    Attributes
+    ----------
+    crs : str
+        Projected CRS in metres: an authority code, WKT, or a PROJ string without files.
+    heights : str
+        ``"ellipsoidal"``, a geoid grid file, or a vertical CRS (code or WKT) whose grid PROJ has.
+
+    Raises
+    ------
+    ValueError
+        Where the CRS or the heights cannot be used; the message says why.
+    """
+
+    crs: str
+    heights: str = "ellipsoidal"
+
+    def __post_init__(self) -> None:
+        expected.text("crs", self.crs)
+        expected.text("heights", self.heights)
+        set_network_enabled(active=False)  # results must not depend on a server
+        given = self.crs if len(self.crs) <= SHOWN else f"{self.crs[:SHOWN]}…"
+        fault = crs_fault(self.crs)
+        if fault:
+            msg = f"{given!r} {fault}"
+            raise ValueError(msg)
+        try:
+            crs = pyproj.CRS.from_user_input(self.crs)
+        except CRSError as error:
+            msg = f"{given!r} is no CRS that PROJ knows"
+            raise ValueError(msg) from error
+        if not crs.is_projected:
+            msg = f"{given!r} ({crs.name}) is not a projected CRS"
+            raise ValueError(msg)
+        if any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info[:2]):
+            msg = f"{given!r} ({crs.name}) is in {crs.axis_info[0].unit_name}, not in metres"
+            raise ValueError(msg)
+        if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
+            msg = f"{given!r} ({crs.name}) does not count east and north"
+            raise ValueError(msg)
+        angles = crs.geodetic_crs.axis_info[:2] if crs.geodetic_crs else []
+        if any(not np.isclose(axis.unit_conversion_factor, np.pi / 180) for axis in angles):
+            msg = f"{given!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
+            raise ValueError(msg)
+        try:
+            _ = self._geographic, self._cartesian, self._projection
+        except (CRSError, ProjError) as error:
+            msg = f"{given!r} cannot be computed by PROJ ({' '.join(str(error).split())})"
+            raise ValueError(msg) from error
+        _ = self._height_transformer
+
+    @cached_property
+    def _crs(self) -> pyproj.CRS:
+        return pyproj.CRS.from_user_input(self.crs)
+
+    @cached_property
+    def _geographic(self) -> pyproj.Transformer:
+        """Easting, northing to longitude, latitude of the CRS's own datum, degrees."""
+        crs = self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
+        return pyproj.Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+
+    @cached_property
+    def _projection(self) -> pyproj.Proj:
+        return pyproj.Proj(self._crs)
+
+    @cached_property
+    def _cartesian(self) -> pyproj.Transformer:
+        ellipsoid = self._crs.ellipsoid
+        if ellipsoid is None:
+            msg = f"{self.crs!r} has no ellipsoid"
+            raise ValueError(msg)
+        return pyproj.Transformer.from_pipeline(
+            "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart "
+            f"+a={ellipsoid.semi_major_metre!r} +b={ellipsoid.semi_minor_metre!r}"
+        )
+
+    @cached_property
+    def _height_transformer(self) -> pyproj.Transformer | None:
+        if self.heights == "ellipsoidal":
+            return None
+        try:
+            if is_code_or_wkt(self.heights):
+                return geoid_of_crs(self._crs, self.heights)
+            return geoid_of_file(self.heights)
+        except (CRSError, ProjError, OSError) as error:
+            msg = (
+                f"heights {self.heights[:SHOWN]!r} is neither 'ellipsoidal', nor a geoid grid "
+                f"file, nor a vertical CRS whose grid is here ({str(error).strip()})"
+            )
+            raise ValueError(msg) from error
+
+    def undulation(self, lonlat: Array) -> Array:
+        """Return ellipsoidal height less the flight's, m, shape (n,); not finite off the grid."""
+        if self._height_transformer is None:
+            return np.zeros(len(lonlat))
+        lon, lat = lonlat.T
+        return np.asarray(self._height_transformer.transform(lon, lat, np.zeros(len(lon)))[2])
+
+    def lonlat_from_grid(self, east_north: Array) -> Array:
+        """Return longitude, latitude in degrees on the CRS's own datum, shape (n, 2)."""
+        return np.stack(self._geographic.transform(*east_north.T), axis=-1).reshape(-1, 2)
+
+    def grid_from_lonlat(self, lonlat: Array) -> Array:
+        """Return easting, northing in m, shape (n, 2)."""
+        lon, lat = lonlat.T
+        east_north = self._geographic.transform(lon, lat, direction=TransformDirection.INVERSE)
+        return np.stack(east_north, axis=-1).reshape(-1, 2)
+
+    def convergence(self, lonlat: Array) -> Array:
+        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it.
+
+        NaN where PROJ knows none.
+        """
+        if not len(lonlat):  # PROJ refuses none
+            return np.zeros(0)
+        factors = self._projection.get_factors(*lonlat.T)
+        degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
+        return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
+
+    def ecef_from_geographic(self, lonlath: Array) -> Array:
+        """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
+        x_e = np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
+        return np.where(np.isfinite(x_e), x_e, np.nan)  # PROJ's infinities warn in products
+
+    def geographic_from_ecef(self, x_e: Array) -> Array:
+        """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
+        x, y, z = x_e.T
+        lonlath = self._cartesian.transform(x, y, z, direction=TransformDirection.INVERSE)
+        return np.stack(lonlath, axis=-1).reshape(-1, 3)
+
+
+def rotation_enu_to_ecef(lonlat: Array) -> Array:
+    """Return R_e_t: columns east, north, up at geodetic longitude and latitude.
+
+    Parameters
+    ----------
+    lonlat : ndarray, shape (n, 2)
+        Degrees.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+    """
+    lon, lat = np.radians(lonlat).T
+    quarter = np.full_like(lon, np.pi / 2)
+    return turn(2, lon + quarter) @ turn(0, quarter - lat)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MappingFrame:
+    """A topocentric east-north-up frame with its origin on the ellipsoid.
+
+    Attributes
+    ----------
+    grid : GridSystem
+        What the outside world counts in.
+    origin : ndarray, shape (2,)
+        Longitude and latitude, degrees.
+
+    Raises
+    ------
+    ValueError
+        Where the origin is not on the earth. Its functions raise for other shapes.
+    """
+
+    grid: GridSystem
+    origin: Array
+    _R_e_m: Array = field(init=False, repr=False)
+    _r_e_m: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        lon, lat = expected.numbers("origin", self.origin, (2,))
+        if abs(lon) > 360 or abs(lat) > 90:  # NaN: the reader looks for mistakes with any frame
+            msg = f"origin: expected longitude and latitude in degrees, got {lon}, {lat}"
+            raise ValueError(msg)
+        origin = np.array([[lon, lat]])
+        object.__setattr__(self, "_R_e_m", rotation_enu_to_ecef(origin)[0])
+        object.__setattr__(
+            self, "_r_e_m", self.grid.ecef_from_geographic(np.append(origin, [[0.0]], axis=1))[0]
+        )
+
+    def from_geographic(self, lonlath: Array) -> Array:
+        """Return mapping coordinates of longitude, latitude (deg), ellipsoidal height (m)."""
+        lonlath = expected.numbers("lonlath", lonlath, ("n", 3))
+        return (self.grid.ecef_from_geographic(lonlath) - self._r_e_m) @ self._R_e_m
+
+    def to_geographic(self, x_m: Array) -> Array:
+        """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
+        x_m = expected.numbers("x_m", x_m, ("n", 3))
+        return self.grid.geographic_from_ecef(x_m @ self._R_e_m.T + self._r_e_m)
+
+    def from_grid(self, enh: Array) -> Array:
+        """Return mapping coordinates of east, north, height in the flight's system.
+
+        Parameters
+        ----------
+        enh : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        x_m : ndarray, shape (n, 3)
+            m; not finite where the point lies outside the CRS or the geoid grid.
+        """
+        enh = expected.numbers("enh", enh, ("n", 3))
+        lonlat = self.grid.lonlat_from_grid(enh[:, :2])
+        height = enh[:, 2] + self.grid.undulation(lonlat)
+        return self.from_geographic(np.column_stack([lonlat, height]))
+
+    def to_grid(self, x_m: Array) -> Array:
+        """Return east, north, height in the flight's system; inverse of `from_grid`."""
+        lonlath = self.to_geographic(x_m)
+        height = lonlath[:, 2] - self.grid.undulation(lonlath[:, :2])
+        return np.column_stack([self.grid.grid_from_lonlat(lonlath[:, :2]), height])
+
+    def grid_axes(self, x_m: Array) -> Array:
+        """Return R_g_m at points: mapping axes to grid east, grid north, ellipsoid normal.
+
+        Parameters
+        ----------
+        x_m : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        ndarray, shape (n, 3, 3)
+        """
+        lonlat = self.to_geographic(x_m)[:, :2]
+        R_g_t = turn(2, self.grid.convergence(lonlat))
+        return R_g_t @ np.swapaxes(rotation_enu_to_ecef(lonlat), -1, -2) @ self._R_e_m
+
+    def pose_from_grid(self, enh: Array, opk: Array) -> Pose:
+        """Return T_m_b of positions in the grid and attitudes against it.
+
+        Parameters
+        ----------
+        enh : ndarray, shape (n, 3)
+            m, in the flight's system.
+        opk : ndarray, shape (n, 3)
+            omega, phi, kappa against grid east, grid north and the ellipsoid normal, radians.
+        """
+        enh = expected.numbers("enh", enh, ("n", 3))
+        opk = expected.numbers("opk", opk, (len(enh), 3))
+        r_m = self.from_grid(enh)
+        return Pose(R=np.swapaxes(self.grid_axes(r_m), -1, -2) @ rotation_from_opk(opk), r=r_m)
+
+    def pose_to_grid(self, T_m: Pose) -> tuple[Array, Array]:
+        """Return east, north, height and omega, phi, kappa (rad); inverse of `pose_from_grid`."""
+        R_g = self.grid_axes(T_m.r) @ T_m.R
+        return self.to_grid(T_m.r), Pose(R=R_g, r=T_m.r).opk
+
+    def pose_from_geographic(self, lonlath: Array, rph: Array) -> Pose:
+        """Return T_m_b of geographic positions with roll, pitch and true heading.
+
+        Parameters
+        ----------
+        lonlath : ndarray, shape (n, 3)
+            Longitude, latitude in degrees, height in the flight's height system.
+        rph : ndarray, shape (n, 3)
+            Radians, forward-right-down against north-east-down.
+
+        Returns
+        -------
+        Pose
+            Of the body frame forward-left-up.
+        """
+        lonlath = expected.numbers("lonlath", lonlath, ("n", 3)).copy()
+        rph = expected.numbers("rph", rph, (len(lonlath), 3))
+        lonlath[:, 2] += self.grid.undulation(lonlath[:, :2])
+        R_t_b = R_ENU_NED @ rotation_from_rph(rph) @ R_FRD_FLU
+        R_m_t = self._R_e_m.T @ rotation_enu_to_ecef(lonlath[:, :2])
+        return Pose(R=R_m_t @ R_t_b, r=self.from_geographic(lonlath))
+
+
+def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
+    """Return the mapping frame at the mean of positions.
+
+    Parameters
+    ----------
+    grid : GridSystem
+    lonlat : ndarray, shape (n, 2)
+        Degrees.
+    """
+    lonlat = expected.numbers("lonlat", lonlat, ("n", 2))
+    expected.some("lonlat", lonlat, "position")
+    on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
+    centre = grid.ecef_from_geographic(on_ellipsoid).mean(axis=0)
+    return MappingFrame(grid=grid, origin=grid.geographic_from_ecef(centre[None])[0, :2])

@@ -1,0 +1,36 @@
+"""Names of what is estimated, and of the axes along which something is off."""
+
+MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
+"""The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
+
+LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
+
+POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
+
+GNSS = ("shift", "drift")
+"""What the errors of GNSS positions may have in common: over a block, and along a strip."""
+
+AXES = ("east", "north", "height")
+"""Axes of the grid, along which GNSS positions are off."""
+
+REPORTED = {
+    "f": ("f_mm", "mm"),
+    "xp": ("xp_mm", "mm"),
+    "yp": ("yp_mm", "mm"),
+    "k1": ("k1", "mm^-2"),
+    "k2": ("k2", "mm^-4"),
+    "k3": ("k3", "mm^-6"),
+    "p1": ("p1", "mm^-1"),
+    "p2": ("p2", "mm^-1"),
+    "b1": ("b1", "1"),
+    "lever_x": ("lever_x_m", "m"),
+    "lever_y": ("lever_y_m", "m"),
+    "lever_z": ("lever_z_m", "m"),
+    "boresight_x": ("boresight_omega_deg", "deg"),
+    "boresight_y": ("boresight_phi_deg", "deg"),
+    "boresight_z": ("boresight_kappa_deg", "deg"),
+}
+"""The library's name of every parameter, and its name and unit in results."""
+
+BORESIGHT_ANGLES = tuple(REPORTED[name][0] for name in BORESIGHT)
+"""The boresight as results have it."""

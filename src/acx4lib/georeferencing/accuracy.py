@@ -1,0 +1,229 @@
+"""What errors at check points say: size, bias, precision, and how sure each of them is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from acx4lib import expected
+from acx4lib.expected import Array
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """Errors at check points, summed up; east, north, height in this order, m.
+
+    Attributes
+    ----------
+    n : int
+        Number of check points.
+    mean, std, rms : tuple of three floats
+        `std` is about the mean with n - 1, `rms` about zero.
+    error_90 : tuple of three floats
+        What 90 % of the absolute errors of an axis do not exceed.
+    plan_90 : float
+        The same for the planimetric resultant.
+    """
+
+    n: int
+    mean: Triple
+    std: Triple
+    rms: Triple
+    error_90: Triple
+    plan_90: float
+
+    def __post_init__(self) -> None:
+        if self.n < 0:
+            msg = f"number of check points must not be negative, got n={self.n}"
+            raise ValueError(msg)
+        expected.three("mean", self.mean)
+        for name in ("std", "rms", "error_90"):
+            sizes(name, getattr(self, name))
+
+    @property
+    def plan_rms(self) -> float:
+        """RMS of the planimetric resultant, m."""
+        return float(np.hypot(self.rms[0], self.rms[1]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisTest:
+    """One statistical test per axis.
+
+    Attributes
+    ----------
+    statistic : tuple of three floats
+        East, north, height.
+    critical : float
+        Largest absolute value that is accepted.
+    """
+
+    statistic: Triple
+    critical: float
+
+    @property
+    def accepted(self) -> tuple[bool, bool, bool]:
+        """Which axes pass; False where the statistic is not a number."""
+        east, north, height = (abs(value) <= self.critical for value in self.statistic)
+        return east, north, height
+
+
+def from_differences(differences: Array) -> Accuracy:
+    """Sum up differences at check points.
+
+    Valid for independent points: one difference per point, not per image pair.
+
+    Parameters
+    ----------
+    differences : ndarray, shape (n, 3)
+        Estimated minus surveyed, east, north, height, m; all finite.
+
+    Returns
+    -------
+    Accuracy
+        With the observed 90 % errors. NaN where n is too small.
+    """
+    d = expected.numbers("differences", differences, ("n", 3))
+    expected.finite("differences", d)
+    n = len(d)
+    nothing = np.full(3, np.nan)
+    return Accuracy(
+        n=n,
+        mean=triple(d.mean(axis=0) if n else nothing),
+        std=triple(d.std(axis=0, ddof=1) if n > 1 else nothing),
+        rms=triple(np.sqrt((d**2).mean(axis=0)) if n else nothing),
+        error_90=triple(_error_90(np.abs(d)) if n else nothing),
+        plan_90=float(_error_90(np.hypot(d[:, 0], d[:, 1]))) if n else np.nan,
+    )
+
+
+def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
+    """Sum up from published statistics, where the differences are not known.
+
+    The 90 % errors are those of normally distributed errors of this RMS, the planimetric one of
+    equal axes: 1.6449 RMS and 2.1460 RMS / sqrt(2) of the resultant.
+
+    Parameters
+    ----------
+    n : int
+        Number of check points.
+    mean, std, rms : tuple of three floats
+        East, north, height, m.
+
+    Returns
+    -------
+    Accuracy
+    """
+    expected.three("rms", rms)
+    axis = np.sqrt(stats.chi2.ppf(0.9, 1)) * np.asarray(rms)
+    plan = np.sqrt(stats.chi2.ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
+    return Accuracy(n=n, mean=mean, std=std, rms=rms, error_90=triple(axis), plan_90=float(plan))
+
+
+def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
+    """Test whether the mean errors are zero (Student).
+
+    Valid for two or more points with normally distributed errors.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+    probability : float
+        Of accepting errors without bias, two-sided.
+
+    Returns
+    -------
+    AxisTest
+        t = mean sqrt(n) / std with n - 1 degrees of freedom.
+    """
+    expected.instance("accuracy", accuracy, Accuracy)
+    expected.probability("probability", probability)
+    if accuracy.n < 2:
+        return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
+    mean, std = np.array(accuracy.mean), np.array(accuracy.std)
+    t = np.divide(mean, std, out=np.copysign(np.inf, mean), where=std > 0)
+    t = np.where(mean == 0.0, 0.0, t) * np.sqrt(accuracy.n)
+    critical = stats.t.ppf(0.5 + probability / 2, accuracy.n - 1)
+    return AxisTest(statistic=triple(t), critical=float(critical))
+
+
+def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 0.9) -> AxisTest:
+    """Test whether the scatter of the errors is no larger than a required one.
+
+    A significant mean (`mean_test`) must be removed or declared first.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+    sigma_0 : tuple of three floats
+        Required standard deviations, m.
+    probability : float
+        Of accepting errors that have just these deviations, one-sided.
+
+    Returns
+    -------
+    AxisTest
+        chi-square = (n - 1) std^2 / sigma_0^2 with n - 1 degrees of freedom.
+    """
+    expected.instance("accuracy", accuracy, Accuracy)
+    expected.three("sigma_0", sigma_0)
+    expected.positive("sigma_0", np.asarray(sigma_0))
+    expected.probability("probability", probability)
+    if accuracy.n < 2:
+        return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
+    dof = accuracy.n - 1
+    statistic = dof * (np.array(accuracy.std) / np.array(sigma_0)) ** 2
+    return AxisTest(statistic=triple(statistic), critical=float(stats.chi2.ppf(probability, dof)))
+
+
+def rms_interval(rms: float, n: int, *, probability: float = 0.95) -> tuple[float, float]:
+    """Compute the confidence interval of an RMS found at n points.
+
+    Valid for independent, normally distributed errors without bias.
+
+    Parameters
+    ----------
+    rms : float
+        In any unit.
+    n : int
+        Number of errors.
+    probability : float
+        Of the interval, two-sided.
+
+    Returns
+    -------
+    lower, upper : float
+        In the unit of `rms`; NaN for n = 0.
+    """
+    expected.size("rms", rms)
+    expected.whole("n", n, least=0)
+    expected.probability("probability", probability)
+    if n < 1:
+        return np.nan, np.nan
+    tail = (1 - probability) / 2
+    small, large = float(stats.chi2.ppf(tail, n)), float(stats.chi2.ppf(1 - tail, n))
+    return rms * np.sqrt(n / large), rms * np.sqrt(n / small)
+
+
+def _error_90(size: Array) -> Array:
+    """Return the smallest size that 90 % of the rows do not exceed."""
+    rank = int(np.ceil(0.9 * len(size) - 1e-9))
+    found: Array = np.sort(size, axis=0)[rank - 1]
+    return found
+
+
+def sizes(name: str, values: Triple) -> None:
+    """Raise where values are not three sizes of errors; those not known are NaN."""
+    expected.three(name, values)
+    expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
+
+
+def triple(values: Iterable[float]) -> Triple:
+    """Return three values of any kind as east, north, height."""
+    east, north, height = map(float, values)
+    return east, north, height

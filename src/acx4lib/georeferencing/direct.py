@@ -1,0 +1,285 @@
+"""Direct georeferencing: eq. (14) applied with known mountings, and intersection of its rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block, mountings
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.collinearity import (
+    Measurement,
+    as_seen,
+    directions,
+    image_derivatives,
+    mounted_jacobian,
+)
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.intersection import intersect
+from acx4lib.least_squares.covariance import propagate
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Georeferenced:
+    """Camera poses that the trajectory and a calibration give.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        Calibrated, in the order of the block's cameras.
+    T_m_c : Pose
+        One per image.
+    by_body : ndarray, shape (n_images, 6, 6)
+        d(camera pose) / d(body pose).
+    by_parameters : ndarray, shape (n_images, 6, n)
+        d(camera pose) / d(columns of the calibration).
+    interior_columns : ndarray, shape (n_cameras, 9)
+        Columns of the calibration, -1 where held.
+    cov_body : ndarray, shape (n_exposures, 6, 6)
+        Of the trajectory.
+    cov_parameters : ndarray, shape (n, n)
+    """
+
+    cameras: tuple[Camera, ...]
+    T_m_c: Pose
+    by_body: Array
+    by_parameters: Array
+    interior_columns: Index
+    cov_body: Array
+    cov_parameters: Array
+
+
+def georeference(block: Block, calibration: Calibration) -> Georeferenced:
+    """Return the camera poses of a block by eq. (14), with all that their errors depend on.
+
+    Parameters
+    ----------
+    block : Block
+    calibration : Calibration
+        Must have every camera of the block.
+
+    Raises
+    ------
+    ValueError
+        Where the calibration lacks a camera.
+    """
+    expected.instance("block", block, Block)
+    expected.instance("calibration", calibration, Calibration)
+    names = [camera.name for camera in calibration.cameras]
+    missing = [camera.name for camera in block.cameras if camera.name not in names]
+    if missing:
+        msg = f"the calibration has no camera {', '.join(missing)}"
+        raise ValueError(msg)
+    which = np.array([names.index(camera.name) for camera in block.cameras])
+    cameras = tuple(calibration.cameras[k] for k in which)
+    camera_idx = block.images.camera_idx
+    T_b_c = mountings(cameras)[camera_idx]
+    by_body, by_mount = mounted_jacobian(block.T_m_b_images, T_b_c)
+    mount = calibration.layout.mount[which][camera_idx]
+    by_parameters = np.zeros((len(camera_idx), 6, calibration.n_columns + 1))
+    np.put_along_axis(
+        by_parameters, np.broadcast_to(mount[:, None, :], by_mount.shape), by_mount, axis=2
+    )
+    return Georeferenced(
+        cameras=cameras,
+        T_m_c=block.T_m_b_images @ T_b_c,
+        by_body=by_body,
+        by_parameters=by_parameters[:, :, :-1],
+        interior_columns=calibration.layout.interior[which],
+        cov_body=block.trajectory.cov,
+        cov_parameters=calibration.cov,
+    )
+
+
+def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
+    """Return the covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
+    g = georeferenced
+    own = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
+    return own + propagate(g.by_parameters, g.cov_parameters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rays:
+    """Measurements to intersect, sorted into groups; every group is one intersection.
+
+    Attributes
+    ----------
+    image_idx : ndarray, shape (n,)
+    group : ndarray, shape (n,)
+        Ascending from zero.
+    colrow : ndarray, shape (n, 2)
+    sigma_px : ndarray, shape (n,)
+    """
+
+    image_idx: Index
+    group: Index
+    colrow: Array
+    sigma_px: Array
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("image_idx", self.image_idx)
+        n = len(self.image_idx)
+        expected.whole_numbers("group", self.group, (n,))
+        expected.shape("colrow", self.colrow, (n, 2))
+        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.positive("sigma_px", self.sigma_px)
+        if n and (self.group[0] < 0 or np.any(np.diff(self.group) < 0)):
+            msg = f"group: expected ascending numbers from zero, got {self.group.tolist()[:10]} ..."
+            raise ValueError(msg)
+
+    @property
+    def n_groups(self) -> int:
+        """Number of intersections."""
+        return int(self.group.max(initial=-1)) + 1
+
+    def select(self, rows: Index, group: Index) -> Rays:
+        """Return some of the measurements in groups of their own."""
+        return Rays(
+            image_idx=self.image_idx[rows],
+            group=group,
+            colrow=self.colrow[rows],
+            sigma_px=self.sigma_px[rows],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intersections:
+    """Intersected points and how their errors come about.
+
+    Attributes
+    ----------
+    x_m : ndarray, shape (n_groups, 3)
+        m.
+    v : ndarray, shape (n, 2)
+        Residuals, px.
+    cov : ndarray, shape (n_groups, 3, 3)
+        A priori: image points, trajectory and calibration.
+    by_parameters : ndarray, shape (n_groups, 3, n)
+        d(point) / d(columns of the calibration).
+    cov_v : ndarray, shape (n, 2, 2)
+        Covariance of the misclosures of single rays: image point and trajectory.
+    by_point : ndarray, shape (n, 2, 3)
+        d(v) / d(point).
+    """
+
+    x_m: Array
+    v: Array
+    cov: Array
+    by_parameters: Array
+    cov_v: Array
+    by_point: Array
+
+
+def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Measurement:
+    """Return measurements with the cameras and poses of direct georeferencing."""
+    return Measurement(
+        cameras=georeferenced.cameras,
+        camera_idx=block.images.camera_idx[selected.image_idx],
+        T_m_c=georeferenced.T_m_c[selected.image_idx],
+        colrow=selected.colrow,
+    )
+
+
+def intersect_rays(
+    block: Block,
+    georeferenced: Georeferenced,
+    selected: Rays,
+    *,
+    weights: Array | None = None,
+    refraction: str = "none",
+) -> Intersections:
+    """Intersect groups of rays: least squares of the image residuals.
+
+    Parameters
+    ----------
+    block : Block
+    georeferenced : Georeferenced
+    selected : Rays
+    weights : ndarray, shape (n, 2, 2), optional
+        By default from sigma_px.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Intersections
+        NaN where rays do not meet in front of the cameras.
+
+    Raises
+    ------
+    ValueError
+        For images that the block does not have, or weights of another shape.
+    """
+    expected.places("selected.image_idx", selected.image_idx, len(block.images))
+    if weights is not None:
+        expected.shape("weights", weights, (len(selected.group), 2, 2))
+    seen = measured(block, georeferenced, selected)
+    P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
+    x_m = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
+    for _ in range(20):
+        at = as_seen(seen.T_m_c.r, x_m[selected.group], refraction=refraction)
+        v, by_interior, by_pose, B = image_derivatives(seen, at)
+        normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
+        right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
+        bad = ~np.all(np.isfinite(normal), axis=(1, 2))
+        normal[bad] = np.eye(3)
+        bad |= ~np.isfinite(np.linalg.cond(normal)) | (np.linalg.det(normal) <= 0)
+        normal[bad] = np.eye(3)
+        step = -np.linalg.solve(normal, right[..., None])[..., 0]
+        step[bad] = np.nan
+        x_m = x_m + step
+        if not np.any(np.abs(step) > 1e-9):
+            break
+    gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
+    cov, by_parameters = _propagated(
+        block, georeferenced, selected, gain, by_interior=by_interior, by_pose=by_pose
+    )
+    cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
+    by_body = by_pose @ georeferenced.by_body[selected.image_idx]
+    exposure = block.images.exposure_idx[selected.image_idx]
+    cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
+    return Intersections(
+        x_m=x_m, v=v, cov=cov, by_parameters=by_parameters, cov_v=cov_v, by_point=B
+    )
+
+
+def _summed(values: Array, selected: Rays) -> Array:
+    out = np.zeros((selected.n_groups, *values.shape[1:]))
+    np.add.at(out, selected.group, values)
+    return out
+
+
+def _propagated(
+    block: Block,
+    georeferenced: Georeferenced,
+    selected: Rays,
+    gain: Array,
+    *,
+    by_interior: Array,
+    by_pose: Array,
+) -> tuple[Array, Array]:
+    """Carry image noise, trajectory and calibration through the gains d(point) / d(v)."""
+    g, image_idx = georeferenced, selected.image_idx
+    from_image = _summed(
+        gain @ np.swapaxes(gain, 1, 2) * selected.sigma_px[:, None, None] ** 2, selected
+    )
+    # rays of one exposure share its trajectory error: sum their sensitivities first
+    exposure = block.images.exposure_idx[image_idx]
+    keys, shared = np.unique(
+        np.column_stack([selected.group, exposure]), axis=0, return_inverse=True
+    )
+    by_body = np.zeros((len(keys), 3, 6))
+    np.add.at(by_body, shared.ravel(), gain @ by_pose @ g.by_body[image_idx])
+    cov = from_image
+    np.add.at(cov, keys[:, 0], propagate(by_body, g.cov_body[keys[:, 1]]))
+    by_column = by_pose @ g.by_parameters[image_idx]
+    columns = g.interior_columns[block.images.camera_idx[image_idx]]
+    padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
+    at = np.broadcast_to(columns[:, None, :], by_interior.shape)
+    np.put_along_axis(padded, at, by_interior, axis=2)
+    by_parameters = _summed(gain @ padded[:, :, :-1], selected)
+    return cov + propagate(by_parameters, g.cov_parameters), by_parameters

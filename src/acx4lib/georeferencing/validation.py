@@ -1,0 +1,346 @@
+"""Validation on check points by direct georeferencing (section 4.3, Table 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import SMALLEST_ANGLE
+from acx4lib.bundle.gross_errors.absurd_control import elsewhere
+from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
+from acx4lib.geometry.intersection import intersect, largest_angles
+from acx4lib.georeferencing.direct import (
+    Georeferenced,
+    Intersections,
+    Rays,
+    georeference,
+    intersect_rays,
+    measured,
+)
+from acx4lib.least_squares.adjustment import two_sided_p
+from acx4lib.least_squares.covariance import propagate
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Differences:
+    """Estimated less surveyed coordinates along the axes of the flight's CRS.
+
+    Attributes
+    ----------
+    point_idx : ndarray, shape (n,)
+        Into the block's check points.
+    image_idx : ndarray, shape (n, 2)
+        First and last image of the intersection.
+    n_images : ndarray, shape (n,)
+    d, sigma : ndarray, shape (n, 3)
+        East, north, height, m; sigma a priori.
+    by_parameters : ndarray, shape (n, 3, n_columns)
+        d(estimated) / d(columns of the calibration), mapping axes.
+    """
+
+    point_idx: Index
+    image_idx: Index
+    n_images: Index
+    d: Array
+    sigma: Array
+    by_parameters: Array
+
+    def __len__(self) -> int:
+        """Count the differences."""
+        return len(self.d)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Validation:
+    """Check points of a block under one method's parameters.
+
+    Attributes
+    ----------
+    method : str
+    block : Block
+    georeferenced : Georeferenced
+    pairs : Differences
+        One per pair of images.
+    points : Differences
+        One per point, from all its rays.
+    rejected : tuple of Rejection
+        A control point is one of the block's check points.
+    n_failed : int
+        Pairs whose rays meet at less than 2 degrees, or behind the cameras.
+    n_left_out : int
+        Check points in fewer than two images, or whose rays meet behind the cameras.
+    cost : float
+        Weighted sum of squared residuals of all points' rays, the trajectory's sigma included.
+    redundancy : int
+    """
+
+    method: str
+    block: Block
+    georeferenced: Georeferenced
+    pairs: Differences
+    points: Differences
+    rejected: tuple[Rejection, ...]
+    n_failed: int
+    n_left_out: int
+    cost: float
+    redundancy: int
+
+    @property
+    def n_observations(self) -> int:
+        """Number of image coordinates of the points."""
+        return self.redundancy + 3 * len(self.points)
+
+    @property
+    def sigma0_sq(self) -> float:
+        """Variance of unit weight; one where there is no redundancy."""
+        return self.cost / self.redundancy if self.redundancy > 0 else 1.0
+
+    @property
+    def chi_square_p(self) -> float:
+        """Two-sided probability of a cost as far from its expectation."""
+        return two_sided_p(self.cost, self.redundancy)
+
+
+def validate(
+    block: Block, calibration: Calibration, *, method: str, refraction: str = "none"
+) -> Validation:
+    """Intersect every check point pair by pair and from all rays, and compare.
+
+    A measurement that does not fit the point's other rays, three or more in all, is taken out
+    first, and so is a check point that was surveyed nowhere near where its rays meet, while the
+    others were.
+
+    Parameters
+    ----------
+    block : Block
+        Its check points are compared.
+    calibration : Calibration
+    method : str
+        Name of the calibration in the results; it chooses nothing.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    ValueError
+        Where the calibration lacks a camera, or for a name that results cannot hold.
+    """
+    expected.one_of("refraction", refraction, REFRACTION)
+    expected.text("method", method)
+    if not method or "/" in method:
+        msg = f"method: expected a name without '/', got {method!r}"
+        raise ValueError(msg)
+    georeferenced = georeference(block, calibration)
+    rows, selected = _check_measurements(block)
+    kept, statistic = _fitting(block, georeferenced, selected, refraction)
+    rejected = tuple(
+        Rejection(kind="image_point", row=int(rows[i]), component=-1, statistic=float(statistic[i]))
+        for i in np.flatnonzero(~kept)
+    )
+    selected = selected.select(np.flatnonzero(kept), selected.group[kept])
+    seen = measured(block, georeferenced, selected)
+    absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
+    if absurd.any():
+        rejected += _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
+        kept = ~absurd[selected.group]
+        selected = selected.select(np.flatnonzero(kept), selected.group[kept])
+    pairs, n_failed = _pairs(block, georeferenced, selected)
+    met = np.zeros(len(block.check), dtype=bool)
+    met[: selected.n_groups] = _meet(measured(block, georeferenced, selected), selected)
+    points = _renumbered(selected, met)
+    P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
+    return Validation(
+        method=method,
+        block=block,
+        georeferenced=georeferenced,
+        pairs=_differences(block, georeferenced, *pairs, refraction),
+        points=_differences(block, georeferenced, *points, refraction),
+        rejected=rejected,
+        n_failed=n_failed,
+        n_left_out=int(np.sum(~met & ~absurd)),
+        cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
+        redundancy=fit.v.size - 3 * points[0].n_groups,
+    )
+
+
+def _check_measurements(block: Block) -> tuple[Index, Rays]:
+    """Return the measurements of check points, sorted by point and image; group = check point."""
+    which = np.full(len(block.points), -1)
+    which[block.check.point_idx] = np.arange(len(block.check))
+    points = block.image_points
+    rows = np.flatnonzero((which[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
+    rows = rows[np.lexsort((points.image_idx[rows], which[points.point_idx[rows]]))]
+    return rows, Rays(
+        image_idx=points.image_idx[rows],
+        group=which[points.point_idx[rows]],
+        colrow=points.colrow[rows],
+        sigma_px=points.sigma_px[rows],
+    )
+
+
+def _fitting(
+    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
+) -> tuple[Mask, Array]:
+    """Return which measurements fit the other rays of their point, and the w of those that do not.
+
+    The trajectory's sigma is part of the test.
+    """
+    kept = np.ones(len(selected.group), dtype=bool)
+    statistic = np.zeros(len(selected.group))
+    while True:
+        counts = np.bincount(selected.group[kept], minlength=len(block.check))
+        testable = np.flatnonzero(kept & (counts >= 3)[selected.group])
+        if len(testable) == 0:
+            return kept, statistic
+        _, group = np.unique(selected.group[testable], return_inverse=True)
+        w = _w(block, georeferenced, selected.select(testable, group), refraction)
+        worst = np.zeros(group.max() + 1)
+        np.maximum.at(worst, group, w)
+        out = (w == worst[group]) & (w > CRITICAL)
+        if not out.any():
+            return kept, statistic
+        kept[testable[out]] = False
+        statistic[testable[out]] = w[out]
+
+
+def _surveyed_nowhere(
+    block: Block, georeferenced: Georeferenced, selected: Rays, absurd: Mask, refraction: str
+) -> tuple[Rejection, ...]:
+    """Return the rejections of check points, each with the largest of its three w."""
+    rays, idx = _renumbered(selected, absurd)
+    found = _differences(block, georeferenced, rays, idx, refraction)
+    w = np.max(np.abs(found.d) / found.sigma, axis=1)
+    return tuple(
+        Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
+        for i, statistic in zip(idx, w, strict=True)
+    )
+
+
+def _weighted_fit(
+    block: Block, georeferenced: Georeferenced, group: Rays, refraction: str
+) -> tuple[Array, Intersections]:
+    """Intersect with weights that have the trajectory's part."""
+    first = intersect_rays(block, georeferenced, group, refraction=refraction)
+    P = np.linalg.inv(first.cov_v)
+    return P, intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
+
+
+def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str) -> Array:
+    """Return the larger of the two standardised residuals of every measurement, shape (n,)."""
+    P, fit = _weighted_fit(block, georeferenced, group, refraction)
+    B = fit.by_point
+    normal = np.zeros((group.n_groups, 3, 3))
+    np.add.at(normal, group.group, np.swapaxes(B, 1, 2) @ P @ B)
+    cov_v = fit.cov_v - B @ np.linalg.inv(normal)[group.group] @ np.swapaxes(B, 1, 2)
+    Pv = np.einsum("nij,nj->ni", P, fit.v)
+    # Baarda's w for correlated observations: P v over the root of its own variance
+    variance = np.diagonal(P @ cov_v @ P, axis1=1, axis2=2)
+    controlled = variance > 1e-6 * np.diagonal(P, axis1=1, axis2=2)
+    w = np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf))
+    return np.nan_to_num(w.max(axis=1))
+
+
+def _pairs(
+    block: Block, georeferenced: Georeferenced, selected: Rays
+) -> tuple[tuple[Rays, Index], int]:
+    """Return all pairs of rays of every point that meet, at 2 degrees or more."""
+    a, b = _all_pairs(selected.group)
+    group = np.repeat(np.arange(len(a)), 2)
+    paired = selected.select(np.column_stack([a, b]).ravel(), group)
+    seen = measured(block, georeferenced, paired)
+    angle = largest_angles(directions(seen), group, len(a))
+    good = (angle >= SMALLEST_ANGLE) & _meet(seen, paired)
+    rows = np.column_stack([a[good], b[good]]).ravel()
+    group = np.repeat(np.arange(int(good.sum())), 2)
+    return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
+
+
+def _meet(seen: Measurement, selected: Rays) -> Mask:
+    """Tell which groups of rays meet, in front of all their cameras."""
+    d = directions(seen)
+    x_m = intersect(seen.T_m_c.r, d, selected.group, selected.n_groups)
+    along = np.sum((x_m[selected.group] - seen.T_m_c.r) * d, axis=1)
+    out = np.bincount(selected.group, minlength=selected.n_groups) > 0
+    out[selected.group[~(along > 0)]] = False
+    return out
+
+
+def _all_pairs(group: Index) -> tuple[Index, Index]:
+    """Return the rows of every pair within the groups; rows are sorted by group."""
+    counts = np.bincount(group)
+    starts = np.cumsum(counts) - counts
+    pairs = [
+        start + np.stack(np.triu_indices(count, 1))
+        for start, count in zip(starts, counts, strict=True)
+    ]
+    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.intp)
+    return both[0], both[1]
+
+
+def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
+    """Return the rays of some check points in groups without gaps, and the points."""
+    rows = np.flatnonzero(keep[selected.group])
+    points, group = np.unique(selected.group[rows], return_inverse=True)
+    return selected.select(rows, group), points
+
+
+def _differences(
+    block: Block,
+    georeferenced: Georeferenced,
+    selected: Rays,
+    check_idx: Index,
+    refraction: str,
+) -> Differences:
+    found = intersect_rays(block, georeferenced, selected, refraction=refraction)
+    d, sigma = compare(block, found.x_m, found.cov, check_idx)
+    groups = np.arange(len(check_idx))
+    starts = np.searchsorted(selected.group, groups)
+    ends = np.searchsorted(selected.group, groups, side="right")
+    return Differences(
+        point_idx=check_idx,
+        image_idx=np.column_stack([selected.image_idx[starts], selected.image_idx[ends - 1]]),
+        n_images=ends - starts,
+        d=d,
+        sigma=sigma,
+        by_parameters=found.by_parameters,
+    )
+
+
+def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Array, Array]:
+    """Return estimated less surveyed coordinates of check points and their sigma.
+
+    Parameters
+    ----------
+    block : Block
+    x_m : ndarray, shape (n, 3)
+        Estimated, mapping frame.
+    cov : ndarray, shape (n, 3, 3)
+        Of the estimates, m^2.
+    check_idx : ndarray, shape (n,)
+        Into `block.check`.
+
+    Returns
+    -------
+    d, sigma : ndarray, shape (n, 3)
+        East, north, height in the flight's CRS, m; sigma has the survey's part.
+    """
+    x_m = expected.numbers("x_m", x_m, ("n", 3))
+    expected.shape("cov", cov, (len(x_m), 3, 3))
+    expected.whole_numbers("check_idx", check_idx, (len(x_m),))
+    expected.places("check_idx", check_idx, len(block.check))
+    check: SurveyedPoints = block.check[check_idx]
+    met = np.isfinite(x_m).all(axis=1)
+    d = np.full((len(x_m), 3), np.nan)
+    d[met] = block.frame.to_grid(x_m[met]) - block.frame.to_grid(check.x_m[met])
+    cov_grid = propagate(check.R_g_m, cov)
+    return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)

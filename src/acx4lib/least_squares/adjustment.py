@@ -1,0 +1,349 @@
+"""Least squares that knows no camera.
+
+Unknowns are of two kinds: the columns of the reduced system, and points, three coordinates each,
+which the observations meet only in small groups and which are eliminated by the Schur
+complement. A `Problem` says what its observations are at a state; everything else is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from typing import Protocol, TypeVar
+
+import numpy as np
+from scipy import stats
+from threadpoolctl import ThreadpoolController
+
+from acx4lib import expected
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.dense import Inverse
+from acx4lib.least_squares.normal_equations import (
+    Equations,
+    Group,
+    PlainNormals,
+    Precision,
+    point_normals,
+    strips,
+)
+
+S = TypeVar("S")
+
+STEADY = 0.003
+"""Steps are not trusted to shrink by more than this factor from one to the next."""
+
+
+class Problem(Protocol[S]):
+    """What an adjustment has to know of its application.
+
+    A problem may also have a method ``normals(state, damping)`` that returns `Normals` of its
+    own; otherwise they are assembled from its equations.
+    """
+
+    @property
+    def n_columns(self) -> int:
+        """Number of reduced unknowns."""
+        ...
+
+    @property
+    def n_points(self) -> int:
+        """Number of points, free or held."""
+        ...
+
+    @property
+    def free_points(self) -> Mask:
+        """Which points are unknowns."""
+        ...
+
+    def equations(self, state: S) -> Sequence[Equations]:
+        """Linearise at a state; NaN in the residuals of a state that cannot be."""
+        ...
+
+    def moved(self, state: S, dx: Array, dp: Array) -> S:
+        """Return the state after a step in the columns and in the points."""
+        ...
+
+    def column_names(self) -> Sequence[str]:
+        """Return a name per column, for messages."""
+        ...
+
+
+class Normals(Protocol):
+    """Normal equations of a problem at one state."""
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals; infinite for a state that cannot be."""
+        ...
+
+    @property
+    def n_observations(self) -> int:
+        """Components that take part."""
+        ...
+
+    def step(self) -> tuple[Array, Array, float]:
+        """Return the step of columns and points and the decrease of cost that it predicts."""
+        ...
+
+    def precision(self) -> Precision:
+        """Return covariances, redundancy numbers and tests, undamped."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """A least-squares solution and its quality.
+
+    Attributes
+    ----------
+    cost : float
+        Weighted sum of squared residuals.
+    iterations : int
+    n_observations, n_unknowns : int
+    inverse : Inverse
+        Of the reduced normal matrix: the covariance of the reduced unknowns for unit weight one
+        (a priori), and what they leave open.
+    cov_points : ndarray, shape (n_points, 3, 3)
+        A priori; zero for points that are held.
+    groups : tuple of Group
+    """
+
+    cost: float
+    iterations: int
+    n_observations: int
+    n_unknowns: int
+    inverse: Inverse
+    cov_points: Array
+    groups: tuple[Group, ...]
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of the reduced unknowns, a priori, shape (n_columns, n_columns).
+
+        In blocks of a thousand images it is large; `inverse.at` then returns parts of it.
+        """
+        return self.inverse.dense
+
+    @property
+    def defect(self) -> int:
+        """Number of directions of the unknowns that the observations leave open."""
+        return self.inverse.defect
+
+    @property
+    def undetermined(self) -> Mask:
+        """Columns with a part in a direction that is left open, shape (n_columns,)."""
+        return self.inverse.undetermined
+
+    @property
+    def condition(self) -> float:
+        """Condition of the scaled reduced normal matrix."""
+        return self.inverse.condition
+
+    @property
+    def weakest(self) -> Array:
+        """Its eigenvector with the smallest eigenvalue, in scaled unknowns."""
+        return self.inverse.weakest
+
+    @property
+    def redundancy(self) -> int:
+        """Degrees of freedom."""
+        return self.n_observations - self.n_unknowns + self.defect
+
+    @property
+    def sigma0_sq(self) -> float:
+        """A posteriori variance of unit weight; one where there is no redundancy."""
+        return self.cost / self.redundancy if self.redundancy > 0 else 1.0
+
+    @property
+    def chi_square_p(self) -> float:
+        """Two-sided probability of a cost as far from its expectation, were the weights right."""
+        return two_sided_p(self.cost, self.redundancy)
+
+    def group(self, kind: str) -> Group:
+        """Return the residuals of one kind."""
+        expected.one_of("kind", kind, [g.kind for g in self.groups])
+        return next(g for g in self.groups if g.kind == kind)
+
+
+def two_sided_p(cost: float, redundancy: int) -> float:
+    """Return the probability of a chi-square variable as far out; one without redundancy."""
+    if redundancy <= 0:
+        return 1.0
+    return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
+
+
+def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
+    """Return the normal equations of a problem at a state, its own where it has them."""
+    own: Callable[[S, float], Normals] | None = getattr(problem, "normals", None)
+    if own is not None:
+        return own(state, damping)
+    return PlainNormals(
+        n_columns=problem.n_columns,
+        free_points=problem.free_points,
+        equations=problem.equations(state),
+        damping=damping,
+    )
+
+
+def solve(
+    problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-5
+) -> tuple[S, Solution]:
+    """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : start values
+    max_iterations : int
+    tolerance : float
+        In standard deviations of the unknowns: of the step that would come next.
+
+    Returns
+    -------
+    state, solution
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge, or observations are fewer than unknowns.
+
+    Notes
+    -----
+    Converged when the next full step would move the unknowns by less than `tolerance`, as far as
+    the last two tell, or when rounding lets no step reduce the cost any more.
+    """
+    expected.whole("max_iterations", max_iterations)
+    expected.positive_number("tolerance", tolerance)
+    with on_one_thread():
+        state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
+        precision = at_state.precision()
+    return state, Solution(
+        cost=at_state.cost,
+        iterations=iterations,
+        n_observations=at_state.n_observations,
+        n_unknowns=_n_unknowns(problem),
+        inverse=precision.inverse,
+        cov_points=precision.cov_points,
+        groups=precision.groups,
+    )
+
+
+def on_one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra takes one thread.
+
+    The matrices of an adjustment are small, or banded: more threads cost more than they bring.
+    """
+    limit: AbstractContextManager[object] = _blas().limit(limits=1, user_api="blas")
+    return limit
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Return the libraries of linear algebra in this process; looking for them takes a while."""
+    return ThreadpoolController()
+
+
+def _iterate(
+    problem: Problem[S], state: S, max_iterations: int, tolerance: float
+) -> tuple[S, Normals, int]:
+    """Return the state of least cost, the normal equations there, and the number of steps."""
+    here, damping, before = normals(problem, state), 0.0, 0.0
+    if not np.isfinite(here.cost):
+        msg = "the start values leave points behind a camera or at infinity"
+        raise AdjustmentError(msg)
+    degrees = _degrees_of_freedom(problem, here)
+    for iteration in range(1, max_iterations + 1):
+        unit = here.cost / max(degrees, 1)
+        descent = _descend(problem, state, here, damping=damping, unit=unit)
+        if descent is None:
+            return state, normals(problem, state) if damping else here, iteration
+        state, here, used, decrement = descent
+        shrinking = max(decrement / before, STEADY**2) if before > decrement else 1.0
+        if used == 0.0 and shrinking * decrement <= tolerance**2 * unit:
+            return state, here, iteration
+        before, damping = decrement, _less(used)
+    msg = f"no convergence after {max_iterations} iterations{_left_open(problem, state)}"
+    raise AdjustmentError(msg)
+
+
+def _descend(
+    problem: Problem[S], state: S, here: Normals, *, damping: float, unit: float
+) -> tuple[S, Normals, float, float] | None:
+    """Damp until a step reduces the cost; None where only rounding is left to reduce.
+
+    Returns the new state with its normal equations, the damping that it took, and the decrease
+    that was predicted.
+    """
+    cost = here.cost
+    while damping <= 1e12:
+        dx, dp, decrement = here.step()
+        trial = problem.moved(state, dx, dp)
+        there = normals(problem, trial, _less(damping))
+        if there.cost <= cost:
+            return trial, there, damping, decrement
+        # a damped step may also be small because the derivatives are wrong
+        little = max(1e-6 * unit, 1e-14)
+        if decrement <= little:
+            undamped = normals(problem, state).step()[2] if damping else decrement
+            if undamped <= max(1e-4 * unit, 1e-14):
+                # so near the minimum the step is better known than the cost
+                as_good = damping == 0.0 and there.cost <= cost + little
+                return (trial, there, 0.0, 0.0) if as_good else None
+        damping = max(10 * damping, 1e-6)
+        here = normals(problem, state, damping)
+    msg = "no step reduces the cost any more"
+    raise AdjustmentError(msg)
+
+
+def _left_open(problem: Problem[S], state: S) -> str:
+    """Return which unknowns the observations leave open, for a message; empty for none."""
+    undetermined = normals(problem, state).precision().inverse.undetermined
+    names = np.array(problem.column_names(), dtype=object)[undetermined].tolist()
+    if not names:
+        return ""
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"; the observations leave open {', '.join(names[:4])}{more}"
+
+
+def _less(damping: float) -> float:
+    """Return the damping to go on with after a step that went well."""
+    return damping / 10 if damping > 1e-8 else 0.0
+
+
+def _n_unknowns(problem: Problem[S]) -> int:
+    return problem.n_columns + 3 * int(problem.free_points.sum())
+
+
+def _degrees_of_freedom(problem: Problem[S], at_state: Normals) -> int:
+    n_observations, n_unknowns = at_state.n_observations, _n_unknowns(problem)
+    if n_observations < n_unknowns:
+        msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
+        raise AdjustmentError(msg)
+    return n_observations - n_unknowns
+
+
+def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
+    """Return the a priori covariance of some points with the reduced unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : the solution's
+    solution : Solution
+    points : ndarray, shape (k,)
+
+    Returns
+    -------
+    ndarray, shape (k, 3, n_columns)
+    """
+    equations = problem.equations(state)
+    V, _ = point_normals(problem.free_points, equations)
+    out = np.zeros((len(points), 3, problem.n_columns))
+    for chunk, strip in strips(problem.n_columns, problem.free_points, equations):
+        here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
+        gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
+        out[here] = -gain @ solution.cov
+    return out

@@ -1,0 +1,286 @@
+"""Reduced normal equations of large blocks: a border, and a band.
+
+The *border* are columns that touch everything; the poses, six columns each, touch their
+neighbours. Of the inverse only the border and the band are computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.dense import SINGULAR
+
+LARGEST_DENSE = 4000
+"""Unknowns beyond which a singular system is not examined any more."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bordered:
+    """Normal equations of a border and of poses in an order that keeps neighbours close.
+
+    Attributes
+    ----------
+    P : ndarray, shape (n_poses, band, 6, 6)
+        Pose i against pose i + d.
+    C : ndarray, shape (n_border, 6 n_poses)
+    D : ndarray, shape (n_border, n_border)
+    g : ndarray, shape (n_border + 6 n_poses,)
+    diagonal : ndarray, shape (n_border + 6 n_poses,)
+        Before points were eliminated.
+    """
+
+    P: Array
+    C: Array
+    D: Array
+    g: Array
+    diagonal: Array
+
+    def dense(self) -> Array:
+        """Return the whole matrix, lower triangle and upper."""
+        m, n = self.C.shape
+        N = np.zeros((m + n, m + n))
+        N[:m, :m], N[m:, :m] = self.D, self.C.T
+        N[:m, m:] = self.C
+        for i, blocks in enumerate(self.P):
+            a = m + 6 * i
+            row = np.swapaxes(blocks[: len(self.P) - i], 0, 1).reshape(6, -1)
+            b = a + row.shape[1]
+            N[a : a + 6, a:b] = row
+            N[a:b, a : a + 6] = row.T
+        return N
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BorderedCovariance:
+    """The part of a covariance matrix that belongs to a border and a band.
+
+    Attributes
+    ----------
+    P, C, D : ndarray
+        Like those of `Bordered`.
+    """
+
+    P: Array
+    C: Array
+    D: Array
+
+    @classmethod
+    def of(cls, cov: Array, n_border: int, band: int) -> BorderedCovariance:
+        """Cut it out of a dense matrix."""
+        m, n_poses = n_border, (len(cov) - n_border) // 6
+        P = np.zeros((n_poses, band, 6, 6))
+        blocks = cov[m:, m:].reshape(n_poses, 6, n_poses, 6)
+        for d in range(band):
+            i = np.arange(n_poses - d)
+            P[i, d] = blocks[i, :, i + d, :]
+        return cls(P=P, C=cov[:m, m:], D=cov[:m, :m])
+
+
+class Banded:
+    """A bordered system, factored: the band by Cholesky, the border by its Schur complement.
+
+    Raises
+    ------
+    LinAlgError
+        Where the band or the border is not positive definite.
+    """
+
+    def __init__(self, system: Bordered) -> None:
+        m = len(system.D)
+        self.system = system
+        self.scale = 1 / np.sqrt(np.where(system.diagonal > 0, system.diagonal, 1.0))
+        self.band = linalg.cholesky_banded(
+            _lower_band(system.P, self.scale[m:]), lower=True, overwrite_ab=True
+        )
+        C = system.C * self.scale[:m, None] * self.scale[m:]
+        self.X = linalg.cho_solve_banded((self.band, True), C.T)
+        corner = system.D * self.scale[:m, None] * self.scale[:m] - C @ self.X
+        self.corner = linalg.cholesky(corner, lower=True) if m else np.zeros((0, 0))
+        pivots = np.concatenate([self.band[0], np.diagonal(self.corner)])
+        if np.min(pivots) ** 2 <= SINGULAR:
+            msg = "singular to working precision"
+            raise linalg.LinAlgError(msg)
+
+    def _solve_scaled(self, g: Array) -> Array:
+        m = len(self.corner)
+        border = linalg.cho_solve((self.corner, True), g[:m] - self.X.T @ g[m:]) if m else g[:0]
+        poses = linalg.cho_solve_banded((self.band, True), g[m:]) - self.X @ border
+        return np.concatenate([border, poses])
+
+    def solve(self, g: Array) -> Array:
+        """Return the solution, g of shape (n,) or (n, k)."""
+        scale = self.scale if g.ndim == 1 else self.scale[:, None]
+        return scale * self._solve_scaled(scale * g)
+
+    def inverse(self) -> BorderedCovariance:
+        """Return border and band of the inverse."""
+        m, n_poses = len(self.corner), len(self.system.P)
+        D = linalg.cho_solve((self.corner, True), np.eye(m)) if m else np.zeros((0, 0))
+        C = -D @ self.X.T
+        P = _selected_inverse(self.band, n_poses, self.system.P.shape[1])
+        X = self.X.reshape(n_poses, 6, m)
+        scale = self.scale[m:].reshape(n_poses, 6)
+        for d in range(P.shape[1]):
+            i = np.arange(n_poses - d)
+            P[i, d] += (X[i] @ D) @ np.swapaxes(X[i + d], 1, 2)
+            P[i, d] *= scale[i, :, None] * scale[i + d, None, :]
+        border = self.scale[:m]
+        return BorderedCovariance(
+            P=P, C=C * border[:, None] * self.scale[m:], D=D * border[:, None] * border
+        )
+
+    def spectrum(self) -> tuple[float, Array]:
+        """Return the condition of the scaled matrix and its weakest eigenvector."""
+        n = len(self.scale)
+        start = np.ones(n) / np.sqrt(n)
+        inverse = LinearOperator((n, n), matvec=self._solve_scaled, dtype=float)
+        largest_of_inverse, weakest = eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
+        itself = LinearOperator((n, n), matvec=self._times_scaled, dtype=float)
+        largest = eigsh(itself, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
+        return float(largest[0] * largest_of_inverse[0]), weakest[:, 0]
+
+    def _times_scaled(self, x: Array) -> Array:
+        s, m = self.system, len(self.system.D)
+        y = self.scale * x
+        out = np.concatenate([s.D @ y[:m] + s.C @ y[m:], y[:m] @ s.C])
+        poses, total = y[m:].reshape(-1, 6), out[m:].reshape(-1, 6)
+        for d in range(s.P.shape[1]):
+            here, there = slice(0, len(poses) - d), slice(d, None)
+            total[here] += np.einsum("iab,ib->ia", s.P[here, d], poses[there])
+            if d:
+                total[there] += np.einsum("iab,ia->ib", s.P[here, d], poses[here])
+        return self.scale * out
+
+
+def _lower_band(P: Array, scale: Array) -> Array:
+    """Return the scaled band as LAPACK stores it: row k holds the k-th diagonal below."""
+    n_poses, band = P.shape[:2]
+    by_column = np.zeros((n_poses, 6, 6 * band + 6))
+    scale = scale.reshape(n_poses, 6)
+    for d in range(band):
+        i = slice(0, n_poses - d)
+        block = P[i, d] * scale[i, :, None] * scale[d:, None, :]
+        for a in range(6):  # the column starts at its diagonal
+            by_column[i, a, 6 * d + 6 - a : 6 * d + 12 - a] = block[:, a]
+    # left of it stands what belongs to the upper triangle
+    return by_column[:, :, 6 : 6 * band + 6].reshape(6 * n_poses, 6 * band).T
+
+
+def _selected_inverse(factor: Array, n_poses: int, band: int) -> Array:
+    """Return the band of the inverse from its Cholesky factor, shape (n_poses, band, 6, 6).
+
+    Takahashi's recursion over square blocks as wide as the band, from the last to the first:
+    with ``G = L_10 L_00^-1``, ``Z_10 = -Z_11 G`` and ``Z_00 = (L_00 L_00^T)^-1 - G^T Z_10``.
+    """
+    out = np.zeros((n_poses, band, 6, 6))
+    size = max(band - 1, 1)
+    starts = range(0, n_poses, size)
+    Z_11 = np.zeros((0, 0))
+    for start in reversed(starts):
+        stop = min(start + size, n_poses)
+        L_00, L_10 = _factor_block(factor, start, stop, min(stop + size, n_poses))
+        L_inv, _ = linalg.lapack.dtrtri(L_00, lower=1)
+        L_inv = np.tril(L_inv)
+        G = L_10 @ L_inv
+        Z_10 = -Z_11 @ G
+        Z_00 = L_inv.T @ L_inv - G.T @ Z_10
+        both = np.vstack([Z_00, Z_10]).reshape(-1, 6, stop - start, 6)
+        for i in range(stop - start):
+            ahead = min(band, both.shape[0] - i)
+            out[start + i, :ahead] = np.swapaxes(both[i : i + ahead, :, i], 1, 2)
+        Z_11 = Z_00
+    return out
+
+
+def _factor_block(factor: Array, start: int, stop: int, end: int) -> tuple[Array, Array]:
+    """Return the columns of some poses from a banded factor: on the diagonal, and below."""
+    rows, n = 6 * (end - start), 6 * (stop - start)
+    columns = np.zeros((rows, n))
+    for j in range(n):
+        depth = min(factor.shape[0], rows - j)
+        columns[j : j + depth, j] = factor[:depth, 6 * start + j]
+    return np.asfortranarray(columns[:n]), columns[n:]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BandedInverse:
+    """Border and band of the inverse of a large system: see `Inverse`.
+
+    Attributes
+    ----------
+    factored : Banded
+    part : BorderedCovariance
+    order : ndarray, shape (n,)
+        Where the columns of the bordered system stand among the unknowns.
+    """
+
+    factored: Banded
+    part: BorderedCovariance
+    order: Index
+    defect: int = 0
+
+    @property
+    def undetermined(self) -> Mask:
+        """No column: the system would not have been factored."""
+        return np.zeros(len(self.order), dtype=bool)
+
+    @cached_property
+    def _place(self) -> Index:
+        place = np.empty(len(self.order), dtype=np.intp)
+        place[self.order] = np.arange(len(self.order))
+        return place
+
+    @cached_property
+    def dense(self) -> Array:
+        """All of it: large."""
+        solved = self.factored.solve(np.eye(len(self.order)))
+        return np.asarray(solved[np.ix_(self._place, self._place)])
+
+    @cached_property
+    def _spectrum(self) -> tuple[float, Array]:
+        condition, weakest = self.factored.spectrum()
+        return condition, weakest[self._place]
+
+    @property
+    def condition(self) -> float:
+        """Condition of the scaled normal matrix."""
+        return self._spectrum[0]
+
+    @property
+    def weakest(self) -> Array:
+        """Eigenvector of its smallest eigenvalue, in scaled unknowns."""
+        return self._spectrum[1]
+
+    def at(self, rows: Index, columns: Index) -> Array:
+        """Return entries; those outside border and band from the whole inverse."""
+        i, j = np.broadcast_arrays(self._place[rows], self._place[columns])
+        low, high = np.minimum(i, j), np.maximum(i, j)
+        m = len(self.part.D)
+        a, b = (low - m) // 6, (high - m) // 6
+        inside = (low < m) | (b - a < self.part.P.shape[1])
+        if not inside.all():
+            return self.dense[rows, columns]
+        out = np.empty(low.shape)
+        corner, border = high < m, (low < m) & (high >= m)
+        out[corner] = self.part.D[low[corner], high[corner]]
+        out[border] = self.part.C[low[border], high[border] - m]
+        band = low >= m
+        a, b = a[band], b[band]
+        out[band] = self.part.P[a, b - a, (low[band] - m) % 6, (high[band] - m) % 6]
+        return out
+
+
+def too_large() -> AdjustmentError:
+    """Return the error of a large system that is singular."""
+    msg = (
+        f"the normal equations are singular and too large to examine (over {LARGEST_DENSE} "
+        "unknowns besides points): adjust a part of the block to see which unknowns are open"
+    )
+    return AdjustmentError(msg)

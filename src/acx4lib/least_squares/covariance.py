@@ -1,0 +1,46 @@
+"""Covariance matrices: carried through a derivative, and what one reads from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Array
+
+
+def propagate(J: Array, cov: Array) -> Array:
+    """Return J cov J^T over leading axes.
+
+    Parameters
+    ----------
+    J : ndarray, shape (..., k, n)
+    cov : ndarray, shape (..., n, n)
+
+    Returns
+    -------
+    ndarray, shape (..., k, k)
+
+    Raises
+    ------
+    ValueError
+        For matrices that do not go together.
+    """
+    expected.square("cov", cov)
+    expected.shape("J", J, (..., "k", cov.shape[-1]))
+    out: Array = J @ cov @ np.swapaxes(J, -1, -2)
+    return out
+
+
+def sigmas(cov: Array) -> Array:
+    """Return the standard deviations of covariance matrices, shape (..., n)."""
+    expected.square("cov", cov)
+    # rounding may leave a variance of zero just below it
+    return np.sqrt(np.maximum(np.diagonal(cov, axis1=-2, axis2=-1), 0.0))
+
+
+def correlation(cov: Array) -> Array:
+    """Return the correlation matrix of a covariance matrix; zero beside a variance of zero."""
+    expected.square("cov", cov)
+    expected.symmetric("cov", cov)
+    sigma = np.maximum(sigmas(cov), 1e-150)
+    return cov / sigma[:, None] / sigma

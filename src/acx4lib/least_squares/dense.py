@@ -1,0 +1,173 @@
+"""The reduced normal equations: solved, inverted, and asked what they leave open.
+
+Here they are dense; `banded_system` has those of large blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy import linalg
+
+from acx4lib.expected import Array, Index, Mask
+
+SINGULAR = 1e-11
+"""Eigenvalue of the scaled normal matrix below which a direction is not determined."""
+
+
+class Inverse(Protocol):
+    """The covariance of the reduced unknowns and what they leave open."""
+
+    @property
+    def dense(self) -> Array:
+        """All of it, shape (n, n)."""
+        ...
+
+    @property
+    def undetermined(self) -> Mask:
+        """Columns with a part in a direction that is left open, shape (n,)."""
+        ...
+
+    @property
+    def defect(self) -> int:
+        """Number of directions that are left open."""
+        ...
+
+    @property
+    def condition(self) -> float:
+        """Condition of the scaled normal matrix."""
+        ...
+
+    @property
+    def weakest(self) -> Array:
+        """Eigenvector of its smallest eigenvalue, in scaled unknowns, shape (n,)."""
+        ...
+
+    def at(self, rows: Index, columns: Index) -> Array:
+        """Return the entries at two arrays of columns that broadcast against each other."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dense:
+    """A dense system, scaled by what its diagonal was before points were eliminated.
+
+    Attributes
+    ----------
+    N : ndarray, shape (n, n)
+        Lower triangle at least.
+    diagonal : ndarray, shape (n,)
+    """
+
+    N: Array
+    diagonal: Array
+
+    @cached_property
+    def scale(self) -> Array:
+        """Factors of the unknowns that make the diagonal one, shape (n,)."""
+        return 1 / np.sqrt(np.where(self.diagonal > 0, self.diagonal, 1.0))
+
+    @cached_property
+    def _scaled(self) -> Array:
+        return self.N * self.scale[:, None] * self.scale
+
+    @cached_property
+    def _factor(self) -> Array | None:
+        """Cholesky's lower triangle; None where it breaks down."""
+        if len(self.N) == 0:
+            return None
+        factor, info = linalg.lapack.dpotrf(self._scaled, lower=1, clean=0)
+        ok = info == 0 and np.min(np.diagonal(factor)) ** 2 > SINGULAR
+        return np.asarray(factor) if ok else None
+
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array]:
+        """Eigenvalues, ascending, and eigenvectors of the scaled matrix."""
+        values, vectors = linalg.eigh(self._scaled)
+        return values, vectors
+
+    def solve(self, g: Array) -> Array:
+        """Return the solution, the shortest where directions are left open."""
+        if len(g) == 0:
+            return np.zeros(0)
+        if self._factor is not None:
+            solved, _ = linalg.lapack.dpotrs(self._factor, self.scale * g, lower=1)
+            return np.asarray(self.scale * solved)
+        values, vectors = self.spectrum
+        keep = values > SINGULAR
+        part = vectors[:, keep]
+        return np.asarray(self.scale * (part @ ((part.T @ (self.scale * g)) / values[keep])))
+
+    def inverse(self) -> DenseInverse:
+        """Return the covariance, the pseudo-inverse where directions are left open."""
+        n, scale = len(self.N), self.scale
+        nothing_open = np.zeros(n, dtype=bool)
+        if n == 0:
+            return DenseInverse(dense=np.zeros((0, 0)), undetermined=nothing_open, system=self)
+        if self._factor is not None:
+            lower, _ = linalg.lapack.dpotri(self._factor, lower=1)
+            cov = np.tril(lower) + np.tril(lower, -1).T
+            # the trace of the inverse bounds its largest eigenvalue
+            if np.trace(cov) * SINGULAR < 1:
+                cov *= scale[:, None] * scale
+                return DenseInverse(dense=cov, undetermined=nothing_open, system=self)
+        values, vectors = self.spectrum
+        keep = values > SINGULAR
+        part = vectors[:, keep] * scale[:, None]
+        return DenseInverse(
+            dense=(part / values[keep]) @ part.T,
+            undetermined=np.linalg.norm(vectors[:, ~keep], axis=1) > 1e-4,
+            defect=int(np.sum(~keep)),
+            system=self,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DenseInverse:
+    """The inverse of a dense system: see `Inverse`."""
+
+    dense: Array
+    undetermined: Mask
+    system: Dense
+    order: Index | None = None
+    defect: int = 0
+
+    def reordered(self, order: Index) -> DenseInverse:
+        """Return it for unknowns of which the system's columns are numbers `order`."""
+        place = np.empty(len(order), dtype=np.intp)
+        place[order] = np.arange(len(order))
+        if np.array_equal(place, np.arange(len(place))):
+            return self
+        return replace(
+            self,
+            dense=self.dense[np.ix_(place, place)],
+            undetermined=self.undetermined[place],
+            order=order,
+        )
+
+    @property
+    def condition(self) -> float:
+        """Condition of the scaled normal matrix."""
+        if len(self.dense) == 0:
+            return 1.0
+        values, _ = self.system.spectrum
+        return float(values[-1] / max(values[0], 1e-300))
+
+    @property
+    def weakest(self) -> Array:
+        """Eigenvector of its smallest eigenvalue, in scaled unknowns."""
+        if len(self.dense) == 0:
+            return np.zeros(0)
+        weakest = self.system.spectrum[1][:, 0]
+        if self.order is None:
+            return weakest
+        out = np.empty_like(weakest)
+        out[self.order] = weakest
+        return out
+
+    def at(self, rows: Index, columns: Index) -> Array:
+        """Return entries."""
+        return self.dense[rows, columns]

@@ -1,0 +1,297 @@
+"""Normal equations, assembled unit by unit and point by point; no camera, no iteration.
+
+This is the plain version, for any problem; `network_normals` is compiled for image points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.dense import Dense, Inverse
+
+CHUNK = 256
+"""Points eliminated at a time; bounds the memory of the dense strips."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equations:
+    """One group of linearised observations, v = estimated - observed.
+
+    Attributes
+    ----------
+    kind : str
+        For reports.
+    v, sigma : ndarray, shape (m, d)
+        An infinite sigma takes a component out.
+    A : ndarray, shape (m, d, k)
+        dv / d(unknowns of the observation's unit); k may be zero.
+    columns : ndarray, shape (n_units, k)
+        Where these unknowns stand in the reduced system; -1 for one that is held.
+    unit : ndarray, shape (m,)
+        Observations of one unit share their columns.
+    B : ndarray, shape (m, d, 3), optional
+        dv / d(point).
+    point : ndarray, shape (m,), optional
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    A: Array
+    columns: Index
+    unit: Index
+    B: Array | None = None
+    point: Index | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Residuals of one group after the adjustment.
+
+    Attributes
+    ----------
+    kind : str
+    v, sigma, redundancy : ndarray, shape (m, d)
+        `redundancy` is the share of an error that shows in its own residual; NaN where the
+        component takes no part.
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    redundancy: Array
+
+    @property
+    def used(self) -> Mask:
+        """Which components took part."""
+        return np.isfinite(self.sigma)
+
+    @cached_property
+    def w(self) -> Array:
+        """Baarda's standardised residuals with the a priori sigma; NaN where nothing controls."""
+        w = np.full_like(self.v, np.nan)
+        controlled = self.used & (self.redundancy > 1e-6)
+        sigma, redundancy = self.sigma[controlled], self.redundancy[controlled]
+        w[controlled] = self.v[controlled] / (sigma * np.sqrt(redundancy))
+        return w
+
+    @classmethod
+    def of(cls, e: Equations, explained: Array) -> Group:
+        """Return the group of some equations.
+
+        Parameters
+        ----------
+        e : Equations
+        explained : ndarray, shape (m, d)
+            Variance of the adjusted observations.
+        """
+        redundancy = np.where(np.isfinite(e.sigma), 1 - explained / e.sigma**2, np.nan)
+        return cls(kind=e.kind, v=e.v, sigma=e.sigma, redundancy=redundancy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Precision:
+    """What the normal equations say of an adjustment.
+
+    Attributes
+    ----------
+    inverse : Inverse
+        Covariance of the reduced unknowns.
+    cov_points : ndarray, shape (n_points, 3, 3)
+        Zero for points that are held.
+    groups : tuple of Group
+    """
+
+    inverse: Inverse
+    cov_points: Array
+    groups: tuple[Group, ...]
+
+
+def cost_of(groups: Iterable[tuple[Array, Array]]) -> float:
+    """Return the weighted sum of squares of v with sigma; infinite where one is not finite."""
+    with np.errstate(over="ignore"):  # of a wild step
+        cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
+    """Return A^T P A and A^T P v over all groups, unit by unit."""
+    N, g = np.zeros((n, n)), np.zeros(n)
+    for e in equations:
+        for rows, columns, held in units(e):
+            P = 1 / e.sigma[rows] ** 2
+            A = e.A[rows].reshape(-1, e.A.shape[2])[:, ~held]
+            PA = P.reshape(-1, 1) * A
+            N[np.ix_(columns, columns)] += A.T @ PA
+            g[columns] += PA.T @ e.v[rows].ravel()
+    return N, g
+
+
+def units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
+    """Yield the rows of every unit, its columns in the reduced system, and which are held."""
+    if e.A.shape[2] == 0:
+        return
+    order = np.argsort(e.unit, kind="stable")
+    ends = np.cumsum(np.bincount(e.unit, minlength=len(e.columns)))
+    for unit, columns in enumerate(e.columns):
+        rows = order[ends[unit - 1] if unit else 0 : ends[unit]]
+        held = columns < 0
+        if len(rows) and not held.all():
+            yield rows, columns[~held], held
+
+
+def point_normals(free_points: Mask, equations: Sequence[Equations]) -> tuple[Array, Array]:
+    """Return B^T P B and B^T P v of every point; the identity where a point is held."""
+    n_points = len(free_points)
+    V, h = np.zeros((n_points, 3, 3)), np.zeros((n_points, 3))
+    for e in equations:
+        if e.B is not None and e.point is not None:
+            PB = e.B / e.sigma[:, :, None] ** 2
+            _add_by_point(V, e.point, np.swapaxes(e.B, 1, 2) @ PB)
+            _add_by_point(h, e.point, np.einsum("mdi,md->mi", PB, e.v))
+    V[~free_points] = np.eye(3)
+    h[~free_points] = 0.0
+    return V, h
+
+
+def _add_by_point(total: Array, point: Index, values: Array) -> None:
+    """Add values to their points; fast where the points come in order."""
+    if len(point) == 0:
+        return
+    if np.any(np.diff(point) < 0):
+        np.add.at(total, point, values)
+        return
+    starts = np.flatnonzero(np.diff(point, prepend=-1))
+    total[point[starts]] += np.add.reduceat(values, starts, axis=0)
+
+
+def strips(
+    n: int, free_points: Mask, equations: Sequence[Equations]
+) -> Iterator[tuple[slice, Array]]:
+    """Yield B^T P A of the points in chunks, dense, shape (points, 3, n)."""
+    products = [
+        (e, np.swapaxes(e.B, 1, 2) @ (e.A / e.sigma[:, :, None] ** 2))
+        for e in equations
+        if e.B is not None and e.point is not None and e.A.shape[2]
+    ]
+    for start in range(0, len(free_points), CHUNK):
+        chunk = slice(start, min(start + CHUNK, len(free_points)))
+        strip = np.zeros((chunk.stop - start) * 3 * (n + 1))
+        for e, product in products:
+            point = np.asarray(e.point)
+            rows = np.flatnonzero((point >= start) & (point < chunk.stop))
+            columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
+            at = (point[rows] - start)[:, None] * 3 + np.arange(3)
+            flat = at[:, :, None] * (n + 1) + columns[:, None, :]
+            strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
+        dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
+        dense[~free_points[chunk]] = 0.0
+        yield chunk, dense
+
+
+def gather(dx: Array, columns: Index) -> Array:
+    """Return the entries of dx at columns, zero where a column is -1."""
+    return np.append(dx, 0.0)[columns]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlainNormals:
+    """The normal equations of a linearised problem.
+
+    Attributes
+    ----------
+    n_columns : int
+    free_points : ndarray, shape (n_points,)
+    equations : sequence of Equations
+    damping : float
+        Added to the diagonal, as a share of it.
+    """
+
+    n_columns: int
+    free_points: Mask
+    equations: Sequence[Equations]
+    damping: float = 0.0
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals."""
+        return cost_of((e.v, e.sigma) for e in self.equations)
+
+    @cached_property
+    def n_observations(self) -> int:
+        """Components that take part."""
+        return sum(int(np.isfinite(e.sigma).sum()) for e in self.equations)
+
+    def step(self) -> tuple[Array, Array, float]:
+        """Return the step of columns and points and the decrease of cost that it predicts."""
+        n, free_points = self.n_columns, self.free_points
+        N, g = column_normals(n, self.equations)
+        V, h = point_normals(free_points, self.equations)
+        diagonal = N.diagonal().copy()
+        N[np.diag_indices_from(N)] += self.damping * diagonal
+        V = V + self.damping * (V * np.eye(3))
+        V_inv = np.linalg.inv(V)
+        for points, strip in strips(n, free_points, self.equations):
+            L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
+            Z = (L_inv @ strip).reshape(3 * len(strip), -1)
+            N -= Z.T @ Z
+            g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+        dx = -Dense(N=N, diagonal=diagonal).solve(g)
+        cross = np.zeros_like(h)
+        for e in self.equations:
+            if e.B is not None and e.point is not None and e.A.shape[2]:
+                Adx = np.einsum("mdk,mk->md", e.A, gather(dx, e.columns)[e.unit])
+                np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
+        dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
+        dp[~free_points] = 0.0
+        # the gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
+        decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
+        return dx, dp, decrement
+
+    def precision(self) -> Precision:
+        """Return covariances, redundancy numbers and tests, undamped."""
+        n, free_points = self.n_columns, self.free_points
+        N, _ = column_normals(n, self.equations)
+        diagonal = N.diagonal().copy()
+        V, _ = point_normals(free_points, self.equations)
+        V_inv = np.linalg.inv(V)
+        for points, strip in strips(n, free_points, self.equations):
+            Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
+            N -= Z.T @ Z
+        inverse = Dense(N=N, diagonal=diagonal).inverse()
+        explained = [np.zeros_like(e.v) for e in self.equations]
+        cov_points = V_inv
+        cov_points[~free_points] = 0.0
+        for points, strip in strips(n, free_points, self.equations):
+            gain = V_inv[points] @ strip  # -d(point)/d(columns)
+            cross = -gain @ inverse.dense
+            cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
+            for e, part in zip(self.equations, explained, strict=True):
+                _add_explained_by_points(part, e, points, cross, cov_points)
+        for e, part in zip(self.equations, explained, strict=True):
+            for rows, columns, held in units(e):
+                A = e.A[rows][:, :, ~held]
+                part[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
+        groups = tuple(map(Group.of, self.equations, explained))
+        return Precision(inverse=inverse, cov_points=cov_points, groups=groups)
+
+
+def _add_explained_by_points(
+    total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
+) -> None:
+    """Add to the variance of adjusted observations what depends on the chunk's points."""
+    if e.B is None or e.point is None:
+        return
+    rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))
+    B, point = e.B[rows], e.point[rows]
+    total[rows] += np.sum((B @ cov_points[point]) * B, axis=2)
+    if e.A.shape[2]:
+        padded = np.concatenate([cross, np.zeros((*cross.shape[:2], 1))], axis=2)
+        columns = e.columns[e.unit[rows]]
+        local = padded[(point - points.start)[:, None], :, columns]  # (rows, k, 3)
+        total[rows] += 2 * np.sum((e.A[rows] @ local) * B, axis=2)

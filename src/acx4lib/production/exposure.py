@@ -1,0 +1,321 @@
+"""One synthetic image from the files of its heads to a file of its own."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.expected import Raster
+from acx4lib.geometry.camera import Camera
+from acx4lib.production.flight_response import SEED
+from acx4lib.production.head_images import HeadImages, read_heads
+from acx4lib.production.image_files import fingerprint
+from acx4lib.production.tiff import COMPRESSIONS, TILE, Format, write, write_preview
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.rendering import Interpolation, RenderPlan, render_plan, render_rows
+from acx4lib.synthetic_image.response import Response, estimate_response
+from acx4lib.tie_points.overlap_check import check_overlaps
+from acx4lib.tie_points.refinement import refine_by_rotations
+from acx4lib.tie_points.search import find_ties
+
+FRAME = (
+    "An ideal central perspective without distortion. Image coordinates are mm from the middle of "
+    "the image, x right, y up: x = (col - (width_px - 1) / 2) pixel_mm, y = ((height_px - 1) / 2 - "
+    "row) pixel_mm, and (0, 0) is the centre of the top-left pixel. The perspective centre is at "
+    "(0, 0, f_mm), the principal point at (0, 0)."
+)
+HEADS_FRAME = (
+    "A head stands at (Xc, Yc, Zc) over the image, whose plane is Z = 0; omega, phi, kappa turn "
+    "the axes from the image to the head, R3(kappa) R2(phi) R1(omega). Grey values were divided "
+    "by exp(g + a q + b q^2), q the squared distance from the middle of the head's image over "
+    "that of its corner; response has g, a, b of every band."
+)
+
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    "blend": ("feather", "seam"),
+    "interpolation": ("bilinear", "cubic"),
+    "equalise": ("flight", "image", "none"),
+    "refine": ("flight", "image"),
+    "compression": COMPRESSIONS,
+}
+"""Of `RenderOptions`."""
+
+TellRows = Callable[[str, int, int], None]
+"""Called with exposure, rows done and rows in all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """How synthetic images are made.
+
+    Attributes
+    ----------
+    blend : {"feather", "seam"}
+        Heads blended along the lines of equal distance from their borders, or cut there.
+    feather_px : float
+        Width of the blend, px of a head at full size.
+    interpolation : {"bilinear", "cubic"}
+    equalise : {"flight", "image", "none"}
+        Responses of the heads estimated once, for every image, or not at all.
+    refine : {"flight", "image"}
+        Orientation of the heads as the results have it, or refined by every image's tie points.
+    compression : str
+        One of `tiff.COMPRESSIONS`.
+    """
+
+    blend: str = "feather"
+    feather_px: float = 150.0
+    interpolation: Interpolation = "bilinear"
+    equalise: str = "flight"
+    refine: str = "flight"
+    compression: str = "none"
+
+    def __post_init__(self) -> None:
+        for name, known in CHOICES.items():
+            if getattr(self, name) not in known:
+                msg = f"{name} {getattr(self, name)!r}: must be one of {', '.join(known)}"
+                raise ValueError(msg)
+        expected.size("feather_px", self.feather_px)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderJob:
+    """What one synthetic image is made from.
+
+    Attributes
+    ----------
+    exposure : str
+    files : tuple of Path
+        Of the heads.
+    orientation : RelativeOrientation
+        At full size.
+    synthetic : Camera
+        At full size.
+    options : RenderOptions
+    response : Response or None
+        Of the flight; None where there is none, or none is wanted.
+    path, preview : Path
+        To be written.
+    about : dict
+        What else the image is to say of itself.
+    checked : bool
+        Whether its pictures are known to belong together.
+    threads : int or None
+        To render with; None for all.
+    """
+
+    exposure: str
+    files: tuple[Path, ...]
+    orientation: RelativeOrientation
+    synthetic: Camera
+    options: RenderOptions
+    response: Response | None
+    path: Path
+    preview: Path
+    about: Mapping[str, Any]
+    checked: bool = False
+    threads: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of one synthetic image.
+
+    Attributes
+    ----------
+    exposure : str
+    problems : tuple of str
+        Why there is none; empty where there is one.
+    notes : tuple of str
+        What deserves notice.
+    """
+
+    exposure: str
+    problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
+    """Render one exposure to its file, and its preview beside it.
+
+    Parameters
+    ----------
+    job : RenderJob
+    tell : callable
+
+    Returns
+    -------
+    Outcome
+        With the problems of its files, of its pixels or of the disk; then nothing is written.
+    """
+    try:
+        heads = read_heads(job.files, job.orientation.heads)
+        return _render(_reduced(job, heads.reduction), heads, tell)
+    except FlightError as error:
+        return Outcome(exposure=job.exposure, problems=error.problems)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        problem = f"{job.path}: cannot be written ({reason})"
+        return Outcome(exposure=job.exposure, problems=(problem,))
+
+
+def _reduced(job: RenderJob, k: int) -> RenderJob:
+    """Return a job whose cameras are at 1/k of the size, as its images are."""
+    return replace(
+        job,
+        orientation=reduced_heads(job.orientation, k),
+        synthetic=reduced_camera(job.synthetic, k),
+        options=replace(job.options, feather_px=job.options.feather_px / k),
+    )
+
+
+def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
+    """Check, refine, equalise and write; cameras and images are of one size."""
+    if not job.checked:
+        wrong = check_overlaps(heads.images, job.orientation, job.synthetic)
+        if wrong:
+            return Outcome(exposure=job.exposure, problems=tuple(wrong))
+    _need_room(job, heads)
+    job, notes = _refined(job, heads)
+    job = replace(job, response=_response(job, heads))
+    heads.forget()
+    feather = job.options.feather_px if job.options.blend == "feather" else 0.0
+    plan = render_plan(
+        job.orientation,
+        job.synthetic,
+        response=job.response,
+        feather_px=feather,
+        interpolation=job.options.interpolation,
+    )
+    write(job.path, _stripes(job, plan, heads, tell), _format(job, heads), _about(job, notes))
+    write_preview(job.preview, job.path)
+    return Outcome(exposure=job.exposure, notes=(*notes, *_size_note(job, heads)))
+
+
+def _size_note(job: RenderJob, heads: HeadImages) -> Iterator[str]:
+    if heads.reduction > 1:
+        size = f"{job.synthetic.width_px} x {job.synthetic.height_px} px"
+        yield f"head images at 1/{heads.reduction} of the size, so the synthetic image has {size}"
+
+
+def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, ...]]:
+    """Return the job with heads refined by tie points of this image, where that is wanted."""
+    if job.options.refine == "flight":
+        return job, ()
+    ties = find_ties(heads.images, job.orientation, job.synthetic)
+    notes = tuple(ties.sentences)
+    try:
+        refined = refine_by_rotations(job.orientation, ties.ties)
+    except AdjustmentError as error:
+        return job, (*notes, f"not refined by its own tie points: {error}")
+    if refined.unreached:
+        notes = (*notes, f"without tie points, as they were: {', '.join(refined.unreached)}")
+    return replace(job, orientation=refined.orientation), notes
+
+
+def _response(job: RenderJob, heads: HeadImages) -> Response | None:
+    """Return the flight's response where it fits, or this image's own."""
+    if job.options.equalise == "none":
+        return None
+    bands = heads.images[0].shape[2]
+    if job.response is not None and job.response.coefficients.shape[1] == bands:
+        return job.response
+    rng = np.random.default_rng(SEED)
+    return estimate_response(heads.images, job.orientation, job.synthetic, rng=rng).response
+
+
+def _stripes(
+    job: RenderJob, plan: RenderPlan, heads: HeadImages, tell: TellRows
+) -> Iterator[Raster]:
+    """Yield the image from top to bottom; the next stripe is rendered while one is written.
+
+    It is also a thread that no signal interrupts.
+    """
+    rows = job.synthetic.height_px
+
+    def stripe(start: int) -> Raster:
+        stop = min(start + TILE, rows)
+        pixels = render_rows(plan, heads.images, start, stop, threads=job.threads)
+        heads.forget()
+        return pixels
+
+    with ThreadPoolExecutor(1) as pool:
+        ahead = pool.submit(stripe, 0)
+        for start in range(TILE, rows + TILE, TILE):
+            done = ahead.result()
+            if start < rows:
+                ahead = pool.submit(stripe, start)
+            yield done
+            tell(job.exposure, min(start, rows), rows)
+
+
+def _format(job: RenderJob, heads: HeadImages) -> Format:
+    return Format(
+        height=job.synthetic.height_px,
+        width=job.synthetic.width_px,
+        bands=heads.images[0].shape[2],
+        dtype=heads.images[0].dtype.name,
+        pixel_mm=job.synthetic.pixel_mm,
+        compression=job.options.compression,
+    )
+
+
+def _need_room(job: RenderJob, heads: HeadImages) -> None:
+    """Raise before hours of work where the disk has no room for the result."""
+    form = _format(job, heads)
+    needs = 5 / 3 * form.height * form.width * form.bands * heads.images[0].dtype.itemsize
+    free = shutil.disk_usage(job.path.parent).free
+    if form.compression == "none" and free < needs:
+        problem = (
+            f"{job.path}: needs {needs / 1e9:.2g} GB while it is made, {free / 1e9:.2g} are free"
+        )
+        raise FlightError([problem])
+
+
+def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
+    """Return what an image says of itself."""
+    camera = job.synthetic
+    return {
+        "exposure": job.exposure,
+        "frame": FRAME,
+        "f_mm": job.orientation.heads[0].interior.f,  # what Xc, Yc, Zc are counted in
+        "xp_mm": 0.0,
+        "yp_mm": 0.0,
+        "pixel_mm": camera.pixel_mm,
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "camera": camera.name,
+        "mount_opk_deg": np.degrees(camera.T_b_c.opk).tolist(),
+        "options": asdict(job.options),
+        "heads_frame": HEADS_FRAME,
+        "heads": [_about_head(job, k) for k in range(len(job.files))],
+        "notes": list(notes),
+        **job.about,
+    }
+
+
+def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
+    camera, path = job.orientation.heads[k], job.files[k]
+    response = None if job.response is None else job.response.coefficients[k].tolist()
+    return {
+        "camera": camera.name,
+        "file": path.name,
+        "bytes": path.stat().st_size,
+        "fingerprint": fingerprint(path),
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "pixel_mm": camera.pixel_mm,
+        "interior": asdict(camera.interior),
+        "Xc_Yc_Zc_mm": job.orientation.xyz_mm[k].tolist(),
+        "omega_phi_kappa_deg": np.degrees(job.orientation.opk[k]).tolist(),
+        "response": response,
+    }

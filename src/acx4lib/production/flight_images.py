@@ -1,0 +1,349 @@
+"""The synthetic images of a whole flight, as files.
+
+What is there already, made from the same input, is not made again. An image that cannot be made
+does not keep the others from it.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import importlib.metadata
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.flight import Flight
+from acx4lib.geometry.camera import Camera
+from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions, TellRows
+from acx4lib.production.file_names import file_stem
+from acx4lib.production.flight_response import FlightResponse, estimate_flight_response, spread
+from acx4lib.production.head_images import HeadFiles, head_files
+from acx4lib.production.image_files import fingerprint
+from acx4lib.production.tiff import appearing, read_about
+from acx4lib.production.workers import Workers, run_jobs
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
+from acx4lib.results.read_back import read_relative_orientation
+
+ORIENTED = ("synthetic/refined", "heads/relative_orientation")
+"""Where the orientation of the heads is taken from, the first that is there."""
+
+COMMAND = "acx4 render"
+"""Whose mark a folder of images bears."""
+
+IMAGES = "images.csv"
+"""Table of the images, as a block of a flight has it."""
+
+_HEADER = ("image", "camera", "exposure", "file")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SyntheticRig:
+    """What the images of a flight are rendered by.
+
+    Attributes
+    ----------
+    flight : Flight
+    orientation : RelativeOrientation
+    synthetic : Camera
+    source : str
+        Of `ORIENTED`, the one that the orientation is from.
+    tables : str
+        Checksum of the flight's tables from which that was computed.
+    """
+
+    flight: Flight
+    orientation: RelativeOrientation
+    synthetic: Camera
+    source: str
+    tables: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rendered:
+    """What became of a flight's synthetic images.
+
+    Attributes
+    ----------
+    rendered, kept : tuple of str
+        Exposures: rendered now, and there before from the same input.
+    problems : tuple of str
+        Why images are missing, a line each, the exposure first.
+    notes : tuple of str
+        What they were made with, and what deserves notice.
+    """
+
+    rendered: tuple[str, ...]
+    kept: tuple[str, ...]
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def render_flight(
+    flight: Flight,
+    results_path: Path,
+    folder: Path,
+    *,
+    exposures: Sequence[str] | None = None,
+    options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
+    workers: Workers = Workers(),  # noqa: B008 frozen
+    tell: TellRows = lambda *_: None,
+) -> Rendered:
+    """Render the synthetic images of a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : Path
+        With the orientation of the heads.
+    folder : Path
+        New, empty, or that of an earlier call. Gets a TIFF and a preview for each exposure, and
+        `IMAGES`.
+    exposures : sequence of str, optional
+        By default all that have the files of all heads.
+    options : RenderOptions
+    workers : Workers
+    tell : callable
+        Called with exposure, rows done and rows in all; no rows in all where one failed.
+
+    Returns
+    -------
+    Rendered
+
+    Raises
+    ------
+    FlightError
+        Where nothing can be rendered at all, or the results were changed since their run.
+    OutputError
+        Where the folder is no place for the images, or another process is writing there.
+    AdjustmentError
+        Where the heads could not be oriented.
+    """
+    rig = read_rig(flight, results_path)
+    complete, incomplete = head_files(flight, [head.name for head in rig.orientation.heads])
+    chosen = _chosen(flight, exposures, complete, incomplete)
+    sources = spread(list(complete.values())) if options.equalise == "flight" else []
+    with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+        jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
+        own.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
+        kept = {job.exposure for job in jobs if _is_made(job)}
+        left = [job for job in jobs if job.exposure not in kept]
+        response = (
+            estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
+        )
+        left = [_with_response(job, response) for job in left]
+        outcomes = _missing(chosen, incomplete)
+        for outcome in run_jobs(left, tell, workers):
+            outcomes.append(outcome)
+            if outcome.problems:
+                tell(outcome.exposure, 0, 0)
+            else:
+                _list(folder, rig, [job for job in jobs if job.exposure == outcome.exposure])
+        if kept:
+            _list(folder, rig, [job for job in jobs if job.exposure in kept])
+    outcomes.sort(key=lambda outcome: chosen.index(outcome.exposure))
+    failed = {outcome.exposure for outcome in outcomes if outcome.problems}
+    return Rendered(
+        rendered=tuple(job.exposure for job in left if job.exposure not in failed),
+        kept=tuple(job.exposure for job in jobs if job.exposure in kept),
+        problems=tuple(f"{o.exposure}: {p}" for o in outcomes for p in o.problems),
+        notes=(
+            f"heads as {results_path} has them, {rig.source}",
+            *_other_constant(rig),
+            *([] if exposures is not None else _left_out(incomplete)),
+            *([] if response is None else [str(response)]),
+            *_grouped_notes(outcomes),
+        ),
+    )
+
+
+# --- what the images are rendered by ---------------------------------------------------------
+
+
+def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
+    """Return the heads as results have them, refined where they are.
+
+    Raises
+    ------
+    FlightError
+        Where the flight has no synthetic camera, or the results no orientation of its heads.
+    AdjustmentError
+        Where its heads could not be oriented.
+    """
+    toml = flight.path / "flight.toml"
+    if flight.synthetic is None:
+        raise FlightError([f"{toml}: has no table [synthetic]; there is nothing to render"])
+    source, orientation = _read_orientation(flight, results_path)
+    names = [head.name for head in orientation.heads]
+    missing = [name for name in flight.synthetic.heads if name not in names]
+    if missing:
+        problem = (
+            f"{results_path}: has no orientation of {', '.join(missing)}; run stage heads again"
+        )
+        raise FlightError([problem])
+    return SyntheticRig(
+        flight=flight,
+        orientation=orientation,
+        synthetic=flight.cameras[flight.synthetic.camera],
+        source=source,
+        tables=provenance.read(results_path).digest,
+    )
+
+
+def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
+    cure = "run all stages again"
+    claims.verify(results_path, [*results.FILES, provenance.FILE], cure=cure)
+    found = results.read(results_path)
+    reasons: list[str] = []
+    for source in ORIENTED:
+        reasons = results.messages(found.summary.get(source, {}), "left_out")
+        if results.has(found, source) and not reasons:
+            return source, read_relative_orientation(found, source, flight.cameras)
+    if reasons:
+        raise AdjustmentError("; ".join(reasons))
+    raise FlightError([f"{results_path}: has no orientation of the heads; run stage heads first"])
+
+
+def _with_response(job: RenderJob, response: FlightResponse | None) -> RenderJob:
+    if response is None:
+        return job
+    checked = job.exposure in response.exposures
+    return replace(job, response=response.fit.response, checked=checked)
+
+
+def _other_constant(rig: SyntheticRig) -> Iterator[str]:
+    """Say where the camera constant is not the one that the flight gives."""
+    first = rig.orientation.heads[0]
+    declared = rig.synthetic.interior.f
+    if abs(first.interior.f - declared) > 1e-6 * declared:
+        yield (
+            f"the camera constant is {first.interior.f:.6g} mm, that of {first.name}, in which the "
+            f"heads' places are counted; flight.toml has {declared:.6g} for {rig.synthetic.name}"
+        )
+
+
+# --- which images ----------------------------------------------------------------------------
+
+
+def _chosen(
+    flight: Flight,
+    exposures: Sequence[str] | None,
+    complete: Mapping[str, HeadFiles],
+    incomplete: Mapping[str, str],
+) -> list[str]:
+    """Return the exposures to render; those with missing files only where they are named."""
+    if exposures is None and not complete:
+        raise FlightError(list(incomplete.values()))
+    names = list(complete) if exposures is None else list(dict.fromkeys(exposures))
+    unknown = [name for name in names if name not in complete and name not in incomplete]
+    if unknown:
+        known = [*complete][:5] + (["…"] if len(complete) > 5 else [])
+        problem = (
+            f"{flight.path / 'heads' / 'images.csv'}: no files of an exposure "
+            f"{', '.join(unknown)}; complete are {', '.join(known) or 'none'}"
+        )
+        raise FlightError([problem])
+    return names
+
+
+def _missing(chosen: Iterable[str], incomplete: Mapping[str, str]) -> list[Outcome]:
+    return [Outcome(exposure=n, problems=(incomplete[n],)) for n in chosen if n in incomplete]
+
+
+def _left_out(incomplete: Mapping[str, str]) -> Iterator[str]:
+    if incomplete:
+        yield f"left out, without the files of all heads: {', '.join(incomplete)}"
+
+
+def _jobs(
+    rig: SyntheticRig,
+    exposures: Sequence[HeadFiles],
+    folder: Path,
+    options: RenderOptions,
+    sources: Sequence[HeadFiles],
+) -> list[RenderJob]:
+    """Return what every image is made from."""
+    about = {
+        "flight": rig.flight.name,
+        "orientation": rig.source,
+        "tables": rig.tables,
+        "response_from": [one.exposure for one in sources],
+        "software": f"acx4lib {_version()}",
+    }
+    depends = [about, asdict(options), *_numbers(rig), *(_files(one) for one in sources)]
+    return [
+        RenderJob(
+            exposure=one.exposure,
+            files=one.paths,
+            orientation=rig.orientation,
+            synthetic=rig.synthetic,
+            options=options,
+            response=None,
+            path=folder / f"{file_stem(one.exposure)}.tif",
+            preview=folder / f"{file_stem(one.exposure)}_preview.jpg",
+            about={**about, "input": _checksum([*depends, _files(one)])},
+        )
+        for one in exposures
+    ]
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("acx4lib")
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _numbers(rig: SyntheticRig) -> list[object]:
+    """Return all numbers of cameras and orientation that an image depends on."""
+    cameras = [
+        [c.name, c.width_px, c.height_px, c.pixel_mm, asdict(c.interior)]
+        for c in (rig.synthetic, *rig.orientation.heads)
+    ]
+    return [cameras, rig.orientation.xyz_mm.tolist(), rig.orientation.opk.tolist()]
+
+
+def _files(one: HeadFiles) -> list[str]:
+    return [one.exposure, *(fingerprint(path) for path in one.paths)]
+
+
+def _checksum(depends: Sequence[object]) -> str:
+    return hashlib.sha256(json.dumps(depends).encode()).hexdigest()
+
+
+def _is_made(job: RenderJob) -> bool:
+    there = job.path.is_file() and job.preview.is_file()
+    return there and read_about(job.path).get("input") == job.about["input"]
+
+
+# --- what is left of it ----------------------------------------------------------------------
+
+
+def _grouped_notes(outcomes: Sequence[Outcome]) -> Iterator[str]:
+    """Say a note of several images once."""
+    for note in dict.fromkeys(note for outcome in outcomes for note in outcome.notes):
+        names = [outcome.exposure for outcome in outcomes if note in outcome.notes]
+        yield f"{', '.join(names)}: {note}"
+
+
+def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
+    """Enter images into the folder's table, sorted by their names."""
+    path = folder / IMAGES
+    rows = {}
+    if path.is_file():
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = {row["exposure"]: row for row in csv.DictReader(file) if row.get("exposure")}
+    for job in jobs:
+        values = (job.exposure, rig.synthetic.name, job.exposure, job.path.name)
+        rows[job.exposure] = dict(zip(_HEADER, values, strict=True))
+    with appearing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, _HEADER, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file()
+        )

@@ -1,0 +1,310 @@
+"""One aerial image from its TIFF: checked before it is believed, mapped where it can be."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import mmap
+import re
+import struct
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Raster
+from acx4lib.geometry.camera import Camera
+
+BANDS = 4
+"""An image has at most so many."""
+
+PAGES = 100
+"""So many pages of a file are looked at; overviews and masks are a dozen."""
+
+_BROKEN = (
+    *(ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error),
+    MemoryError,  # sizes that are no sizes
+)
+"""What a TIFF reader raises where a file's bytes are not what its header promises."""
+
+_OTHERS = {
+    b"\xff\xd8\xff": "a JPEG image",
+    b"\x89PNG": "a PNG image",
+    b"\x00\x00\x00\x0cjP  ": "a JPEG 2000 image",
+    b"\xff\x4f\xff\x51": "a JPEG 2000 image",
+    b"BM": "a BMP image",
+}
+_COLOURS = {
+    **dict.fromkeys((1, 2), ""),
+    0: "white as zero",
+    3: "a colour palette",
+    4: "a mask",
+    5: "CMYK",
+    8: "CIE L*a*b*",
+    32803: "a Bayer pattern",
+}
+_YCBCR = 6
+_JPEG = {6, 7}
+_ALPHA = {1, 2}
+_ORIENTATION = 274
+_REDUCED_OR_MASK = 1 | 4
+
+_SAMPLED, _AT_A_TIME = 256, 4096
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImageFile:
+    """The pixels of one image file.
+
+    Attributes
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+        8 or 16 bit; it cannot be written to.
+    reduction : int
+        K: it is at 1/K of the camera's size.
+    """
+
+    image: Raster
+    reduction: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Header:
+    """What a file says of its image."""
+
+    width: int
+    height: int
+    bands: int
+    depth: int
+    dtype: str
+    photometric: int
+    compression: int
+    turned: int
+    alpha: bool
+    n_images: int
+    offsets: tuple[int, ...]
+    counts: tuple[int, ...]
+    n_parts: int
+    as_in_memory: bool
+
+
+def image_from_file(path: Path, camera: Camera) -> ImageFile:
+    """Read the image of a camera from a TIFF.
+
+    Parameters
+    ----------
+    path : Path
+        Of a TIFF or BigTIFF with one image of one to four bands of 8 or 16 bit, stored in any
+        way; that of an uncompressed one in this machine's byte order is mapped.
+    camera : Camera
+        The image has its size, or 1/K of it.
+
+    Returns
+    -------
+    ImageFile
+
+    Raises
+    ------
+    FlightError
+        With a sentence that names the file.
+    """
+    with _readable(path), tifffile.TiffFile(path) as tiff:
+        header = _header(tiff)
+        size = path.stat().st_size
+    k = _reduction(header, camera)
+    problem = _kind_problem(header) or _size_problem(header, camera, k)
+    problem = problem or _extent_problem(header, size)
+    if problem:
+        raise FlightError([f"{path}: {problem}"])
+    image = (_mapped if header.as_in_memory else _decoded)(path, header)
+    image.flags.writeable = False
+    return ImageFile(image=image, reduction=k)
+
+
+def fingerprint(path: Path) -> str:
+    """Return a checksum of a file's size and of a megabyte taken evenly from all of it.
+
+    It tells images from one another in a moment; an alteration of a few pixels it may miss.
+    """
+    size = path.stat().st_size
+    checksum = hashlib.sha256(str(size).encode())
+    with path.open("rb") as file:
+        for at in np.linspace(0, max(size - _AT_A_TIME, 0), _SAMPLED, dtype=np.int64):
+            file.seek(int(at))
+            checksum.update(file.read(_AT_A_TIME))
+    return checksum.hexdigest()
+
+
+class _Said(logging.Handler):
+    """Keeps messages."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.said.append(record.getMessage())
+
+
+@contextmanager
+def _captured_log() -> Iterator[list[str]]:
+    """Keep what the TIFF reader would print; it is said with the file's name, or not at all."""
+    handler = _Said()
+    logger = logging.getLogger("tifffile")
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield handler.said
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn what a TIFF reader raises and logs into a sentence."""
+    with _captured_log() as said, np.errstate(divide="raise", invalid="raise"):
+        try:
+            if path.exists() and not (
+                path.is_file() or path.is_dir()
+            ):  # a pipe would wait for its other end
+                raise OSError(0, "no regular file")
+            yield
+        except OSError as error:
+            raise FlightError([f"{path}: cannot be read ({error.strerror or error})"]) from None
+        except tifffile.TiffFileError:
+            raise FlightError([f"{path}: {_not_tiff(path)}"]) from None
+        except _BROKEN as error:
+            reason = _reason(error, said)
+            problem = f"{path}: is damaged, its pixels cannot be decoded ({reason}); copy it again"
+            raise FlightError([problem]) from None
+
+
+def _reason(error: Exception, said: Sequence[str]) -> str:
+    """Return in words what was found wrong with a file."""
+    words = [re.sub(r"<tifffile[^>]*>|<[^>]*> ?", "", line) for line in said]
+    if isinstance(error, (RuntimeError, ValueError)):
+        words.append(str(error))
+    return " ".join((words or ["its header is not consistent"])[0].split())[:200]
+
+
+def _not_tiff(path: Path) -> str:
+    with path.open("rb") as file:
+        start = file.read(12)
+    if not start:
+        return "is empty; a head image is a TIFF"
+    known = (what for magic, what in _OTHERS.items() if start.startswith(magic))
+    what = next(known, "no TIFF, or its header is damaged")
+    return f"is {what}; head images are read from TIFF (16 or 8 bit)"
+
+
+def _header(tiff: tifffile.TiffFile) -> _Header:
+    """Return what a file says of its first image; overviews and masks are no others."""
+    page = tiff.pages.first
+    others = [p for p in _further_pages(tiff) if isinstance(p, tifffile.TiffPage)]
+    n_alike = sum(
+        p.shape[:2] == page.shape[:2] and not p.subfiletype & _REDUCED_OR_MASK for p in others
+    )
+    native = page.dtype == np.uint8 or (tiff.byteorder == "<") == (sys.byteorder == "little")
+    interleaved = page.samplesperpixel == 1 or page.planarconfig == 1
+    plain = page.fillorder == 1 and page.predictor == 1
+    return _Header(
+        width=int(page.imagewidth),  # a damaged tag may hold several
+        height=int(page.imagelength),
+        bands=int(page.samplesperpixel),
+        depth=int(page.imagedepth),
+        dtype=page.dtype.name if page.dtype is not None else f"{page.bitspersample} bit",
+        photometric=int(page.photometric),
+        compression=int(page.compression),
+        turned=int(page.tags.valueof(_ORIENTATION, default=1)),
+        alpha=not _ALPHA.isdisjoint(page.extrasamples),
+        n_images=1 + n_alike,
+        offsets=tuple(map(int, page.dataoffsets)),
+        counts=tuple(map(int, page.databytecounts)),
+        n_parts=int(np.prod(page.chunked)),
+        as_in_memory=bool(
+            native and interleaved and plain and page.is_contiguous and page.is_memmappable
+        ),
+    )
+
+
+def _further_pages(tiff: tifffile.TiffFile) -> Iterator[object]:
+    """Yield the pages after the first; of a million, which a small file may have, some."""
+    for k in range(1, PAGES):
+        try:
+            yield tiff.pages[k]
+        except IndexError:
+            return
+
+
+def _kind_problem(header: _Header) -> str | None:
+    """Say why pixels of this kind are not read."""
+    as_rgb = header.photometric == _YCBCR and header.compression in _JPEG  # decoded with it
+    colours = "" if as_rgb else _COLOURS.get(header.photometric, "an unusual colour space")
+    turned = f"is to be shown turned (orientation {header.turned}); store the pixels as shown"
+    alpha = (
+        "has a band of transparency (alpha); write it without, and near infrared as an extra "
+        "band of unspecified meaning"
+    )
+    kind = f"has pixels of type {header.dtype}; unsigned whole numbers of 8 or 16 bit are read"
+    problems = {
+        kind: header.dtype not in ("uint8", "uint16"),
+        alpha: header.alpha,
+        f"has {header.bands} bands; one to {BANDS} are read": not 1 <= header.bands <= BANDS,
+        f"is stored as {colours}; grey values or RGB are read, black as zero": bool(colours),
+        turned: header.turned != 1,
+        f"holds {header.n_images} images; all bands must be in one": header.n_images > 1,
+        "has a third dimension; one image is read": header.depth != 1,
+    }
+    return next((says for says, wrong in problems.items() if wrong), None)
+
+
+def _reduction(header: _Header, camera: Camera) -> int:
+    """Return K of an image at 1/K of its camera's size; 1 where it is larger."""
+    return max(camera.width_px // max(header.width, 1), 1)
+
+
+def _size_problem(header: _Header, camera: Camera, k: int) -> str | None:
+    if (header.width, header.height) == (camera.width_px // k, camera.height_px // k):
+        return None
+    return (
+        f"has {header.width} x {header.height} px; {camera.name} has {camera.width_px} x "
+        f"{camera.height_px}, and its images that or 1/K of it, K a whole number"
+    )
+
+
+def _extent_problem(header: _Header, size: int) -> str | None:
+    """Say where the file ends before its pixels do, or some were never written."""
+    offsets, counts = np.array(header.offsets), np.array(header.counts)
+    needed = header.width * header.height * header.bands * np.dtype(header.dtype).itemsize
+    too_few = len(offsets) != len(counts) or len(offsets) < max(header.n_parts, 1)
+    if too_few or not counts.all() or (header.compression == 1 and counts.sum() < needed):
+        return "has parts without pixels; was the writing interrupted?"
+    end = int((offsets + counts).max())
+    if end > size:
+        return f"ends after {size} bytes of at least {end}; was the copying interrupted?"
+    return None
+
+
+def _mapped(path: Path, header: _Header) -> Raster:
+    """Return an image as it lies in its file, where it lies as it would in memory."""
+    with path.open("rb") as file:
+        mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    shape = (header.height, header.width, header.bands)
+    count, at = int(np.prod(shape)), header.offsets[0]
+    return np.frombuffer(mapped, header.dtype, count, at).reshape(shape)
+
+
+def _decoded(path: Path, header: _Header) -> Raster:
+    """Return an image decoded, its bands together at each pixel."""
+    with _readable(path), tifffile.TiffFile(path) as tiff:
+        image = tiff.pages.first.asarray(squeeze=False)
+    planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of each
+    together = planes.reshape(header.height, header.width, header.bands)
+    return np.ascontiguousarray(together, dtype=header.dtype)

@@ -1,0 +1,296 @@
+"""Images that are larger than memory should hold, written as a tiled BigTIFF with overviews.
+
+The rows come in stripes while they are rendered. A file appears under its name when it is whole
+and on the disk, or not at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from acx4lib import expected
+from acx4lib.errors import FlightError
+from acx4lib.expected import Raster
+from acx4lib.production.pyramid import Pyramid, level_sizes
+
+TILE = 512
+"""Rows and columns of a tile; the last overview is no larger."""
+
+COMPRESSIONS = ("none", "deflate", "zstd", "lzw")
+"""Of these, zstd is the fastest and deflate the one that every program reads."""
+
+PREVIEW_PX = 2000
+"""Longer side of a preview."""
+
+GAMMA = 1.6
+"""Of a preview: dark ground can be seen, and colours are not washed out."""
+
+_CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
+"""Names of the TIFF writer; its own deflate is the number that few programs know."""
+
+_LEVEL = {"deflate": 1, "zstd": 1}
+_GDAL_NODATA = (42113, "s", 0, "0", True)
+_UNSPECIFIED = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """What an image is before its pixels are known.
+
+    Attributes
+    ----------
+    height, width, bands : int
+    dtype : str
+        ``uint8`` or ``uint16``.
+    pixel_mm : float
+        Size of a pixel in the image plane.
+    compression : str
+        One of `COMPRESSIONS`.
+    """
+
+    height: int
+    width: int
+    bands: int
+    dtype: str
+    pixel_mm: float
+    compression: str = "none"
+
+    def __post_init__(self) -> None:
+        if self.compression not in COMPRESSIONS:
+            msg = f"compression {self.compression!r} is none of {', '.join(COMPRESSIONS)}"
+            raise ValueError(msg)
+        if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= 4:
+            msg = f"1 to 4 bands of uint8 or uint16 are written, not {self.bands} of {self.dtype}"
+            raise ValueError(msg)
+        expected.whole("height", self.height)
+        expected.whole("width", self.width)
+        expected.positive_number("pixel_mm", self.pixel_mm)
+
+
+def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[str, Any]) -> None:
+    """Write an image while it is made.
+
+    Parameters
+    ----------
+    path : Path
+        An earlier file of this name is replaced.
+    stripes : iterable of ndarray, shape (rows, width, bands)
+        From top to bottom, each with as many rows as it likes.
+    form : Format
+    about : mapping
+        Kept as JSON in the ImageDescription.
+
+    Raises
+    ------
+    FlightError
+        Where another process is writing this file.
+    OSError
+        Where it cannot be written: no room, no permission.
+    ValueError
+        Where the stripes are not what `form` says.
+
+    Notes
+    -----
+    No-data is zero, and said as GDAL reads it. A fourth band is left unspecified: it is not
+    transparency. The same pixels give the same bytes.
+    """
+    with _told_why(path), appearing(path) as part, _overviews(path.parent, form) as pyramid:
+        sizes = _sizes(form)
+        with tifffile.TiffWriter(part, bigtiff=True) as tiff:
+            base = _tiles(_passed_on(_checked(stripes, form), pyramid), form.width)
+            _write_level(tiff, base, form, sizes[0], json.dumps(about, indent=1))
+            for level, size in enumerate(sizes[1:], start=1):
+                tiles = _tiles(pyramid.stripes(level, TILE), size[1])
+                _write_level(tiff, tiles, form, size, None)
+
+
+def read_about(path: Path) -> dict[str, Any]:
+    """Return what an image says of itself; empty where it is none that `write` wrote."""
+    try:
+        with tifffile.TiffFile(path) as tiff:
+            about = json.loads(tiff.pages.first.description)
+    except (OSError, ValueError, LookupError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def write_preview(path: Path, image_path: Path) -> None:
+    """Write a small 8-bit JPEG of an image, stretched so that people can see it.
+
+    Parameters
+    ----------
+    path : Path
+    image_path : Path
+        Of an image that `write` wrote. It is not changed: the stretch between the percentiles
+        0.5 and 99.5, and the gamma of 16 bit, are the preview's alone.
+    """
+    with tifffile.TiffFile(image_path) as tiff:
+        large = [page for page in tiff.pages if max(page.shape[:2]) >= PREVIEW_PX]
+        image = (large[-1] if large else tiff.pages.first).asarray()
+    image = image.reshape(*image.shape[:2], -1)
+    colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
+    shown = _stretched(_fitted(colours))
+    good, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
+    if not good:
+        msg = f"{path}: the preview could not be encoded"
+        raise ValueError(msg)
+    with appearing(path) as part:
+        part.write_bytes(jpeg.tobytes())
+
+
+def _fitted(image: Raster) -> Raster:
+    """Return an image whose longer side is at most that of a preview."""
+    factor = PREVIEW_PX / max(image.shape[:2])
+    if factor >= 1:
+        return image
+    rows, cols = (max(round(n * factor), 1) for n in image.shape[:2])
+    small = cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, dtype=image.dtype).reshape(rows, cols, -1)
+
+
+def _stretched(image: Raster) -> NDArray[np.uint8]:
+    """Return 8 bit, one stretch for all bands; what no head sees stays black.
+
+    Counts of 16 bit are proportional to light, and a screen's are not.
+    """
+    seen = image[image > 0]
+    low, high = np.percentile(seen, [0.5, 99.5]) if len(seen) else (0.0, 1.0)
+    scaled = np.clip((image - np.float32(low)) / np.float32(max(high - low, 1.0)), 0, 1)
+    shown = scaled ** np.float32(1 / GAMMA if image.dtype == np.uint16 else 1)
+    return np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
+
+
+@contextlib.contextmanager
+def _told_why(path: Path) -> Iterator[None]:
+    """Say that there is no room where an array was not written whole: numpy does not say it."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from None
+        raise
+
+
+@contextlib.contextmanager
+def appearing(path: Path) -> Iterator[Path]:
+    """Yield the name of a file to be filled; it takes its place when it is whole, or never.
+
+    The name beside it is the same each time, so that what a power failure leaves is used again.
+    """
+    part = path.with_name(f".{path.name}.part")
+    with part.open("ab") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            problem = f"{path}: is being written by another process; wait for it"
+            raise FlightError([problem]) from None
+        try:
+            yield part
+            _to_disk(part)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until a file is on the disk and not only in memory."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _sizes(form: Format) -> list[tuple[int, int]]:
+    return level_sizes(form.height, form.width, TILE)
+
+
+def _overviews(folder: Path, form: Format) -> Pyramid:
+    return Pyramid(folder, _sizes(form), bands=form.bands, dtype=np.dtype(form.dtype))
+
+
+def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
+    """Yield the stripes; raise where they are not what was promised."""
+    rows = 0
+    for stripe in stripes:
+        rows += len(stripe)
+        fits = stripe.shape[1:] == (form.width, form.bands) and stripe.dtype == form.dtype
+        if not fits or rows > form.height:
+            msg = f"a stripe {stripe.shape} of {stripe.dtype} that ends at row {rows}, not {form}"
+            raise ValueError(msg)
+        yield stripe
+    if rows < form.height:
+        msg = f"{rows} rows of an image of {form.height}"
+        raise ValueError(msg)
+
+
+def _passed_on(stripes: Iterable[Raster], pyramid: Pyramid) -> Iterator[Raster]:
+    for stripe in stripes:
+        pyramid.add(stripe)
+        yield stripe
+
+
+def _tiles(stripes: Iterable[Raster], width: int) -> Iterator[Raster]:
+    """Yield tiles row by row; those at the border are smaller, and filled up by the writer."""
+    for rows in _regrouped(stripes):
+        for col in range(0, width, TILE):
+            tile = np.ascontiguousarray(rows[:, col : col + TILE])
+            yield tile[..., 0] if tile.shape[2] == 1 else tile
+
+
+def _regrouped(
+    stripes: Iterable[Raster],
+) -> Iterator[Raster]:
+    """Yield stripes as high as a tile, the last one excepted."""
+    kept: list[Raster] = []
+    for stripe in stripes:
+        kept.append(stripe)
+        while (n := sum(map(len, kept))) >= TILE:
+            rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
+            yield rows[:TILE]
+            kept = [rows[TILE:]] if n > TILE else []
+    if kept:
+        yield np.concatenate(kept)
+
+
+def _write_level(
+    tiff: tifffile.TiffWriter,
+    tiles: Iterator[Raster],
+    form: Format,
+    size: tuple[int, int],
+    description: str | None,
+) -> None:
+    """Write the image or one of its overviews."""
+    colour = form.bands >= 3
+    extra = form.bands - (3 if colour else 1)
+    scale = max(form.height, form.width) / max(size)
+    per_cm = 10 / form.pixel_mm / scale
+    tiff.write(
+        tiles,
+        shape=(*size, form.bands) if form.bands > 1 else size,
+        dtype=form.dtype,
+        tile=(TILE, TILE),
+        photometric="rgb" if colour else "minisblack",
+        planarconfig="contig" if form.bands > 1 else None,
+        extrasamples=[_UNSPECIFIED] * extra or None,
+        compression=_CODEC.get(form.compression),
+        compressionargs={"level": _LEVEL[form.compression]} if form.compression in _LEVEL else None,
+        predictor=form.compression in _CODEC,
+        subfiletype=0 if description is not None else 1,
+        description=description,
+        metadata=None,
+        software="acx4lib" if description is not None else False,
+        resolution=(per_cm, per_cm),
+        resolutionunit="CENTIMETER",
+        extratags=[_GDAL_NODATA],
+    )

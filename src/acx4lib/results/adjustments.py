@@ -1,0 +1,225 @@
+"""What the stages leave in a results folder: a record for each method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.variance_components import as_json, components, sentences
+from acx4lib.calibration import determination, gnss_shift
+from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.results import folder as results
+from acx4lib.results.rows import bundle_tables, orientation_tables
+
+SCALE_LIMIT = 0.01
+"""Scale of control against trajectory beyond which something is wrong, not imprecise."""
+
+MANY_REJECTED = 0.005
+"""Share of image points rejected that a user is told of; chance rejects a twentieth of it."""
+
+NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
+    (
+        *("n_observations", "n_unknowns", "redundancy", "sigma0_squared", "chi_square_p"),
+        *("iterations", "n_rejected", "n_left_out"),
+    )
+)
+"""What summary.json says of every adjustment, where there was none."""
+
+OPTIONAL = ("two_step", "two_step_gnss", "rig")
+"""Methods that need more than a flight must give: their gaps end no run."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """One method's results, ready to be written.
+
+    Attributes
+    ----------
+    stage, method : str
+    tables : dict of str to DataFrame
+        By the names of `folder.COLUMNS`.
+    summary : dict
+        Objects of summary.json.
+    """
+
+    stage: str
+    method: str
+    tables: dict[str, pd.DataFrame]
+    summary: dict[str, dict[str, object]] = field(default_factory=dict)
+
+
+def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
+    """Write a stage's records in place of what the folder has of this stage.
+
+    Parameters
+    ----------
+    folder : path
+    stage : str
+        Old rows of these methods go, also where a method has no record any more.
+    records : iterable of Record
+    """
+    records = list(records)
+    names = {name for record in records for name in record.tables}
+    merged = {
+        name: pd.concat([r.tables[name] for r in records if name in r.tables], ignore_index=True)
+        for name in sorted(names)
+    }
+    summary = {key: value for record in records for key, value in record.summary.items()}
+    results.replace(folder, [stage], tables=merged, summary=summary)
+
+
+# --- bundles ---------------------------------------------------------------------------------
+
+
+def of_bundle(
+    stage: str,
+    method: str,
+    bundle: Bundle,
+    *,
+    calibration: Calibration | None = None,
+    summary_key: str | None = None,
+    applied: Mapping[str, float] | None = None,
+) -> Record:
+    """Return all rows of an adjusted bundle.
+
+    Parameters
+    ----------
+    stage, method : str
+    bundle : Bundle
+    calibration : Calibration, optional
+        What the method says of its cameras; by default what the bundle does.
+    summary_key : str, optional
+        By default ``stage/method``.
+    applied : mapping of str to float, optional
+        By what the sigma of every group were multiplied.
+    """
+    said = calibration or from_bundle(bundle)
+    solution = bundle.solution
+    key = summary_key or f"{stage}/{method}"
+    open_lines = [*not_determined(said), *gnss_shift.not_determined(bundle)]
+    unknown = [f"{key}: {line}" for line in open_lines]
+    found = components(bundle, applied=applied)
+    # a lever arm that is held makes sigma look wrong that are not
+    judged = () if method.startswith("two_step") else found
+    entry: dict[str, object] = {
+        "n_observations": solution.n_observations,
+        "n_unknowns": solution.n_unknowns,
+        "redundancy": solution.redundancy,
+        "sigma0_squared": solution.sigma0_sq,
+        "chi_square_p": solution.chi_square_p,
+        "iterations": solution.iterations,
+        "converged": True,
+        "n_rejected": len(bundle.rejected),
+        "n_left_out": sum(bundle.network.left_out.values()),
+        **determination.as_json(bundle, said),
+        "not_determined": unknown,
+        "left_out": unknown if method in OPTIONAL else [],
+        "sigma_factors": as_json(found),
+        "notes": [*_notes(key, bundle), *(f"{key}: {line}" for line in sentences(judged))],
+    }
+    return Record(
+        stage=stage,
+        method=method,
+        tables=bundle_tables(stage, method, bundle, said),
+        summary={key: entry},
+    )
+
+
+def _notes(key: str, bundle: Bundle) -> list[str]:
+    """Return what a user should know of an adjustment, in sentences."""
+    notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
+    n_measured = len(bundle.network.block.image_points)
+    n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
+    # the two-step methods take over what the single step rejected, and this was said of it
+    if n_rejected > MANY_REJECTED * n_measured and "two_step" not in key:
+        notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
+    scale = height_scale(bundle)
+    if abs(scale - 1) > SCALE_LIMIT:
+        notes.append(
+            f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
+            "system of control or trajectory, or the focal length in flight.toml, is wrong"
+        )
+    return [f"{key}: {note}" for note in (*notes, *gnss_shift.notes(bundle))]
+
+
+def height_scale(bundle: Bundle) -> float:
+    """Return the images' height above the control points, adjusted against the trajectory's.
+
+    One where control or trajectory do not say it. The focal length that the bundle estimated is
+    part of it: a wrong one moves free orientations, or is moved by observed ones.
+    """
+    network = bundle.network
+    control = network.control.x_m[:, 2]
+    images = np.flatnonzero(bundle.oriented)
+    if len(control) == 0 or len(images) == 0:
+        return 1.0
+    declared = network.block.cameras[0].interior.f
+    by_focal_length = bundle.state.interiors[0].f / declared
+    ground = control.mean()
+    observed = network.block.T_m_b_images.r[images, 2] - ground
+    adjusted = bundle.T_m_c.r[images, 2] - ground
+    scale = float(np.median(adjusted / observed))
+    return scale if abs(scale - 1) > abs(by_focal_length - 1) else by_focal_length
+
+
+def of_mounting(mounting: Mounting, *, applied: Mapping[str, float] | None = None) -> Record:
+    """Return all rows of one method of the mounting stage; `applied` as in `of_bundle`."""
+    return of_bundle(
+        "mounting",
+        mounting.method,
+        mounting.bundle,
+        calibration=mounting.calibration,
+        applied=applied,
+    )
+
+
+def of_mountings(
+    mountings: Mountings, *, applied: Mapping[str, float] | None = None
+) -> list[Record]:
+    """Return the records of all methods of the mounting stage, failures included."""
+    records = [of_mounting(m, applied=applied) for m in mountings.methods.values()]
+    for method, reason in mountings.failures.items():
+        if method == "single_step":
+            key = f"mounting/{method}"
+            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
+        else:
+            records.append(of_left_out("mounting", method, reason))
+    return records
+
+
+def of_left_out(stage: str, method: str, reason: str) -> Record:
+    """Return the record of a method that was left out, with the reason."""
+    entry = {**NO_ADJUSTMENT, "converged": False, "left_out": [f"{stage}/{method}: {reason}"]}
+    return Record(stage=stage, method=method, tables={}, summary={f"{stage}/{method}": entry})
+
+
+def of_failure(stage: str, method: str, reason: str, *, summary_key: str) -> Record:
+    """Return the record of an adjustment that failed, with the reason."""
+    entry = {**NO_ADJUSTMENT, "converged": False, "not_determined": [reason]}
+    return Record(stage=stage, method=method, tables={}, summary={summary_key: entry})
+
+
+# --- relative orientation --------------------------------------------------------------------
+
+
+def of_relative_orientation(
+    stage: str, method: str, orientation: RelativeOrientation, **said: object
+) -> Record:
+    """Return the rows of heads oriented in the synthetic frame.
+
+    What else is said of the adjustment goes into the summary under its own name.
+    """
+    entry = {**NO_ADJUSTMENT, "converged": True, "n_exposures": orientation.n_exposures, **said}
+    return Record(
+        stage=stage,
+        method=method,
+        tables=orientation_tables(stage, method, orientation),
+        summary={f"{stage}/{method}": entry},
+    )

@@ -1,0 +1,156 @@
+"""Calibrations and heads as a results folder has them, read back for the stages that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration.estimates import Calibration, given, to_reported
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.mounting import METHODS
+from acx4lib.flight import Flight
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.parameters import MOUNT, REPORTED
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.results import folder
+from acx4lib.results.rows import RELATIVE, joint_names
+
+
+def read_relative_orientation(
+    found: folder.Results, stage_method: str, cameras: Mapping[str, Camera]
+) -> RelativeOrientation:
+    """Return the heads as a results folder has them.
+
+    Parameters
+    ----------
+    found : Results
+    stage_method : str
+        ``heads/relative_orientation`` or ``synthetic/refined``.
+    cameras : mapping of str to Camera
+        As the flight declares them.
+
+    Raises
+    ------
+    FlightError
+        Where the folder does not have them.
+    """
+    names = folder.cameras(found, stage_method)
+    values = np.array(
+        [folder.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
+    )
+    cov = folder.covariance(found, stage_method)
+    labels, scale = joint_names(names, np.array([1.0, 1.0, 1.0, *np.radians(np.ones(3))]))
+    joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
+    entry = found.summary.get(stage_method, {})
+    return RelativeOrientation(
+        heads=tuple(_estimated(found, "heads/bundle", cameras[name]) for name in names),
+        xyz_mm=values[:, :3],
+        opk=np.radians(values[:, 3:]),
+        cov_joint=joint * scale[:, None] * scale,
+        n_exposures=int(str(entry.get("n_exposures", 0))),
+    )
+
+
+def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Camera:
+    """Return a declared camera with what a method estimated of it."""
+    listed = folder.rows(found, "parameters", stage_method)
+    mine = listed[listed["camera"] == camera.name]
+    values = dict(zip(mine["parameter"], mine["value"], strict=True))
+    declared = np.concatenate(
+        [camera.interior.to_array(), camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]
+    )
+    said = np.array(
+        [
+            values.get(REPORTED[key][0], old)
+            for key, old in zip((*INTERIOR, *MOUNT), declared, strict=True)
+        ]
+    )
+    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
+    return replace(
+        camera,
+        interior=Interior.from_array(interior),
+        T_b_c=Pose(R=rotation_from_opk(np.radians(angles)), r=lever),
+    )
+
+
+def read_calibration(
+    found: folder.Results, stage_method: str, cameras: Sequence[Camera]
+) -> Calibration:
+    """Return a calibration as a results folder has it.
+
+    The inverse of `rows.calibration_tables`.
+
+    Parameters
+    ----------
+    found : Results
+    stage_method : str
+    cameras : sequence of Camera
+        As the flight declares them; what has no row keeps the declared value. Others that the
+        method calibrated as well are left out.
+
+    Raises
+    ------
+    FlightError
+        Where the folder does not have the method.
+    """
+    estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
+    columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
+    whole = folder.covariance(found, stage_method)
+    reported_names = [name for name, _ in REPORTED.values()]
+    mine = {f"{camera.name}/{name}" for camera in cameras for name in reported_names}
+    names = [label for label in whole.index if label in mine]
+    for k, camera in enumerate(cameras):
+        for j, key in enumerate((*INTERIOR, *MOUNT)):
+            label = f"{camera.name}/{REPORTED[key][0]}"
+            if label in names:
+                columns[k, j] = names.index(label)
+    sigma0_sq = float(str(found.summary[stage_method]["sigma0_squared"]))
+    reported = Calibration(
+        cameras=estimated,
+        layout=Layout(
+            interior=columns[:, : len(INTERIOR)],
+            mount=columns[:, len(INTERIOR) :],
+            pose=np.zeros((0, 6), dtype=np.intp),
+        ),
+        cov=np.zeros((len(names), len(names))),
+        sigma0_sq=sigma0_sq,
+        open_columns=np.zeros(len(names), dtype=bool),
+    )
+    back = np.linalg.inv(to_reported(reported))
+    cov = whole.loc[names, names].to_numpy() / sigma0_sq
+    return replace(reported, cov=propagate(back, cov))
+
+
+def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibration]:
+    """Return the calibrations to validate a flight with, by method.
+
+    Where the flight has no calibration block, the cameras as it gives them (method ``given``);
+    a method with a parameter that is not determined is left out.
+
+    Raises
+    ------
+    FlightError
+        Where the flight has a calibration block whose results are not in the folder.
+    """
+    cameras = flight.validation.cameras if flight.validation else ()
+    if flight.calibration is None:
+        return {"given": given(cameras)}
+    folder.rows(found, "parameters", "mounting")  # raises where the stage has not been run
+    return {
+        method: read_calibration(found, f"mounting/{method}", cameras)
+        for method in calibrated_methods(found)
+    }
+
+
+def calibrated_methods(found: folder.Results) -> tuple[str, ...]:
+    """Return the methods of the mounting stage all of whose parameters are determined."""
+    said = {method: found.summary.get(f"mounting/{method}", {}) for method in METHODS}
+    return tuple(
+        method
+        for method, entry in said.items()
+        if entry.get("converged") and not folder.messages(entry, "not_determined")
+    )

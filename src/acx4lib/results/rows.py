@@ -1,0 +1,296 @@
+"""Rows of a results folder, made of what the stages computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.bundle.network import Network
+from acx4lib.calibration import gnss_shift
+from acx4lib.calibration.estimates import (
+    Calibration,
+    Parameter,
+    is_determined,
+    parameters,
+    reported_covariance,
+)
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import INTERIOR
+from acx4lib.geometry.frames import Pose, opk_jacobian
+from acx4lib.geometry.parameters import REPORTED
+from acx4lib.georeferencing.validation import compare
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.results import folder
+
+COMPONENTS = {
+    "image_point": ("col_px", "row_px"),
+    "control_point": ("east_m", "north_m", "height_m"),
+    "gnss": ("east_m", "north_m", "height_m"),
+    "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
+}
+"""Components of the residuals of every kind; attitudes turn about the body's x, y, z axes."""
+
+RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
+"""Names of a head's relative orientation, in its order."""
+
+
+# --- bundles ---------------------------------------------------------------------------------
+
+
+def bundle_tables(
+    stage: str, method: str, bundle: Bundle, calibration: Calibration
+) -> dict[str, pd.DataFrame]:
+    """Return every table of an adjusted bundle.
+
+    Parameters
+    ----------
+    stage, method : str
+    bundle : Bundle
+    calibration : Calibration
+        What the method says of the cameras.
+    """
+    block = bundle.network.block
+    parameter_tables = calibration_tables(stage, method, calibration)
+    if gnss_shift.parameters(bundle):
+        parameter_tables = _with_gnss(stage, method, bundle, calibration)
+    return {
+        **parameter_tables,
+        "exterior_orientation": _exterior_table(stage, method, bundle),
+        "residuals": _residual_table(stage, method, bundle),
+        "rejected": rejected_table(
+            stage, method, block, bundle.rejected, pose_names=block.trajectory.exposures
+        ),
+        "check_points": _check_table(stage, method, bundle),
+    }
+
+
+def calibration_tables(
+    stage: str, method: str, calibration: Calibration
+) -> dict[str, pd.DataFrame]:
+    """Return the parameters that are determined, and their covariance."""
+    keep = np.flatnonzero(is_determined(calibration))
+    listed = [parameters(calibration)[i] for i in keep]
+    cov = reported_covariance(calibration)[np.ix_(keep, keep)]
+    return _parameter_tables(stage, method, listed, cov)
+
+
+def _with_gnss(
+    stage: str, method: str, bundle: Bundle, calibration: Calibration
+) -> dict[str, pd.DataFrame]:
+    """Return the same with the shift and the drifts of GNSS positions."""
+    told = np.concatenate([is_determined(calibration), gnss_shift.is_determined(bundle)])
+    everything = [*parameters(calibration), *gnss_shift.parameters(bundle)]
+    keep = np.flatnonzero(told)
+    cov = gnss_shift.reported_covariance(bundle)[np.ix_(keep, keep)]
+    return _parameter_tables(stage, method, [everything[i] for i in keep], cov)
+
+
+def _parameter_tables(
+    stage: str, method: str, listed: Sequence[Parameter], cov: Array
+) -> dict[str, pd.DataFrame]:
+    rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
+    names = [f"{p.camera}/{p.name}" if p.camera else p.name for p in listed]
+    return {
+        "parameters": _frame("parameters", rows),
+        "covariance": _covariance_table(stage, method, names, cov),
+    }
+
+
+def _frame(table: str, rows: Sequence[Sequence[object]]) -> pd.DataFrame:
+    return pd.DataFrame(list(rows), columns=list(folder.COLUMNS[table]))
+
+
+def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array) -> pd.DataFrame:
+    n = len(names)
+    return pd.DataFrame(
+        {
+            "stage": stage,
+            "method": method,
+            "row": np.repeat(np.array(names, dtype=object), n),
+            "column": np.tile(np.array(names, dtype=object), n),
+            "value": cov.ravel(),
+        }
+    )
+
+
+def _exterior_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    network = bundle.network
+    cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
+    oriented = np.flatnonzero(bundle.oriented)
+    names = [network.block.images.names[i] for i in oriented]
+    return exterior_table(
+        stage, method, network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented]
+    )
+
+
+def exterior_table(
+    stage: str, method: str, block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array
+) -> pd.DataFrame:
+    """Return camera poses against the grid with their standard deviations.
+
+    Parameters
+    ----------
+    stage, method : str
+    block : Block
+    names : sequence of str
+        Of the images.
+    T_m_c : Pose
+    cov : ndarray, shape (n, 6, 6)
+        Position in m, mapping frame; rotation about the camera's axes, radians.
+    """
+    enh, opk = block.frame.pose_to_grid(T_m_c)
+    R_g_m = block.frame.grid_axes(T_m_c.r)
+    to_opk = opk_jacobian(opk)
+    sigma_r = sigmas(propagate(R_g_m, cov[:, :3, :3]))
+    sigma_opk = np.degrees(sigmas(propagate(to_opk, cov[:, 3:, 3:])))
+    frame = pd.DataFrame(
+        np.column_stack([enh, np.degrees(opk), sigma_r, sigma_opk]),
+        columns=list(folder.COLUMNS["exterior_orientation"][3:]),
+    )
+    frame.insert(0, "stage", stage)
+    frame.insert(1, "method", method)
+    frame.insert(2, "image", list(names))
+    return frame
+
+
+def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    network, parts = bundle.network, []
+    for group in bundle.solution.groups:
+        where, point = _observed_at(network, group.kind)
+        used = group.used
+        rows, components = np.nonzero(used)
+        unit = np.degrees(1.0) if group.kind == "attitude" else 1.0
+        parts.append(
+            pd.DataFrame(
+                {
+                    "stage": stage,
+                    "method": method,
+                    "kind": group.kind,
+                    "image_or_exposure": where[rows],
+                    "point": point[rows],
+                    "component": np.array(COMPONENTS[group.kind], dtype=object)[components],
+                    "v": unit * group.v[used],
+                    "sigma": unit * group.sigma[used],
+                    "redundancy": group.redundancy[used],
+                    "w": group.w[used],
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
+    """Return the names of image or exposure, and of the point, of every row of a group."""
+    points = np.array(network.block.points, dtype=object)
+    if kind == "image_point":
+        images = np.array(network.block.images.names, dtype=object)
+        seen = network.image_points
+        return images[seen.image_idx], points[seen.point_idx]
+    if kind == "control_point":
+        names = points[network.control.point_idx[~network.held_control]]
+        return np.full(len(names), "", dtype=object), names
+    poses = np.array(network.pose_names, dtype=object)
+    return poses, np.full(len(poses), "", dtype=object)
+
+
+def rejected_table(
+    stage: str,
+    method: str,
+    block: Block,
+    rejected: Sequence[Rejection],
+    *,
+    pose_names: Sequence[str],
+) -> pd.DataFrame:
+    """Return every observation that was taken out as a gross error."""
+    rows = []
+    for r in rejected:
+        where, point, what = "", "", "measurement"
+        if r.kind == "image_point":
+            where = block.images.names[block.image_points.image_idx[r.row]]
+            point = block.points[block.image_points.point_idx[r.row]]
+        elif r.kind == "control_point":
+            point = block.points[block.control.point_idx[r.row]]
+            what = (*COMPONENTS["control_point"], "position")[r.component]  # the last for -1
+        else:
+            where = pose_names[r.row]
+            what = "position" if r.kind == "gnss" else "attitude"
+        reason = f"{what}: w = {r.statistic:.1f} exceeds {r.limit:.3g}"
+        rows.append((stage, method, r.kind, where, point, r.statistic, reason))
+    return _frame("rejected", rows)
+
+
+def _check_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+    """Return the differences at check points that the bundle estimated as tie points."""
+    network = bundle.network
+    block = network.block
+    seen = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    check = np.flatnonzero(seen[block.check.point_idx] >= 2)
+    idx = block.check.point_idx[check]
+    d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
+    return point_table(stage, method, [block.points[i] for i in idx], seen[idx], d, sigma)
+
+
+def point_table(
+    stage: str, method: str, names: Sequence[str], n_images: Index, d: Array, sigma: Array
+) -> pd.DataFrame:
+    """Return the differences at points and their sigma, east, north, height in m."""
+    frame = pd.DataFrame(
+        np.column_stack([d, sigma]), columns=list(folder.COLUMNS["check_points"][4:])
+    )
+    frame.insert(0, "stage", stage)
+    frame.insert(1, "method", method)
+    frame.insert(2, "point", list(names))
+    frame.insert(3, "n_images", n_images)
+    return frame
+
+
+# --- relative orientation --------------------------------------------------------------------
+
+
+def orientation_tables(
+    stage: str, method: str, orientation: RelativeOrientation
+) -> dict[str, pd.DataFrame]:
+    """Return the parameters of heads in the synthetic frame, and their joint covariance."""
+    listed = orientation_parameters(orientation)
+    rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
+    degrees = np.repeat([1.0, np.degrees(1.0)], 3)
+    names, scale = joint_names([head.name for head in orientation.heads], degrees)
+    cov = orientation.cov_joint * scale[:, None] * scale
+    kept = np.flatnonzero((np.arange(len(cov)) < len(rows)) | (np.diag(cov) > 0))
+    return {
+        "parameters": _frame("parameters", rows),
+        "covariance": _covariance_table(
+            stage, method, [names[i] for i in kept], cov[np.ix_(kept, kept)]
+        ),
+    }
+
+
+def orientation_parameters(orientation: RelativeOrientation) -> list[Parameter]:
+    """Return the places (mm) and angles (degrees) of all heads as results report them."""
+    values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
+    sigma = orientation.sigma * np.repeat([1.0, np.degrees(1.0)], 3)
+    return [
+        Parameter(
+            camera=head.name,
+            name=name,
+            key=name,
+            unit="mm" if j < 3 else "deg",
+            value=float(values[k, j]),
+            sigma=float(sigma[k, j]),
+        )
+        for k, head in enumerate(orientation.heads)
+        for j, name in enumerate(RELATIVE)
+    ]
+
+
+def joint_names(heads: Sequence[str], angles: Array) -> tuple[list[str], Array]:
+    """Return the names in the order of `RelativeOrientation.cov_joint` and their unit factors."""
+    names = [f"{head}/{name}" for head in heads for name in RELATIVE]
+    interior = [f"{head}/{REPORTED[key][0]}" for head in heads for key in INTERIOR]
+    return names + interior, np.concatenate([np.tile(angles, len(heads)), np.ones(len(interior))])

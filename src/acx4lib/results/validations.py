@@ -1,0 +1,136 @@
+"""Turns what the validation computed into the rows of a results folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.flight.block import Block
+from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing.direct import pose_covariances
+from acx4lib.georeferencing.validation import Differences, Validation
+from acx4lib.results import folder
+from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out
+from acx4lib.results.rows import exterior_table, point_table, rejected_table
+
+MANY = 0.1
+"""Share of rejected measurements beyond which they are no gross errors."""
+
+
+def of_validations(validations: Sequence[Validation]) -> list[Record]:
+    """Return the records of all methods' validations; without any, one that says why."""
+    if not validations:
+        reason = "no method has all its parameters determined"
+        return [of_left_out("validation", "all", reason)]
+    return [of_validation(validation) for validation in validations]
+
+
+def of_validation(validation: Validation) -> Record:
+    """Return all rows of one method's validation."""
+    method, block = validation.method, validation.block
+    points = validation.points
+    names = [block.points[block.check.point_idx[i]] for i in points.point_idx]
+    cov = pose_covariances(block, validation.georeferenced)
+    tables = {
+        "validation": _pair_table(method, block, validation.pairs),
+        "check_points": point_table(
+            "validation", method, names, points.n_images, points.d, points.sigma
+        ),
+        "exterior_orientation": exterior_table(
+            *("validation", method, block, block.images.names),
+            T_m_c=validation.georeferenced.T_m_c,
+            cov=cov,
+        ),
+        "rejected": rejected_table(
+            "validation",
+            method,
+            replace(block, control=block.check, check=block.control),  # it rejects surveyed points
+            validation.rejected,
+            pose_names=block.trajectory.exposures,
+        ),
+    }
+    return Record(
+        stage="validation",
+        method=method,
+        tables=tables,
+        summary={f"validation/{method}": _validation_summary(validation)},
+    )
+
+
+def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:
+    images = np.array(block.images.names, dtype=object)
+    points = np.array(block.points, dtype=object)
+    frame = pd.DataFrame(
+        np.column_stack([pairs.d, pairs.sigma]),
+        columns=list(folder.COLUMNS["validation"][4:]),
+    )
+    frame.insert(0, "method", method)
+    frame.insert(1, "point", points[block.check.point_idx[pairs.point_idx]])
+    frame.insert(2, "image_a", images[pairs.image_idx[:, 0]])
+    frame.insert(3, "image_b", images[pairs.image_idx[:, 1]])
+    return frame
+
+
+def _validation_summary(validation: Validation) -> dict[str, object]:
+    over_pairs = accuracy.from_differences(validation.pairs.d)
+    over_points = accuracy.from_differences(validation.points.d)
+    survey = validation.block.check.sigma_m[validation.points.point_idx]
+    survey_sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)) if len(survey) else [0] * 3)
+    return {
+        "n_observations": validation.n_observations,
+        "n_unknowns": 3 * len(validation.points),
+        "redundancy": validation.redundancy,
+        "sigma0_squared": validation.sigma0_sq,
+        "chi_square_p": validation.chi_square_p,
+        "iterations": 1,
+        "converged": True,
+        "n_rejected": len(validation.rejected),
+        "n_left_out": validation.n_left_out,
+        "n_pairs": len(validation.pairs),
+        "n_failed_pairs": validation.n_failed,
+        "n_points": len(validation.points),
+        "notes": [f"validation/{validation.method}: {note}" for note in _notes(validation)],
+        **_statistics(over_pairs),
+        "points": {
+            **_statistics(over_points),
+            "t": _test(accuracy.mean_test(over_points)),
+            "classes": standards.classes(over_points, survey_sigma=survey_sigma),
+        },
+    }
+
+
+def _notes(validation: Validation) -> Iterator[str]:
+    """Yield what a user should know: what spoils all points is no matter of single ones."""
+    n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
+    n_measured = n_rejected + validation.n_observations // 2
+    if n_rejected > MANY * n_measured:
+        yield (
+            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
+            "rather a wrong calibration or trajectory than so many gross errors"
+        )
+    if not len(validation.points):
+        return
+    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
+    height = float(np.median(above))
+    off = float(np.median(validation.points.d[:, 2]))
+    if abs(off) > SCALE_LIMIT * height:
+        yield (
+            f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
+            f"{100 * abs(off) / height:.1f} % of the flying height: the height system of check "
+            "points or trajectory, or the focal length, is wrong"
+        )
+
+
+def _statistics(said: accuracy.Accuracy) -> dict[str, object]:
+    return {"mean": list(said.mean), "std": list(said.std), "rms": list(said.rms)}
+
+
+def _test(test: accuracy.AxisTest) -> dict[str, object]:
+    return {
+        "statistic": list(test.statistic),
+        "critical": test.critical,
+        "accepted": list(test.accepted),
+    }

@@ -1,0 +1,1 @@
+"""Pixels sampled and blended, compiled: what `rendering` asks for."""

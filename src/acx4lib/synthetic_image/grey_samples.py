@@ -1,0 +1,214 @@
+"""Grey values of the same ground in two heads, from patches of their overlaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Mask
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.frame import footprint, head_from_synthetic
+from acx4lib.synthetic_image.mapped_pixels import forget
+
+Image = np.ndarray
+"""A head's image: uint8 or uint16, shape (rows, cols, bands)."""
+
+POINTS = 20_000
+"""Samples of an overlap."""
+
+DARK_DN = 16.0
+"""Mean of a patch below which counting noise and offsets are too much of it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """Grey values of the same ground in two heads.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    xy : ndarray, shape (n, 2)
+        Where, mm in the synthetic image.
+    q_a, q_b : ndarray, shape (n,)
+        Squared distance from the middle of the head's image over that of its corner.
+    log_ratio : ndarray, shape (n, n_bands)
+        Of the means of a patch, a over b; NaN where it is saturated or dark.
+    saturated, dark : ndarray, shape (n, n_bands)
+        Why samples are left out.
+    """
+
+    head_a: int
+    head_b: int
+    xy: Array
+    q_a: Array
+    q_b: Array
+    log_ratio: Array
+    saturated: Mask
+    dark: Mask
+
+
+def corner_share(camera: Camera, colrow: Array) -> Array:
+    """Return q, the squared distance from the middle of the image over that of its corner.
+
+    Parameters
+    ----------
+    camera : Camera
+    colrow : ndarray, shape (..., 2)
+        Pixels; outer pixel edges are the corner.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    r = np.linalg.norm(xy_from_colrow(camera, colrow), axis=-1)
+    corner = 0.5 * camera.pixel_mm * camera.diagonal_px
+    share: Array = np.square(r / corner)
+    return share
+
+
+def overlap_samples(
+    images: Sequence[Image],
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    rng: np.random.Generator,
+    n_points: int = POINTS,
+) -> list[Samples]:
+    """Return grey values of the same ground for all pairs of heads that overlap.
+
+    Parameters are those of `estimate_response`.
+
+    Raises
+    ------
+    ValueError
+        Where the images are not those of the heads.
+    """
+    expected.instance("rng", rng, np.random.Generator)
+    expected.whole("n_points", n_points)
+    images = [with_bands(image) for image in images]
+    _check_images(images, orientation)
+    # patches of reduced images cover more ground already
+    patch = 5 if max(images[0].shape) >= 4000 else 3
+    out = []
+    for a, b in combinations(range(len(images)), 2):
+        xy = _points(orientation, (a, b), synthetic, rng=rng, n_points=n_points, patch=patch)
+        if len(xy):
+            both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in (a, b)]
+            out.append(_samples(orientation, (a, b), xy, both))
+        for k in (a, b):
+            forget(images[k])
+    return out
+
+
+def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
+    expected.many("images", images, len(orientation.heads), "images, one for each head")
+    for image, head in zip(images, orientation.heads, strict=True):
+        expected.shape(f"image of {head.name}", image, (head.height_px, head.width_px, "bands"))
+
+
+def with_bands(image: Image) -> Image:
+    """Return an image with an axis for its bands."""
+    return image[:, :, None] if image.ndim == 2 else image
+
+
+def _points(
+    orientation: RelativeOrientation,
+    pair: tuple[int, int],
+    synthetic: Camera,
+    *,
+    rng: np.random.Generator,
+    n_points: int,
+    patch: int,
+) -> Array:
+    """Return points that two heads see with the whole of their patches, shape (n, 2), mm."""
+    half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
+    outlines = [footprint(orientation, k, per_side=8) for k in pair]
+    low = np.max([-half, *(outline.min(axis=0) for outline in outlines)], axis=0)
+    high = np.min([half, *(outline.max(axis=0) for outline in outlines)], axis=0)
+    if np.any(high <= low):
+        return np.zeros((0, 2))
+    xy = rng.uniform(low, high, (2 * n_points, 2))
+    seen = np.ones(len(xy), dtype=bool)
+    for k in pair:
+        camera, colrow = orientation.heads[k], head_from_synthetic(orientation, k, xy)
+        last = np.array([camera.width_px, camera.height_px]) - 1
+        seen &= np.all((colrow >= patch) & (colrow <= last - patch), axis=1)
+    # more patches than the overlap has room for would count the same pixels twice
+    room = np.prod((high - low) / synthetic.pixel_mm) * seen.mean() / patch**2
+    return xy[seen][: min(n_points, int(room))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Patches:
+    """Grey values of one head around points: mean, and which are saturated, (n, n_bands)."""
+
+    colrow: Array
+    mean: Array
+    saturated: Mask
+
+
+def _patches(
+    image: Image,
+    orientation: RelativeOrientation,
+    k: int,
+    xy: Array,
+    synthetic: Camera,
+    patch: int,
+) -> _Patches:
+    """Return means over patch x patch pixels of the synthetic image: of the same ground."""
+    step = synthetic.pixel_mm * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    here, right, up = (head_from_synthetic(orientation, k, xy + s) for s in step)
+    offset = np.arange(patch) - (patch - 1) / 2
+    i, j = (o.ravel()[:, None] for o in np.meshgrid(offset, offset))
+    at = here[:, None] + i * (right - here)[:, None] + j * (up - here)[:, None]
+    corner = np.floor(at).astype(np.intp)
+    part = (at - corner).astype(np.float32)
+    mean = np.zeros((len(xy), image.shape[2]))
+    peak = np.zeros((len(xy), image.shape[2]), dtype=image.dtype)
+    for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        values = image[corner[..., 1] + down, corner[..., 0] + across]
+        weight = np.abs(1 - across - part[..., 0]) * np.abs(1 - down - part[..., 1])
+        mean += np.einsum("npb,np->nb", values, weight, dtype=np.float64)
+        peak = np.maximum(peak, values.max(axis=1))
+    return _Patches(colrow=here, mean=mean / patch**2, saturated=peak >= _saturation(values))
+
+
+def _saturation(values: Image) -> Array:
+    """Return the grey value from which pixels are saturated, shape (n_bands,).
+
+    That of the type; or the largest found where it stands out by its number: heads clip below
+    the type's end, too.
+    """
+    levels = np.full(values.shape[-1], float(np.iinfo(values.dtype).max))
+    for band, level in enumerate(levels):
+        found, count = np.unique(values[..., band], return_counts=True)
+        below = count[:-1][found[:-1] >= found[-1] - 0.01 * level].max(initial=0)
+        if 20 <= count[-1] < 0.5 * count.sum() and count[-1] > 3 * below:
+            levels[band] = found[-1]
+    return levels
+
+
+def _samples(
+    orientation: RelativeOrientation, pair: tuple[int, int], xy: Array, both: Sequence[_Patches]
+) -> Samples:
+    a, b = both
+    saturated = a.saturated | b.saturated
+    dark = ~saturated & ((a.mean < DARK_DN) | (b.mean < DARK_DN))
+    good = ~(saturated | dark)
+    q = [corner_share(orientation.heads[k], p.colrow) for k, p in zip(pair, both, strict=True)]
+    ratio = np.divide(a.mean, b.mean, where=good, out=np.full(a.mean.shape, np.nan))
+    return Samples(
+        head_a=pair[0],
+        head_b=pair[1],
+        xy=xy,
+        q_a=q[0],
+        q_b=q[1],
+        log_ratio=np.log(ratio),
+        saturated=saturated,
+        dark=dark,
+    )

@@ -1,0 +1,348 @@
+"""The synthetic image from the heads' images (section 2.1): sampled, equalised, blended."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Mask
+from acx4lib.geometry.camera import Camera
+from acx4lib.synthetic_image.compiled.blend_weights import Heads, Recipe, Window, room
+from acx4lib.synthetic_image.compiled.pixel_lanes import MOST_BANDS, method_number
+from acx4lib.synthetic_image.compiled.resampling import resample_cells
+from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
+
+Interpolation = Literal["bilinear", "cubic"]
+
+STRIPE = 1024  # rows that are rendered at a time; more would not be faster
+CELLS = 32  # columns of cells that a thread takes at a time; fewer cost more than they make even
+
+
+class HasCoefficients(Protocol):
+    """The response of heads, `response.Response`."""
+
+    @property
+    def coefficients(self) -> Array:
+        """g, a, b of exp(g + a q + b q^2), shape (n_heads, n_bands, 3)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderPlan:
+    """All that an image is rendered by, but the images of the heads.
+
+    Attributes
+    ----------
+    maps : tuple of HeadMap
+        One of each head, with nodes at the same pixels.
+    width_px, height_px : int
+        Size of the image.
+    coefficients : ndarray, shape (n_heads, n_bands, 3), or None
+        g, a, b: a head's numbers are those of the scene times exp(g + a q + b q^2), q the
+        squared distance from the middle of the head's image, 1 at its corners. None for 1.
+    feather_px : float
+        Where heads overlap, they blend over so many pixels of theirs on either side of the line
+        that is equally far from their borders; 0 makes that line a hard seam.
+    interpolation : str
+        ``"bilinear"``, or ``"cubic"`` after Catmull and Rom, which is sharper.
+    """
+
+    maps: tuple[HeadMap, ...]
+    width_px: int
+    height_px: int
+    coefficients: Array | None = None
+    feather_px: float = 150.0
+    interpolation: Interpolation = "bilinear"
+
+    def __post_init__(self) -> None:
+        if not self.maps or not self.feather_px >= 0:
+            msg = f"{len(self.maps)} heads, feather_px={self.feather_px}; 1 and 0 are the least"
+            raise ValueError(msg)
+        expected.one_of("interpolation", self.interpolation, ("bilinear", "cubic"))
+        if len({(m.step_px, m.nodes.shape) for m in self.maps}) > 1:
+            msg = "the maps of the heads must have their nodes at the same pixels"
+            raise ValueError(msg)
+        cells = np.array(self.maps[0].nodes.shape[:2]) - 1
+        if np.any(cells * self.step_px < [self.height_px, self.width_px]):
+            msg = f"{cells[1]} x {cells[0]} cells of {self.step_px} px do not cover the image"
+            raise ValueError(msg)
+        if self.coefficients is not None and len(self.coefficients) != len(self.maps):
+            msg = f"a response of {len(self.coefficients)} heads for {len(self.maps)}"
+            raise ValueError(msg)
+
+    @property
+    def step_px(self) -> int:
+        """Pixels from node to node."""
+        return self.maps[0].step_px
+
+
+def render_plan(
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    response: HasCoefficients | None = None,
+    feather_px: float = 150.0,
+    interpolation: Interpolation = "bilinear",
+    step_px: int | None = None,
+) -> RenderPlan:
+    """Return the plan of a synthetic image; it serves all exposures of the same orientation.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+        Heads as large as their images.
+    synthetic : Camera
+    response : Response, optional
+        By which the heads are equalised.
+    feather_px, interpolation
+        Of `RenderPlan`.
+    step_px : int, optional
+        Pixels from node to node of the maps; `head_map.fitting_step` by default.
+
+    Returns
+    -------
+    RenderPlan
+    """
+    expected.whole("step_px", 1 if step_px is None else step_px)
+    step = step_px or fitting_step(orientation, synthetic)
+    return RenderPlan(
+        maps=tuple(
+            levelled(head_map(orientation, k, synthetic, step_px=step))
+            for k in range(len(orientation.heads))
+        ),
+        width_px=synthetic.width_px,
+        height_px=synthetic.height_px,
+        coefficients=None if response is None else response.coefficients,
+        feather_px=feather_px,
+        interpolation=interpolation,
+    )
+
+
+def render(
+    plan: RenderPlan, images: Sequence[np.ndarray], *, threads: int | None = None
+) -> np.ndarray:
+    """Return the whole image; the arguments are those of `render_rows`."""
+    return render_rows(plan, images, 0, plan.height_px, threads=threads)
+
+
+def render_rows(
+    plan: RenderPlan,
+    images: Sequence[np.ndarray],
+    start: int,
+    stop: int,
+    *,
+    threads: int | None = None,
+) -> np.ndarray:
+    """Return some rows of the image.
+
+    The same bytes, however the image is cut into rows and on however many threads.
+
+    Parameters
+    ----------
+    plan : RenderPlan
+    images : sequence of ndarray, shape (rows, cols, bands)
+        Of the heads, in the order of the plan: uint8 or uint16, 1 to 4 bands, contiguous; they
+        may be mapped from files.
+    start, stop : int
+        The first row, and the one behind the last. Cells that are cut cost as much as whole
+        ones, so multiples of the plan's step are best.
+    threads : int, optional
+        As many as there are cores by default.
+
+    Returns
+    -------
+    ndarray, shape (stop - start, width, bands)
+        Of the images' type. 0 where no head sees; a head sees what lies inside the outer edges
+        of its pixels, and beyond their centres the outermost pixels go on.
+
+    Raises
+    ------
+    ValueError
+        Where the images are not what the plan is for.
+
+    Notes
+    -----
+    Weight of head k: max(0, min(d_k, d_k - d_max + feather_px)) with d the distance from a
+    head's border, px, divided by the sum over the heads. Results are rounded to the nearest,
+    never stretched. A sample between saturated pixels is saturated, whatever the response.
+    """
+    expected.place("stop", stop, plan.height_px + 1)
+    expected.place("start", start, stop + 1)
+    expected.whole("threads", 1 if threads is None else threads)
+    _require_images(plan, images)
+    first = images[0]
+    out = np.empty((stop - start, plan.width_px, first.shape[2]), first.dtype)
+    _resample(plan, images, (start, stop), out, threads)
+    return out
+
+
+def resample(
+    image: np.ndarray,
+    orientation: RelativeOrientation,
+    k: int,
+    synthetic: Camera,
+    window: tuple[int, int, int, int],
+) -> tuple[Array, Mask]:
+    """Return one head in the synthetic geometry, as it is: no response, no rounding.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+        As for `render_rows`.
+    orientation : RelativeOrientation
+    k : int
+        Head.
+    synthetic : Camera
+    window : tuple of int
+        First row, row behind the last, first column, column behind the last.
+
+    Returns
+    -------
+    out : ndarray of float32, shape (rows, cols, bands)
+        0 where the head does not see.
+    seen : ndarray of bool, shape (rows, cols)
+    """
+    height, width = window[1] - window[0], window[3] - window[2]
+    expected.positive("height and width of window", np.array([height, width]))
+    step = fitting_step(orientation, synthetic)
+    head = levelled(window_map(orientation, k, synthetic, window, step_px=step))
+    plan = RenderPlan(maps=(head,), width_px=width, height_px=height)
+    _require_images(plan, [image])
+    out = np.empty((height, width, image.shape[2]), np.float32)
+    _resample(plan, [image], (0, height), out, None)
+    seen = np.isfinite(out[..., 0])
+    out[~seen] = 0
+    return out, seen
+
+
+def _require_images(plan: RenderPlan, images: Sequence[np.ndarray]) -> None:
+    """Raise a ValueError where images do not go with a plan or with each other."""
+    if len(images) != len(plan.maps):
+        msg = f"{len(images)} images for {len(plan.maps)} heads"
+        raise ValueError(msg)
+    first = images[0]
+    for k, (image, head) in enumerate(zip(images, plan.maps, strict=True)):
+        if image.ndim != 3 or image.shape[:2] != (head.height_px, head.width_px):
+            msg = (
+                f"the image of head {k + 1} has shape {image.shape}; must be "
+                f"({head.height_px}, {head.width_px}, bands)"
+            )
+            raise ValueError(msg)
+        if image.dtype not in (np.uint8, np.uint16) or not 1 <= image.shape[2] <= MOST_BANDS:
+            msg = (
+                f"the image of head {k + 1} is {image.dtype} with {image.shape[2]} bands; must "
+                f"be uint8 or uint16 in this machine's byte order, with 1 to {MOST_BANDS}"
+            )
+            raise ValueError(msg)
+        if (image.dtype, image.shape[2]) != (first.dtype, first.shape[2]):
+            msg = (
+                f"the image of head {k + 1} is {image.dtype} with {image.shape[2]} bands, that of "
+                f"head 1 {first.dtype} with {first.shape[2]}; they must be alike"
+            )
+            raise ValueError(msg)
+        if not image.flags.c_contiguous:
+            msg = f"the image of head {k + 1} is a view with gaps; must be contiguous"
+            raise ValueError(msg)
+    if plan.coefficients is not None and plan.coefficients.shape[1:] != (first.shape[2], 3):
+        msg = f"a response of {plan.coefficients.shape[1]} bands for {first.shape[2]}"
+        raise ValueError(msg)
+
+
+def _resample(
+    plan: RenderPlan,
+    images: Sequence[np.ndarray],
+    rows: tuple[int, int],
+    out: np.ndarray,
+    threads: int | None,
+) -> None:
+    """Fill `out`, several threads taking columns of cells by turns."""
+    step, recipe = plan.step_px, _recipe(plan, images[0], out)
+    n_cells = -(-plan.width_px // step)
+    stripe = max(STRIPE // step, 1) * step  # no cell in two stripes
+    cuts = [rows[0], *range((rows[0] // stripe + 1) * stripe, rows[1], stripe), rows[1]]
+    parts = [
+        (plan, images, recipe, out[start - rows[0] : stop - rows[0]], start, cell)
+        for start, stop in pairwise(cuts)
+        for cell in range(0, n_cells, CELLS)
+    ]
+    with ThreadPoolExecutor(threads or _cores()) as pool:
+        for done in [pool.submit(_make, *part) for part in parts]:
+            done.result()
+
+
+def _make(
+    plan: RenderPlan,
+    images: Sequence[np.ndarray],
+    recipe: Recipe,
+    out: np.ndarray,
+    start: int,
+    cell: int,
+) -> None:
+    """Make some columns of cells of the rows from `start` on.
+
+    What is handed over by its address is held meanwhile: an interrupted caller may let go of it.
+    """
+    step, stop = plan.step_px, start + len(out)
+    above = start // step
+    cells = min(CELLS, -(-plan.width_px // step) - cell)
+    nodes = slice(above, -(-stop // step) + 1), slice(cell, cell + cells + 1)
+    window = Window(
+        (start - above * step, stop - above * step), cell, cells, plan.width_px, out.ctypes.data
+    )
+    work = room(len(images), step, recipe.bands)
+    resample_cells(_heads(plan, images, nodes), recipe, window, work)
+
+
+def _cores() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, slice]) -> Heads:
+    """Return the heads with some rows and columns of their nodes."""
+    nodes = np.stack([np.swapaxes(m.nodes[part], 0, 1) for m in plan.maps])
+    return Heads(
+        nodes,
+        _factors(plan, nodes),
+        np.array([image.ctypes.data for image in images], np.int64),
+        np.array([(m.width_px, m.height_px) for m in plan.maps], np.int64),
+    )
+
+
+def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
+    """Return 1 / exp(g + a q + b q^2) at nodes, shape (n_heads, cols, rows, n_bands); or none."""
+    if plan.coefficients is None:
+        return np.zeros((len(nodes), 0, 0, 1), np.float32)
+    factors = np.empty((*nodes.shape[:3], plan.coefficients.shape[1]), np.float32)
+    for k, head in enumerate(plan.maps):
+        if np.isnan(nodes[k, ..., 0]).all():
+            continue  # the head sees nothing here, and its factors are not asked for
+        x, y = np.moveaxis(2 * nodes[k].astype(np.float32), -1, 0)
+        x, y = x - np.float32(head.width_px - 1), y - np.float32(head.height_px - 1)
+        q = (x * x + y * y) * np.float32(1 / (head.width_px**2 + head.height_px**2))
+        for band, (g, a, b) in enumerate(plan.coefficients[k].astype(np.float32)):
+            factors[k, ..., band] = np.exp(-(g + q * (a + q * b)))
+    return factors
+
+
+def _recipe(plan: RenderPlan, image: np.ndarray, out: np.ndarray) -> Recipe:
+    bits, bands = 8 * image.itemsize, image.shape[2]
+    cubic = plan.interpolation == "cubic"
+    return Recipe(
+        plan.step_px,
+        bands,
+        bits,
+        8 * out.itemsize,
+        method_number(bits, bands, cubic=cubic),
+        cubic,
+        float(plan.feather_px),
+    )

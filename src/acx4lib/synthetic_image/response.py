@@ -1,0 +1,313 @@
+"""What makes one head brighter than another: gain and falloff to the border, from the overlaps.
+
+Heads see the ground of an overlap through different parts of their lenses. The logarithm of the
+ratio of their grey values there tells their gains and radial falloff apart, band by band; what
+all heads have in common, the level itself, it does not tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.synthetic_image.grey_samples import (
+    POINTS,
+    Image,
+    Samples,
+    corner_share,
+    overlap_samples,
+    with_bands,
+)
+
+PER_CELL = 20
+"""Samples of a cell of an overlap over which responses are taken to be constant."""
+
+ENOUGH = 200
+"""Samples of an overlap and a band below which it is said to be poor."""
+
+SIGMA_GAIN, SIGMA_RADIAL = 0.2, 0.3
+"""A priori, of a log gain and of a radial term: lenses lose 20 to 30 % at their corners."""
+
+HUBER, TUKEY, STEPS, SETTLED = 2.0, 5.0, 12, 1e-6
+"""Widths of the losses in spreads, most steps with each, and the one after which they end."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """How the heads' grey values depend on head, band and place.
+
+    A head's grey value is the true one times exp(g + a q + b q^2), q the squared distance from
+    the middle of its image over that of its corner.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (n_heads, n_bands, 3)
+        g, a, b. The mean of g over the heads is zero in each band.
+    """
+
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        expected.shape("coefficients", self.coefficients, ("n_heads", "n_bands", 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OverlapResponse:
+    """How far two heads disagree about the same ground.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    before, after : ndarray, shape (n_bands,)
+        Robust root mean square of the log ratio, as it is and with the responses taken out; NaN
+        without samples.
+    floor : ndarray, shape (n_bands,)
+        The same of what changes from one sample to the next: noise, and ground that the heads
+        see differently. No smooth response is below it.
+    n_used, n_saturated, n_dark : ndarray, shape (n_bands,)
+        Samples.
+    """
+
+    head_a: int
+    head_b: int
+    before: Array
+    after: Array
+    floor: Array
+    n_used: Index
+    n_saturated: Index
+    n_dark: Index
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResponseFit:
+    """Estimated responses and what they leave.
+
+    Attributes
+    ----------
+    response : Response
+    sigma : ndarray, shape (n_heads, n_bands, 3)
+        Of the coefficients, from the samples' scatter; a falloff of another shape is not in it.
+    overlaps : tuple of OverlapResponse
+    """
+
+    response: Response
+    sigma: Array
+    overlaps: tuple[OverlapResponse, ...]
+
+
+# --- the model -------------------------------------------------------------------------------
+
+
+def log_response(response: Response, k: int, colrow: Array, camera: Camera) -> Array:
+    """Return the logarithm of a head's response at pixels, shape (n, n_bands)."""
+    out: Array = _powers(corner_share(camera, colrow)) @ response.coefficients[k].T
+    return out
+
+
+def _powers(q: Array) -> Array:
+    return np.stack([np.ones_like(q), q, q * q], axis=-1)
+
+
+# --- the estimate ---------------------------------------------------------------------------------
+
+
+def estimate_response(
+    images: Sequence[Image],
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    rng: np.random.Generator,
+    n_points: int = POINTS,
+) -> ResponseFit:
+    """Estimate the responses of the heads from one exposure's overlaps.
+
+    Parameters
+    ----------
+    images : sequence of ndarray, shape (rows, cols, bands)
+        Of the orientation's heads; only patches of them are read.
+    orientation : RelativeOrientation
+        Its cameras have the images' sizes.
+    synthetic : Camera
+    rng : numpy.random.Generator
+        Draws the points.
+    n_points : int
+        At most so many of an overlap.
+
+    Returns
+    -------
+    ResponseFit
+
+    Notes
+    -----
+    Of several exposures join their `overlap_samples` and use `fit_response`.
+    """
+    samples = overlap_samples(images, orientation, synthetic, rng=rng, n_points=n_points)
+    n_bands = with_bands(images[0]).shape[2]
+    return fit_response(samples, n_heads=len(images), n_bands=n_bands)
+
+
+# --- the fit ---------------------------------------------------------------------------------
+
+
+def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> ResponseFit:
+    """Estimate the responses of heads from samples of their overlaps.
+
+    Robust least squares band by band, with a priori knowledge: the mean log gain of all heads is
+    zero, and gains and radial terms are small (`SIGMA_GAIN`, `SIGMA_RADIAL`). It decides nothing
+    but what the overlaps leave open: the level, and heads without samples.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+        Of one exposure or of several.
+    n_heads, n_bands : int
+
+    Returns
+    -------
+    ResponseFit
+    """
+    expected.whole("n_heads", n_heads)
+    expected.whole("n_bands", n_bands)
+    coefficients, sigma = np.zeros((2, n_heads, n_bands, 3))
+    for band in range(n_bands):
+        A, y = _equations(samples, n_heads, band)
+        x, cov = _robust(A, y)
+        to_zero_mean = _zero_mean_gain(n_heads)
+        coefficients[:, band] = (to_zero_mean @ x).reshape(n_heads, 3)
+        sigma[:, band] = sigmas(to_zero_mean @ cov @ to_zero_mean.T).reshape(n_heads, 3)
+    response = Response(coefficients=coefficients)
+    pairs = sorted({(s.head_a, s.head_b) for s in samples})
+    return ResponseFit(
+        response=response,
+        sigma=sigma,
+        overlaps=tuple(_disagreement(samples, pair, response) for pair in pairs),
+    )
+
+
+def _equations(samples: Sequence[Samples], n_heads: int, band: int) -> tuple[Array, Array]:
+    """Return design matrix and log ratios of the good samples of a band."""
+    rows, values = [np.zeros((0, 3 * n_heads))], [np.zeros(0)]
+    for s in samples:
+        good = np.isfinite(s.log_ratio[:, band])
+        A = np.zeros((int(good.sum()), n_heads, 3))
+        A[:, s.head_a] = _powers(s.q_a[good])
+        A[:, s.head_b] = -_powers(s.q_b[good])
+        rows.append(A.reshape(-1, 3 * n_heads))
+        values.append(s.log_ratio[good, band])
+    return np.concatenate(rows), np.concatenate(values)
+
+
+def _robust(A: Array, y: Array) -> tuple[Array, Array]:
+    """Return the solution with priors and its covariance."""
+    n = A.shape[1]
+    prior = np.diag(1 / np.tile([SIGMA_GAIN, SIGMA_RADIAL, SIGMA_RADIAL], n // 3) ** 2)
+    x, N = np.zeros(n), prior
+    for width, tukey in ((HUBER, False), (TUKEY, True)):
+        for _ in range(STEPS):
+            u = np.abs(y - A @ x)
+            scale = _robust_rms(u)
+            far = u / (width * scale)
+            if tukey:
+                weight = np.square(1 - np.square(np.minimum(far, 1.0)))
+            else:
+                weight = 1 / np.maximum(far, 1.0)
+            AtP = A.T * (weight / scale**2)
+            N = AtP @ A + prior
+            before, x = x, np.linalg.solve(N, AtP @ y)
+            if np.max(np.abs(x - before)) < SETTLED:
+                break
+    return x, np.linalg.inv(N)
+
+
+def _robust_rms(v: Array) -> float:
+    """Return the root mean square that normal errors of this median size have."""
+    return max(1e-9, float(np.median(np.abs(v))) / 0.6745) if len(v) else 1.0
+
+
+def _zero_mean_gain(n_heads: int) -> Array:
+    """Return the matrix that takes the mean off the gains."""
+    out = np.eye(3 * n_heads)
+    out[::3, ::3] -= 1 / n_heads
+    return out
+
+
+def _disagreement(
+    samples: Sequence[Samples], pair: tuple[int, int], response: Response
+) -> OverlapResponse:
+    own = [s for s in samples if (s.head_a, s.head_b) == pair]
+    y = np.concatenate([s.log_ratio for s in own])
+    residuals = [s.log_ratio - _modelled(s, response) for s in own]
+    rough = np.concatenate([_rough(s, v) for s, v in zip(own, residuals, strict=True)])
+    good = np.isfinite(y)
+
+    def by_band(values: Array) -> Array:
+        finite = [v[np.isfinite(v)] for v in values.T]
+        return np.array([_robust_rms(v) if len(v) else np.nan for v in finite])
+
+    return OverlapResponse(
+        head_a=pair[0],
+        head_b=pair[1],
+        before=by_band(y),
+        after=by_band(np.concatenate(residuals)),
+        floor=by_band(rough),
+        n_used=good.sum(axis=0),
+        n_saturated=np.sum([s.saturated.sum(axis=0) for s in own], axis=0),
+        n_dark=np.sum([s.dark.sum(axis=0) for s in own], axis=0),
+    )
+
+
+def _modelled(s: Samples, response: Response) -> Array:
+    a, b = (response.coefficients[k] for k in (s.head_a, s.head_b))
+    return _powers(s.q_a) @ a.T - _powers(s.q_b) @ b.T
+
+
+def _rough(samples: Samples, left: Array) -> Array:
+    """Return what is left of log ratios without the medians of cells of some twenty samples."""
+    per_side = max(1, int(np.sqrt(len(left) / PER_CELL)))
+    low, high = samples.xy.min(axis=0), samples.xy.max(axis=0)
+    place = (per_side * (samples.xy - low) / np.maximum(high - low, 1e-12)).astype(int)
+    cell = np.minimum(place, per_side - 1) @ [1, per_side]
+    out = np.full(left.shape, np.nan)
+    for band, values in enumerate(left.T):
+        good = np.isfinite(values)
+        if not good.any():
+            continue
+        own = cell[good]
+        count = np.bincount(own, minlength=per_side**2)
+        medians = ndimage.median(values[good], own, np.arange(per_side**2))
+        enough = count[own] > PER_CELL // 4
+        out[np.flatnonzero(good)[enough], band] = (values[good] - medians[own])[enough]
+    return out
+
+
+def poor_overlaps(fit: ResponseFit, names: Sequence[str]) -> list[str]:
+    """Say which overlaps and heads have too few samples, so that what is known before decides.
+
+    Parameters
+    ----------
+    fit : ResponseFit
+    names : sequence of str
+        Of the heads.
+    """
+    out, met = [], set()
+    for o in fit.overlaps:
+        if o.n_used.min() < ENOUGH:
+            out.append(
+                f"the overlap of {names[o.head_a]} and {names[o.head_b]} has only "
+                f"{o.n_used.min()} usable samples ({o.n_saturated.max()} saturated, "
+                f"{o.n_dark.max()} dark)"
+            )
+        else:
+            met |= {o.head_a, o.head_b}
+    alone = [name for k, name in enumerate(names) if k not in met]
+    if alone:
+        out.append(f"{', '.join(alone)}: no overlap tells the response; it is held near one")
+    return out

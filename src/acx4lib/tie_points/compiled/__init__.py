@@ -1,0 +1,1 @@
+"""Windows compared, fitted and interpolated, compiled."""

@@ -1,0 +1,304 @@
+"""Least-squares matching of many points, compiled.
+
+Windows are square with an odd side; a point whose window leaves an image, or meets a NaN in it,
+is NaN in the results. The plain version, an adjustment with ten unknowns, is written out in
+the tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acx4lib.compiling import compiled, inlined
+from acx4lib.expected import Array, Index
+from acx4lib.tie_points.compiled.cross_correlation import window_inside
+from acx4lib.tie_points.compiled.spline import spline_weights
+
+N_UNKNOWNS = 10
+"""Shift and affine part (6), gain, offset and its slopes (4)."""
+
+_STEPS = 20
+_DONE_PX = 5e-4  # a hundredth of the best points' standard deviation
+
+
+@inlined
+def _derivatives(a: Array, col: int, row: int, half: int, B: Array) -> bool:
+    """Fill the rows of B by what a window's grey values change with; tell whether they can be.
+
+    Central differences of fourth order. Coordinates in the window count in half sides.
+    """
+    k = 0
+    level = a[row, col]
+    good = True
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            r, c = row + j, col + i
+            gx = (8 * (a[r, c + 1] - a[r, c - 1]) - (a[r, c + 2] - a[r, c - 2])) / 12
+            gy = (8 * (a[r + 1, c] - a[r - 1, c]) - (a[r + 2, c] - a[r - 2, c])) / 12
+            x, y = i / half, j / half
+            B[0, k], B[1, k] = gx, gy
+            B[2, k], B[3, k] = gx * x, gx * y
+            B[4, k], B[5, k] = gy * x, gy * y
+            B[6, k], B[7, k] = a[r, c] - level, 1.0
+            B[8, k], B[9, k] = x, y
+            good = good and not np.isnan(gx + gy + a[r, c])
+            k += 1
+    return good
+
+
+@inlined
+def _derivative_of_noise(correlation: Array) -> float:
+    """Return the variance of a derivative (see `_derivatives`) by that of a grey value."""
+    c = np.zeros(5)
+    for d in range(min(5, len(correlation))):
+        c[d] = correlation[d]
+    # weights 1, -8, 0, 8, -1 by twelve, each with each
+    return (130 * c[0] - 32 * c[1] - 128 * c[2] + 32 * c[3] - 2 * c[4]) / 144
+
+
+@inlined
+def _inverse(B: Array, N: Array, Q: Array) -> bool:
+    """Invert the normal matrix of B's rows by Cholesky; tell whether it is regular."""
+    for i in range(N_UNKNOWNS):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(B.shape[1]):
+                total += B[i, k] * B[j, k]
+            N[i, j] = total
+    for i in range(N_UNKNOWNS):  # N becomes its lower Cholesky factor
+        diagonal = N[i, i]
+        for j in range(i):
+            for k in range(j):
+                N[i, j] -= N[i, k] * N[j, k]
+            N[i, j] /= N[j, j]
+            N[i, i] -= N[i, j] * N[i, j]
+        if not N[i, i] > 1e-9 * diagonal:
+            return False
+        N[i, i] = np.sqrt(N[i, i])
+    for column in range(N_UNKNOWNS):
+        for i in range(N_UNKNOWNS):
+            total = 1.0 if i == column else 0.0
+            for k in range(i):
+                total -= N[i, k] * Q[k, column]
+            Q[i, column] = total / N[i, i]
+        for i in range(N_UNKNOWNS - 1, -1, -1):
+            total = Q[i, column]
+            for k in range(i + 1, N_UNKNOWNS):
+                total -= N[k, i] * Q[k, column]
+            Q[i, column] = total / N[i, i]
+    return True
+
+
+@inlined
+def _sample(b: Array, W: Array, half: int, level: np.float32, out: Array) -> bool:
+    """Fill `out` by the window of b under an affine transformation; tell whether it is whole.
+
+    Places count from a whole pixel, so that single precision keeps their fractions.
+    """
+    rows, cols = b.shape
+    col0, row0 = int(np.floor(W[4])), int(np.floor(W[5]))
+    dcol, drow = np.float32(W[4] - col0), np.float32(W[5] - row0)
+    reach = 3 + int(half * max(abs(W[0]) + abs(W[1]), abs(W[2]) + abs(W[3])) + 1e-6)
+    if not (reach <= col0 < cols - reach and reach <= row0 < rows - reach):
+        return False
+    xx, xy, yx, yy = np.float32(W[0]), np.float32(W[1]), np.float32(W[2]), np.float32(W[3])
+    k = 0
+    check = np.float32(0)
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            x = dcol + xx * np.float32(i) + xy * np.float32(j)
+            y = drow + yx * np.float32(i) + yy * np.float32(j)
+            fx, fy = np.floor(x), np.floor(y)
+            c, r = col0 + int(fx), row0 + int(fy)
+            x0, x1, x2, x3 = spline_weights(x - fx)
+            y0, y1, y2, y3 = spline_weights(y - fy)
+            value = y0 * (
+                x0 * b[r - 1, c - 1]
+                + x1 * b[r - 1, c]
+                + x2 * b[r - 1, c + 1]
+                + x3 * b[r - 1, c + 2]
+            )
+            value += y1 * (x0 * b[r, c - 1] + x1 * b[r, c] + x2 * b[r, c + 1] + x3 * b[r, c + 2])
+            value += y2 * (
+                x0 * b[r + 1, c - 1]
+                + x1 * b[r + 1, c]
+                + x2 * b[r + 1, c + 1]
+                + x3 * b[r + 1, c + 2]
+            )
+            value += y3 * (
+                x0 * b[r + 2, c - 1]
+                + x1 * b[r + 2, c]
+                + x2 * b[r + 2, c + 1]
+                + x3 * b[r + 2, c + 2]
+            )
+            out[k] = value - level
+            check += out[k]
+            k += 1
+    return not np.isnan(check)
+
+
+@inlined
+def _compose(W: Array, p: Array, half: int) -> float:
+    """Take an increment of the template's place off an affine transformation, W := W D^-1.
+
+    Returns how far a corner of the window moves at most, px.
+    """
+    tx, ty = p[0] / p[6], p[1] / p[6]
+    xx, xy = 1 + p[2] / (p[6] * half), p[3] / (p[6] * half)
+    yx, yy = p[4] / (p[6] * half), 1 + p[5] / (p[6] * half)
+    det = xx * yy - xy * yx
+    ixx, ixy, iyx, iyy = yy / det, -xy / det, -yx / det, xx / det
+    itx, ity = -(ixx * tx + ixy * ty), -(iyx * tx + iyy * ty)
+    w0, w1, w2, w3 = W[0], W[1], W[2], W[3]
+    W[4] += w0 * itx + w1 * ity
+    W[5] += w2 * itx + w3 * ity
+    W[0], W[1] = w0 * ixx + w1 * iyx, w0 * ixy + w1 * iyy
+    W[2], W[3] = w2 * ixx + w3 * iyx, w2 * ixy + w3 * iyy
+    bend = max(abs(xx - 1) + abs(xy), abs(yx) + abs(yy - 1))
+    return max(abs(tx), abs(ty)) + half * bend
+
+
+@inlined
+def _variance(B: Array, Q: Array, out: Array, half: int, correlation: Array, work: Array) -> None:
+    """Fill `out` by the variances of the two shifts, in units of the variance of a grey value.
+
+    The noise of neighbours is correlated: the law of propagation with the full covariance
+    matrix of the window, which is a product of one along rows and one along columns.
+    """
+    side = 2 * half + 1
+    reach = len(correlation) - 1
+    for unknown in range(2):
+        for k in range(side * side):
+            total = 0.0
+            for i in range(N_UNKNOWNS):
+                total += Q[unknown, i] * B[i, k]
+            work[0, k] = total
+        for j in range(side):
+            for i in range(side):
+                total = 0.0
+                for d in range(max(-reach, -i), min(reach, side - 1 - i) + 1):
+                    total += correlation[abs(d)] * work[0, j * side + i + d]
+                work[1, j * side + i] = total
+        total = 0.0
+        for j in range(side):
+            for d in range(max(-reach, -j), min(reach, side - 1 - j) + 1):
+                for i in range(side):
+                    weight = correlation[abs(d)] * work[0, (j + d) * side + i]
+                    total += weight * work[1, j * side + i]
+        out[unknown] = total
+
+
+@compiled
+def match_points(
+    a: Array, b: Array, at: Index, start: Array, half: int, correlation: Array
+) -> tuple[Array, Array, Array]:
+    """Match windows of an image with another one by least squares.
+
+    The grey values of b, interpolated under an affine transformation W, are those of a with a
+    gain and an offset that may slope: where two heads overlap, their vignetting falls off in
+    different directions. The derivatives are those of a's window, so that they and the normal
+    matrix are computed once.
+
+    Parameters
+    ----------
+    a, b : ndarray of float32, shape (rows, cols)
+    at : ndarray of int64, shape (n, 2)
+        col, row of the windows' middles in `a`.
+    start : ndarray, shape (n, 2)
+        Approximate places in `b`.
+    half : int
+        Windows have 2 half + 1 pixels a side.
+    correlation : ndarray, shape (m,)
+        Of the noise of two pixels 0, 1, ... apart along a row or a column.
+
+    Returns
+    -------
+    found : ndarray, shape (n, 2)
+        Places in `b`; NaN where the matching fails, does not converge or drifts away by more
+        than a fifth of the window.
+    sigma : ndarray, shape (n, 2)
+        Their standard deviations from the residuals, along columns and rows, px.
+    grey : ndarray, shape (n, 2)
+        Gain and the residuals' standard deviation.
+    """
+    n, side = len(at), 2 * half + 1
+    size = side * side
+    found, sigma, grey = np.full((n, 2), np.nan), np.full((n, 2), np.nan), np.full((n, 2), np.nan)
+    B, values = np.empty((N_UNKNOWNS, size), np.float32), np.empty(size, np.float32)
+    N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
+    work, variance = np.empty((2, size)), np.empty(2)
+    W, p, rhs = np.empty(6), np.empty(N_UNKNOWNS), np.empty(N_UNKNOWNS)
+    # correlated noise takes up fewer unknowns' worth of residuals: as many as independent pixels
+    lump = correlation[0]
+    for d in range(1, len(correlation)):
+        lump += 2 * correlation[d]
+    redundancy = size - N_UNKNOWNS * lump * lump
+    by_noise = size * _derivative_of_noise(correlation)
+    steepness = np.empty(2)
+    drift = 0.4 * half
+    for point in range(n):
+        col, row = at[point, 0], at[point, 1]
+        if np.isnan(start[point, 0] + start[point, 1]) or not window_inside(a, col, row, half + 2):
+            continue
+        if not _derivatives(a, col, row, half, B):
+            continue
+        for i in range(2):
+            steepness[i] = 0.0
+            for k in range(size):
+                steepness[i] += B[i, k] * B[i, k]
+        if not _inverse(B, N, Q):
+            continue
+        W[0], W[1], W[2], W[3] = 1.0, 0.0, 0.0, 1.0
+        W[4], W[5] = start[point, 0], start[point, 1]
+        level = np.float32(0)
+        move = 1.0
+        for step in range(_STEPS):
+            if not _sample(b, W, half, level, values):
+                move = np.inf
+                break
+            if step == 0:
+                for k in range(size):
+                    level += values[k]
+                level /= np.float32(size)
+                for k in range(size):
+                    values[k] -= level
+            for i in range(N_UNKNOWNS):
+                total = np.float32(0)
+                for k in range(size):
+                    total += B[i, k] * values[k]
+                rhs[i] = total
+            for i in range(N_UNKNOWNS):
+                p[i] = 0.0
+                for j in range(N_UNKNOWNS):
+                    p[i] += Q[i, j] * rhs[j]
+            if not 0.2 < p[6] < 5.0:
+                move = np.inf
+                break
+            move = _compose(W, p, half)
+            away = max(abs(W[4] - start[point, 0]), abs(W[5] - start[point, 1]))
+            bend = max(abs(W[0] - 1) + abs(W[1]), abs(W[2]) + abs(W[3] - 1))
+            if not (away < drift and bend < 0.3):
+                move = np.inf
+                break
+            if move < _DONE_PX:
+                break
+        if not move < _DONE_PX:
+            continue
+        squares = 0.0
+        for k in range(size):
+            v = np.float64(values[k])
+            for i in range(N_UNKNOWNS):
+                v -= B[i, k] * p[i]
+            squares += v * v
+        spread = squares / redundancy
+        # noise makes the derivatives look steeper than they are
+        apparent = by_noise * spread / (1 + p[6] * p[6])
+        if not apparent < 0.7 * min(steepness[0], steepness[1]):
+            continue
+        _variance(B, Q, variance, half, correlation, work)
+        found[point, 0], found[point, 1] = W[4], W[5]
+        for i in range(2):
+            steeper = steepness[i] / (steepness[i] - apparent)
+            sigma[point, i] = steeper * np.sqrt(spread * variance[i]) / p[6]
+        grey[point, 0], grey[point, 1] = p[6], np.sqrt(spread)
+    return found, sigma, grey

@@ -1,0 +1,153 @@
+"""How far heads disagree in the synthetic image: at tie points, and over the whole frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import Camera, correct, correct_jacobian, xy_from_colrow
+from acx4lib.geometry.frames import rotation_from_opk, skew, transform
+from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
+from acx4lib.tie_points.ties import TiePoints
+
+# --- at tie points ---------------------------------------------------------------------------
+
+
+def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
+    """Return where the second head has tie points less where the first has them.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    ties : TiePoints
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        mm in the synthetic image, in the order of the tie points.
+    """
+    out = np.zeros((len(ties), 2))
+    for k, colrow, own, sign in sides(ties):
+        out[own] += sign * synthetic_from_head(orientation, k, colrow)
+    return out
+
+
+def sides(ties: TiePoints) -> Iterator[tuple[int, Array, Index, float]]:
+    """Yield head, its pixels, the tie points' rows, and the sign in their differences."""
+    both = ((ties.head_a, ties.colrow_a, -1.0), (ties.head_b, ties.colrow_b, 1.0))
+    for heads, colrow, sign in both:
+        for k in np.unique(heads):
+            own = np.flatnonzero(heads == k)
+            yield int(k), colrow[own], own, sign
+
+
+def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
+    """Return d(synthetic_from_head) / d(pose and interior orientation of the head).
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    k : int
+        Head.
+    colrow : ndarray, shape (n, 2)
+        Pixels of the head.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 15)
+        By Xc, Yc, Zc (mm), a rotation about the head's axes (R exp(delta), rad), and the nine
+        of `camera.INTERIOR`.
+    """
+    camera, R = orientation.heads[k], rotation_from_opk(orientation.opk[k])
+    xy = xy_from_colrow(camera, colrow)
+    ray_h = np.column_stack([correct(camera.interior, xy), np.full(len(xy), -camera.interior.f)])
+    ray_s = transform(R, ray_h)
+    by_place = np.zeros((len(xy), 2, 3))
+    by_place[:, :, :2], by_place[:, :, 2] = np.eye(2), -ray_s[:, :2] / ray_s[:, 2:]
+    by_ray = -(orientation.xyz_mm[k, 2] / ray_s[:, 2])[:, None, None] * by_place @ R
+    by_interior = by_ray[:, :, :2] @ correct_jacobian(camera.interior, xy)
+    by_interior[:, :, 0] -= by_ray[:, :, 2]  # the ray's third component is -f
+    return np.concatenate([by_place, -by_ray @ skew(ray_h), by_interior], axis=2)
+
+
+# --- the whole frame -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameDifferences:
+    """How far the image of one orientation is off that of another, over the whole frame.
+
+    Attributes
+    ----------
+    xy : ndarray, shape (n, 2)
+        Nodes of the synthetic image that a head sees, mm.
+    head : ndarray, shape (n,)
+        Whose pixels are used there.
+    d_px : ndarray, shape (n, 2)
+        x and y, pixels of the synthetic image.
+    """
+
+    xy: Array
+    head: Index
+    d_px: Array
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square length."""
+        return float(np.sqrt(np.mean(np.sum(self.d_px**2, axis=1))))
+
+    @property
+    def largest_px(self) -> float:
+        """Largest length."""
+        return float(np.max(np.hypot(*self.d_px.T)))
+
+
+def frame_differences(
+    orientation: RelativeOrientation,
+    other: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    spacing_px: int = 120,
+) -> FrameDifferences:
+    """Return where points of an orientation's synthetic image stand in that of another one.
+
+    Parameters
+    ----------
+    orientation, other : RelativeOrientation
+        The same heads; `other` is the truth, say.
+    synthetic : Camera
+    spacing_px : int
+        Of the nodes, the frame's borders included.
+
+    Returns
+    -------
+    FrameDifferences
+        `orientation` less `other`, with the head whose border is farthest at each node.
+    """
+    expected.whole("spacing_px", spacing_px)
+    expected.many("other", other.heads, len(orientation.heads), "heads, as of orientation")
+    w, h = synthetic.width_px, synthetic.height_px
+    cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
+    rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
+    xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
+    seen = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
+    far = np.stack([_border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)])
+    head = np.argmax(far, axis=0)
+    d_px = np.full((len(xy), 2), np.nan)
+    for k, colrow in enumerate(seen):
+        own = (head == k) & (far[k] >= 0)
+        d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
+    covered = np.isfinite(d_px[:, 0])
+    return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])
+
+
+def _border_distance(camera: Camera, colrow: Array) -> Array:
+    """Return how far inside its border a head has a pixel, px; negative where it has none."""
+    upper = np.array([camera.width_px, camera.height_px]) - 0.5
+    inside_by = np.minimum(colrow + 0.5, upper - colrow).min(axis=1)
+    return np.nan_to_num(inside_by, nan=-1.0)

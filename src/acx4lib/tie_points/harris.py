@@ -1,0 +1,117 @@
+"""Corners with texture around them (Figure 1), and the noise that texture must exceed."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.expected import Array, Index, Mask
+
+BLOCK, SOBEL, K = 5, 3, 0.04  # of Harris' response: side of the sum, of the derivative; trace
+NOISE_MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)  # knows no plane
+_PATCH, _N_PATCHES, _QUIET = 24, 400, 0.05
+
+
+def response(grey: Array) -> Array:
+    """Return Harris' corner response, positive at corners.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (rows, cols)
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, cols)
+        det - K trace^2 of the squared derivatives, summed over `BLOCK` x `BLOCK` pixels [1]_.
+
+    References
+    ----------
+    .. [1] C. Harris, M. Stephens, "A combined corner and edge detector", Alvey Vision
+       Conference, 1988.
+    """
+    expected.shape("grey", grey, ("rows", "cols"))
+    return np.asarray(cv2.cornerHarris(np.asarray(grey, np.float32), BLOCK, SOBEL, K), np.float32)
+
+
+def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
+    """Return the place of the largest positive value in each cell.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, cols)
+    allowed : ndarray of bool, shape (rows, cols)
+        Where a place may be.
+    cell : int
+        Side of the cells, px; the last row and column of them are narrower.
+
+    Returns
+    -------
+    colrow : ndarray, shape (n, 2)
+        Cell by cell; cells without any are left out.
+    n_cells : int
+        Cells in which a place may be, with a corner or without.
+    """
+    expected.shape("values", values, ("rows", "cols"))
+    expected.whole("cell", cell)
+    if allowed.shape != values.shape:
+        msg = f"allowed: expected shape {values.shape}, got {allowed.shape}"
+        raise ValueError(msg)
+    rows, cols = (-(-n // cell) for n in values.shape)
+    padded = np.zeros((rows * cell, cols * cell), np.float32)
+    padded[: values.shape[0], : values.shape[1]] = np.where(allowed, values, 0)
+    free = np.zeros(padded.shape, bool)
+    free[: values.shape[0], : values.shape[1]] = allowed
+    cells = _by_cell(padded, cell)
+    place = np.argmax(cells, axis=1)
+    found = np.flatnonzero(np.take_along_axis(cells, place[:, None], axis=1)[:, 0] > 0)
+    row = found // cols * cell + place[found] // cell
+    col = found % cols * cell + place[found] % cell
+    return np.column_stack([col, row]), int(np.sum(_by_cell(free, cell).any(axis=1)))
+
+
+def _by_cell(values: np.ndarray, cell: int) -> np.ndarray:
+    """Return the values of each cell in a row."""
+    rows, cols = (n // cell for n in values.shape)
+    return values.reshape(rows, cell, cols, cell).swapaxes(1, 2).reshape(rows * cols, -1)
+
+
+def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
+    """Estimate the noise of an image, as the variance of a grey value per grey value.
+
+    Photons arrive by a Poisson law: the variance is proportional to the grey value. The
+    quietest of many small patches tell it, so that texture in the others does not matter; where
+    all of an image has texture down to the pixel, some of it counts as noise.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+        The mean of the bands is meant.
+    rng : Generator
+        Chooses the patches.
+
+    Returns
+    -------
+    float
+        Not less than what rounding to whole numbers makes.
+
+    Notes
+    -----
+    Each patch by the filter of Immerkaer [1]_, which is blind to planes.
+
+    References
+    ----------
+    .. [1] J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image
+       Understanding 64(2), 1996.
+    """
+    expected.shape("image", image, ("rows", "cols", "bands"))
+    rows, cols = image.shape[:2]
+    side = min(_PATCH, rows, cols)
+    ratios = []
+    for row, col in rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2)):
+        patch = image[row : row + side, col : col + side].mean(axis=2, dtype=np.float32)
+        inner = cv2.filter2D(patch, -1, NOISE_MASK)[1:-1, 1:-1]
+        rounding = 1 / (12 * image.shape[2])
+        variance = max(float(np.mean(inner**2)) / float(np.sum(NOISE_MASK**2)), rounding)
+        ratios.append(variance / max(float(patch.mean()), 1.0))
+    return float(np.quantile(ratios, _QUIET))

@@ -1,0 +1,141 @@
+"""Shifts between heads that reduced images show, and which matches agree with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from acx4lib.expected import Array, Mask
+from acx4lib.tie_points.matching import OverlapMatches, OverlapTask, match_overlap
+from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow
+
+LEAST_CELL_PX = 14  # windows of neighbours overlap by a third
+NARROW_PX = 220  # shorter side of an overlap in reduced images
+LEAST_TIES = 12  # of an overlap, so that a homography has witnesses
+NO_SHIFT = np.zeros((2, 3))
+_LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten coefficients, ten witnesses each
+
+
+def coarse_factor(windows: Sequence[SharedWindow]) -> int:
+    """Return by how much images are reduced so that overlaps are about `NARROW_PX` wide."""
+    sides = [min(w.window[1] - w.window[0], w.window[3] - w.window[2]) for w in windows]
+    return max(1, round(max(sides, default=NARROW_PX) / NARROW_PX))
+
+
+def coarse_task(task: OverlapTask, coarse: GreyExposure) -> OverlapTask:
+    """Return the same overlap in reduced images, with a wide search."""
+    options = task.options
+    row_0, row_1, col_0, col_1 = task.shared.window
+    k = coarse.factor
+    window = (row_0 // k, -(-row_1 // k), col_0 // k, -(-col_1 // k))
+    return replace(
+        task,
+        images=coarse.images,
+        orientation=coarse.orientation,
+        synthetic=coarse.synthetic,
+        shared=replace(task.shared, window=window),
+        shift=NO_SHIFT,
+        cell=LEAST_CELL_PX,
+        noise=task.noise / k**2,
+        options=replace(
+            options,
+            search_px=options.coarse_search_px,
+            largest_sigma_px=2 * options.largest_sigma_px,
+        ),
+    )
+
+
+def coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
+    """Return what reduced images show of the shift of an overlap, shape (2, 3).
+
+    Zero where they show nothing for sure.
+    """
+    matches = match_overlap(coarse_task(task, coarse))
+    agree = consensus(matches, 2 * task.options.consensus_px)
+    if not agree.any():
+        return NO_SHIFT
+    # pixel centres: reduced col 0 lies in the middle of k cols
+    k = coarse.factor
+    a = k * matches.colrow_a[agree] + (k - 1) / 2
+    d = k * (matches.colrow_b - matches.colrow_a)[agree]
+    A = np.column_stack([a, np.ones(len(a))])
+    return np.linalg.lstsq(A, d, rcond=None)[0].T
+
+
+def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
+    """Tell which matches agree with each other, shape (n,).
+
+    Parameters
+    ----------
+    matches : OverlapMatches
+    threshold_px : float
+        Largest misfit.
+
+    Returns
+    -------
+    ndarray of bool
+        None at all where fewer than `LEAST_TIES` agree, or less than a tenth: that could be
+        chance.
+
+    Notes
+    -----
+    First on a homography, by MAGSAC [1]_, always from the same seed: in the synthetic geometry
+    it is exact for errors of the heads' rotations, and calibrated lenses add hundredths of a
+    pixel. Then on the cubic polynomial that grows from these, so that an overlap of heads whose
+    lenses are known badly is kept as a whole. Moving things and false matches follow neither.
+
+    References
+    ----------
+    .. [1] D. Barath et al., "MAGSAC++, a fast, reliable and accurate robust estimator",
+       CVPR 2020.
+    """
+    n = len(matches.colrow_a)
+    least = max(LEAST_TIES, 0.1 * n)
+    if n < least:
+        return np.zeros(n, dtype=bool)
+    for wider in (1, 4):  # of badly known lenses the homography is a poor start
+        agree = _on_homography(matches, wider * threshold_px)
+        if agree.sum() >= max(least, _LEAST_CUBIC):
+            agree = _grown(matches, agree, threshold_px)
+        elif wider > 1:
+            break
+        if agree.sum() >= least:
+            return agree
+    return np.zeros(n, dtype=bool)
+
+
+def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
+    """Return which matches agree on a homography."""
+    found, agree = cv2.findHomography(
+        matches.colrow_a, matches.colrow_b, cv2.USAC_MAGSAC, threshold_px, maxIters=5000
+    )
+    if found is None or agree.sum() < LEAST_TIES:
+        return np.zeros(len(matches.colrow_a), dtype=bool)
+    # MAGSAC's own limit is a soft one
+    misfits = homography_misfits(matches, agree.ravel() > 0)
+    near: Mask = np.hypot(*misfits.T) <= threshold_px
+    return near
+
+
+def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
+    """Return which matches agree with a cubic polynomial that starts from some of them."""
+    x, y = ((matches.colrow_a - matches.colrow_a.mean(axis=0)) / np.ptp(matches.colrow_a)).T
+    powers = [x**i * y**j for i in range(4) for j in range(4 - i)]
+    A, d = np.column_stack(powers), matches.colrow_b - matches.colrow_a
+    for _ in range(_GROWING_STEPS):
+        before = agree
+        misfit = d - A @ np.linalg.lstsq(A[before], d[before], rcond=None)[0]
+        agree = np.hypot(*misfit.T) <= threshold_px
+        if np.array_equal(agree, before):
+            break
+    return agree
+
+
+def homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
+    """Return all matches less the homography through those that agree, shape (n, 2), px."""
+    found, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
+    fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], found)[:, 0]
+    return matches.colrow_b - np.asarray(fitted, float)

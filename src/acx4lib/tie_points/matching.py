@@ -1,0 +1,263 @@
+"""Points that two heads share, tile by tile of their overlap in the synthetic geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import Camera
+from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
+from acx4lib.tie_points.harris import best_of_cells, response
+from acx4lib.tie_points.least_squares_matching import correlate, match, noise_correlation
+from acx4lib.tie_points.overlaps import SharedWindow, SyntheticWindow, grey_window
+
+TILE_PX = 1024  # memory, and how long a tile stays in the cache
+
+
+@dataclass(frozen=True, kw_only=True)
+class TieOptions:
+    """How tie points are measured; pixels of the images at hand.
+
+    Attributes
+    ----------
+    cell_px : int
+        Side of the cells that give one corner each, at most.
+    cells : int
+        In smaller overlaps cells are smaller, so that there are about so many.
+    correlation_px, window_px : int
+        Odd sides of the windows of correlation and of least-squares matching.
+    search_px : int
+        Largest shift from what reduced images have shown.
+    coarse_search_px : int
+        Largest shift in reduced images, in their pixels.
+    least_correlation : float
+        Of the windows' grey values.
+    least_texture : float
+        Mean squared derivative of the grey values in its weakest direction, by the one that
+        noise alone would have.
+    largest_sigma_px : float
+        Predicted, of a point's difference along columns or rows.
+    consensus_px : float
+        Largest misfit of a point with the others of its overlap.
+    """
+
+    cell_px: int = 42
+    cells: int = 9000
+    correlation_px: int = 15
+    window_px: int = 21
+    search_px: int = 8
+    coarse_search_px: int = 14
+    least_correlation: float = 0.6
+    least_texture: float = 3.0
+    largest_sigma_px: float = 0.15
+    consensus_px: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("correlation_px", "window_px"):
+            side = getattr(self, name)
+            if side < 5 or side % 2 == 0:
+                msg = f"{name} must be odd and at least 5, got {side}"
+                raise ValueError(msg)
+        for name in ("cell_px", "cells", "search_px", "coarse_search_px"):
+            expected.whole(name, getattr(self, name))
+        for name in ("least_texture", "largest_sigma_px", "consensus_px"):
+            expected.size(name, getattr(self, name))
+        if not -1 <= self.least_correlation <= 1:
+            msg = (
+                "least_correlation: expected a number from -1 to 1, got "
+                f"{expected.given(self.least_correlation)}"
+            )
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OverlapTask:
+    """What is to be matched.
+
+    Attributes
+    ----------
+    images : sequence of ndarray, shape (rows, cols, bands) or (rows, cols)
+        Of all heads.
+    orientation : RelativeOrientation
+        Nominal.
+    synthetic : Camera
+    shared : SharedWindow
+        Of two heads.
+    shift : ndarray, shape (2, 3)
+        Approximate place in the second head's grey values less the one in the first's: an affine
+        function of synthetic col, row.
+    cell : int
+        px.
+    noise : float
+        Variance of the first head's grey values by these.
+    options : TieOptions
+    """
+
+    images: Sequence[np.ndarray]
+    orientation: RelativeOrientation
+    synthetic: Camera
+    shared: SharedWindow
+    shift: Array
+    cell: int
+    noise: float
+    options: TieOptions
+
+    @property
+    def halo(self) -> int:
+        """How far a tile needs grey values around it, px."""
+        return self.options.window_px // 2 + self.options.search_px + 6
+
+    @property
+    def correlation(self) -> Array:
+        """Of the noise of neighbours in the synthetic geometry."""
+        a, b = self.shared.head_a, self.shared.head_b
+        pixel_mm = (self.orientation.heads[a].pixel_mm + self.orientation.heads[b].pixel_mm) / 2
+        return noise_correlation(pixel_mm / self.synthetic.pixel_mm)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OverlapMatches:
+    """Where two heads see the same, in pixels of the synthetic image by the nominal orientation.
+
+    Attributes
+    ----------
+    colrow_a, colrow_b : ndarray, shape (n, 2)
+        As the first head sees it, and as the second.
+    sigma_px : ndarray, shape (n, 2)
+        Predicted, of the difference along columns and rows.
+    counts : ndarray, shape (4,)
+        Cells, those with texture, points that correlate, points matched.
+    """
+
+    colrow_a: Array
+    colrow_b: Array
+    sigma_px: Array
+    counts: Index
+
+
+def match_overlap(task: OverlapTask) -> OverlapMatches:
+    """Return all matches of an overlap, false ones and moving ones among them."""
+    parts = [_match_corners(task, tile) for tile in _tiles(task)]
+    return OverlapMatches(
+        colrow_a=np.concatenate([part.colrow_a for part in parts]),
+        colrow_b=np.concatenate([part.colrow_b for part in parts]),
+        sigma_px=np.concatenate([part.sigma_px for part in parts]),
+        counts=np.sum([part.counts for part in parts], axis=0),
+    )
+
+
+def shift_at(shift: Array, colrow: Array) -> Array:
+    """Return an affine shift at points, shape (n, 2)."""
+    return colrow @ shift[:, :2].T + shift[:, 2]
+
+
+# --- tiles -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Tile:
+    """Grey values of two heads around a part of their overlap.
+
+    Attributes
+    ----------
+    a, b : ndarray of float32, shape (rows, cols)
+    size : tuple of int
+        Rows and columns of the part itself, without its halo.
+    first_a, first_b : ndarray, shape (2,)
+        Synthetic col, row at which they begin.
+    """
+
+    a: Array
+    b: Array
+    size: tuple[int, int]
+    first_a: Array
+    first_b: Array
+
+
+def _tiles(task: OverlapTask) -> Iterator[_Tile]:
+    """Yield the tiles of an overlap, whole cells each; the second head's are shifted alike."""
+    row_0, row_1, col_0, col_1 = task.shared.window
+    side = max(TILE_PX // task.cell, 1) * task.cell
+    for row in range(row_0, row_1, side):
+        for col in range(col_0, col_1, side):
+            part = (row, min(row + side, row_1), col, min(col + side, col_1))
+            yield _tile(task, part)
+
+
+def _tile(task: OverlapTask, part: SyntheticWindow) -> _Tile:
+    """Return both heads' grey values in a part of the synthetic image and around it."""
+    middle = np.array([[part[2] + part[3], part[0] + part[1]]]) / 2
+    by = np.rint(shift_at(task.shift, middle)[0]).astype(int)
+    halo = task.halo
+    window = (part[0] - halo, part[1] + halo, part[2] - halo, part[3] + halo)
+    moved = (window[0] + by[1], window[1] + by[1], window[2] + by[0], window[3] + by[0])
+    a, b = task.shared.head_a, task.shared.head_b
+    return _Tile(
+        a=grey_window(task.images[a], task.orientation, a, task.synthetic, window),
+        b=grey_window(task.images[b], task.orientation, b, task.synthetic, moved),
+        size=(part[1] - part[0], part[3] - part[2]),
+        first_a=np.array([window[2], window[0]]),
+        first_b=np.array([moved[2], moved[0]]),
+    )
+
+
+def _whole(tile: _Tile, half: int) -> Mask:
+    """Return where both heads have a whole window, about the same place."""
+    seen = np.isfinite(tile.a) & np.isfinite(tile.b)
+    window = np.ones((2 * half + 1, 2 * half + 1), np.uint8)
+    whole = cv2.erode(
+        seen.astype(np.uint8), window, borderType=cv2.BORDER_CONSTANT, borderValue=0.0
+    )
+    return whole > 0
+
+
+# --- one tile --------------------------------------------------------------------------------
+
+
+def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
+    """Return the matches of a tile by corners, correlation and least-squares matching."""
+    options = task.options
+    half = options.window_px // 2
+    at, n_cells = _corners(task, tile)
+    textured = _has_texture(task, tile.a, at)
+    at = at[textured]
+    near = at + shift_at(task.shift, at + tile.first_a) + tile.first_a - tile.first_b
+    found, coefficient = correlate(
+        tile.a, tile.b, at, near, half=options.correlation_px // 2, search=options.search_px
+    )
+    good = (coefficient >= options.least_correlation) & np.isfinite(found[:, 0])
+    at = at[good]
+    matches = match(tile.a, tile.b, at, found[good], half=half, correlation=task.correlation)
+    sure = np.all(matches.sigma_px < options.largest_sigma_px, axis=1)
+    return OverlapMatches(
+        colrow_a=(at + tile.first_a)[sure].astype(float),
+        colrow_b=(matches.colrow + tile.first_b)[sure],
+        sigma_px=matches.sigma_px[sure],
+        counts=np.array([n_cells, textured.sum(), good.sum(), sure.sum()]),
+    )
+
+
+def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
+    """Return the best corner of each cell, col, row in the tile, and how many cells there are."""
+    halo, (rows, cols) = task.halo, tile.size
+    core = np.s_[halo : halo + rows, halo : halo + cols]
+    whole = _whole(tile, task.options.window_px // 2 + 2)[core]
+    if not whole.any():
+        return np.zeros((0, 2), dtype=np.intp), 0
+    values = response(np.nan_to_num(tile.a))[core]
+    at, n_cells = best_of_cells(values, whole, task.cell)
+    return at + halo, n_cells
+
+
+def _has_texture(task: OverlapTask, grey: Array, at: Index) -> Mask:
+    """Tell where grey values change by more than noise in every direction."""
+    weakest = weakest_gradients(grey, at.astype(np.int64), task.options.window_px // 2)
+    # central differences of white noise have half its variance; interpolation makes it less
+    by_noise = task.noise * np.maximum(grey[at[:, 1], at[:, 0]], 1) / 2
+    return weakest >= task.options.least_texture * by_noise

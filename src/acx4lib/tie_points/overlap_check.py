@@ -1,0 +1,166 @@
+"""Whether the pictures of an exposure belong together: turned heads, other exposures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.geometry.camera import Camera
+from acx4lib.tie_points.harris import noise_level
+from acx4lib.tie_points.large_shifts import (
+    LEAST_CELL_PX,
+    NO_SHIFT,
+    coarse_factor,
+    coarse_task,
+    consensus,
+)
+from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap
+from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_exposure, shared_windows
+
+# which of two pictures was turned by 180 degrees so that they fit
+Turns = tuple[bool, bool]
+
+LEAST_CELLS = 30  # with texture, to say anything
+LEAST_SHARE = 0.2  # of them, that agree where two pictures show the same
+_AS_THEY_ARE: Turns = (False, False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Verdict:
+    """What the overlap of two heads shows.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    turns : tuple of bool, optional
+        How the pictures fit; None where they do not.
+    """
+
+    head_a: int
+    head_b: int
+    turns: Turns | None
+
+
+def check_overlaps(
+    images: Sequence[np.ndarray], orientation: RelativeOrientation, synthetic: Camera
+) -> list[str]:
+    """Tell which pictures of an exposure do not fit their neighbours.
+
+    Quick: on images reduced so far that overlaps are some two hundred pixels wide, within a
+    search of some hundred and fifty full-size pixels. Where an overlap has no texture (water,
+    cloud), nothing is said of it.
+
+    Parameters
+    ----------
+    images : sequence of ndarray, shape (rows, cols, bands)
+        Of all heads.
+    orientation : RelativeOrientation
+        Its heads have the size of the images.
+    synthetic : Camera
+
+    Returns
+    -------
+    list of str
+        A sentence a problem; empty where all is well.
+    """
+    windows = shared_windows(orientation, synthetic)
+    largest = max((shared.area_px for shared in windows), default=0.0)
+    windows = [shared for shared in windows if shared.area_px > largest / 2]
+    right = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
+    turned = tuple(np.ascontiguousarray(image[::-1, ::-1]) for image in right.images)
+    rng = np.random.default_rng(0)  # of the same images always the same
+    noise = [noise_level(image, rng=rng) for image in images]
+    verdicts = []
+    for shared in windows:
+        task = _task(right, orientation, synthetic, shared, noise[shared.head_a])
+        verdicts += _verdict(task, right, turned)
+    return _sentences(verdicts, [head.name for head in orientation.heads])
+
+
+def _task(
+    right: GreyExposure,
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    shared: SharedWindow,
+    noise: float,
+) -> OverlapTask:
+    """Return the matching of one overlap in the reduced images."""
+    whole = OverlapTask(
+        images=right.images,
+        orientation=orientation,
+        synthetic=synthetic,
+        shared=shared,
+        shift=NO_SHIFT,
+        cell=LEAST_CELL_PX,
+        noise=noise,
+        options=TieOptions(),
+    )
+    return coarse_task(whole, right)
+
+
+def _verdict(
+    task: OverlapTask, right: GreyExposure, turned: Sequence[np.ndarray]
+) -> list[_Verdict]:
+    """Return how two pictures fit; nothing where there is too little texture to tell."""
+    a, b = task.shared.head_a, task.shared.head_b
+    enough = False
+    for turn_a, turn_b in product((False, True), repeat=2):
+        images = list(right.images)
+        images[a] = turned[a] if turn_a else images[a]
+        images[b] = turned[b] if turn_b else images[b]
+        matches = match_overlap(replace(task, images=images))
+        n_textured = int(matches.counts[1])
+        agree = consensus(matches, 2 * task.options.consensus_px).sum()
+        if n_textured >= LEAST_CELLS and agree > LEAST_SHARE * n_textured:
+            return [_Verdict(head_a=a, head_b=b, turns=(turn_a, turn_b))]
+        if not (turn_a or turn_b):
+            enough = n_textured >= LEAST_CELLS and _has_texture(task, b)
+    return [_Verdict(head_a=a, head_b=b, turns=None)] if enough else []
+
+
+def _has_texture(task: OverlapTask, b: int) -> bool:
+    """Tell whether the second head sees texture too: glitter and clouds are one head's."""
+    images = list(task.images)
+    shared = replace(task.shared, head_a=b, head_b=task.shared.head_a)
+    counts = match_overlap(replace(task, images=images, shared=shared)).counts
+    return int(counts[1]) >= LEAST_CELLS
+
+
+def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
+    """Return a sentence for every head that is wrong, and for pairs that do not tell which."""
+    turned, fits = set(), set()
+    for verdict in verdicts:
+        heads = (verdict.head_a, verdict.head_b)
+        if verdict.turns is not None:
+            fits |= set(heads)
+            turned |= {head for head, turn in zip(heads, verdict.turns, strict=True) if turn}
+    out = [
+        f"{names[head]}: its picture fits its neighbours only when turned by 180 degrees; turn "
+        "the file or set its mount"
+        for head in sorted(turned)
+    ]
+    strangers = [(v.head_a, v.head_b) for v in verdicts if v.turns is None]
+    alone = _alone(strangers, fits)
+    out += [
+        f"{names[head]}: its picture does not show what its neighbours show (of another exposure?)"
+        for head in sorted(alone)
+    ]
+    out += [
+        f"{names[a]} and {names[b]}: their pictures do not show the same (of different exposures?)"
+        for a, b in strangers
+        if not {a, b} & alone
+    ]
+    return out
+
+
+def _alone(strangers: Sequence[tuple[int, int]], fits: set[int]) -> set[int]:
+    """Return the heads that fit nothing, all of whose neighbours fit something."""
+    neighbours: Mapping[int, set[int]] = {head: set() for pair in strangers for head in pair}
+    for a, b in strangers:
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    return {head for head, others in neighbours.items() if head not in fits and others <= fits}

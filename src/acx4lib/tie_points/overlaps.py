@@ -1,0 +1,183 @@
+"""What two heads share of the synthetic image, and their grey values in its geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera
+from acx4lib.synthetic_image.frame import coverage, reduced_camera, reduced_heads
+from acx4lib.synthetic_image.head_map import HeadMap, window_map
+from acx4lib.synthetic_image.mapped_pixels import forget
+from acx4lib.tie_points.compiled.spline import sample_between_nodes
+from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
+
+# first row, row behind the last, first column, column behind the last
+SyntheticWindow = tuple[int, int, int, int]
+
+STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, which leaves 0.002 px between
+_NODES = 100  # along the longer side of the synthetic image, to find overlaps by
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedWindow:
+    """The part of the synthetic image that two heads see.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+        head_a < head_b.
+    window : tuple of int
+        Around it: first row, row behind the last, first column, column behind the last.
+    area_px : float
+        Synthetic pixels that both heads see.
+    """
+
+    head_a: int
+    head_b: int
+    window: SyntheticWindow
+    area_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GreyExposure:
+    """Grey images of all heads at one exposure, reduced by a whole number.
+
+    Attributes
+    ----------
+    images : tuple of ndarray of float32, shape (rows, cols)
+    orientation : RelativeOrientation
+        With heads of that size.
+    synthetic : Camera
+        Reduced alike.
+    factor : int
+    """
+
+    images: tuple[Array, ...]
+    orientation: RelativeOrientation
+    synthetic: Camera
+    factor: int
+
+
+def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[SharedWindow]:
+    """Return what pairs of heads share, found on a grid of nodes over the synthetic image."""
+    size = np.array([synthetic.height_px, synthetic.width_px])
+    seen = coverage(orientation, synthetic, spacing_px=max(int(size.max()) // _NODES, 1)).seen
+    spacing = (size - 1) / (np.array(seen.shape[1:]) - 1)
+    out = []
+    for a in range(len(seen)):
+        for b in range(a + 1, len(seen)):
+            both = np.argwhere(seen[a] & seen[b])
+            if not len(both):
+                continue
+            # what they share may reach up to the next node
+            first = np.maximum(np.floor((both.min(axis=0) - 1) * spacing), 0)
+            last = np.minimum(np.ceil((both.max(axis=0) + 1) * spacing) + 1, size)
+            window = (int(first[0]), int(last[0]), int(first[1]), int(last[1]))
+            area = float(len(both) * np.prod(spacing))
+            out.append(SharedWindow(head_a=a, head_b=b, window=window, area_px=area))
+    return out
+
+
+def grey(image: np.ndarray) -> Array:
+    """Return the mean of an image's bands, shape (rows, cols), float32."""
+    total = image[..., 0].astype(np.float32)
+    for band in range(1, image.shape[2]):
+        total += image[..., band]
+    total *= np.float32(1 / image.shape[2])
+    return total
+
+
+def grey_window(
+    image: np.ndarray,
+    orientation: RelativeOrientation,
+    k: int,
+    synthetic: Camera,
+    window: SyntheticWindow,
+) -> Array:
+    """Return the grey values of one head in a part of the synthetic image.
+
+    By cubic splines: bilinear interpolation would shift fine structures by hundredths of a pixel
+    that depend on where between the pixels they fall.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+        Of the head; or its grey values, shape (rows, cols).
+    orientation : RelativeOrientation
+    k : int
+        Head.
+    synthetic : Camera
+    window : tuple of int
+        First row, row behind the last, first column, column behind the last; it may reach over
+        the synthetic image's border.
+
+    Returns
+    -------
+    ndarray of float32
+        NaN where the head does not see.
+    """
+    step_px = min(max(round(STEP_MM / synthetic.pixel_mm), 4), 16)
+    head = window_map(orientation, k, synthetic, window, step_px=step_px)
+    out = np.full((window[1] - window[0], window[3] - window[2]), np.nan, np.float32)
+    first, last = _part(head)
+    if np.all(last - first > 3):
+        part = image[first[1] : last[1], first[0] : last[0]]
+        part = np.asarray(part, np.float32) if part.ndim == 2 else grey(part)
+        coefficients = spline_coefficients(part)
+        nodes = np.ascontiguousarray(head.nodes, dtype=float)
+        sample_between_nodes(coefficients, nodes, head.step_px, first.astype(float), out)
+    return out
+
+
+def _part(head: HeadMap) -> tuple[np.ndarray, np.ndarray]:
+    """Return first and last (excluded) col, row of the pixels that a map needs."""
+    size = np.array([head.width_px, head.height_px])
+    flat = head.nodes.reshape(-1, 2)
+    flat = flat[np.isfinite(flat[:, 0])]
+    if not len(flat):
+        return size, size
+    first = np.clip(np.floor(flat.min(axis=0)) - REACH, 0, size).astype(np.intp)
+    last = np.clip(np.ceil(flat.max(axis=0)) + REACH + 1, 0, size).astype(np.intp)
+    return first, last
+
+
+def reduced_exposure(
+    images: Sequence[np.ndarray],
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    factor: int,
+) -> GreyExposure:
+    """Return grey images of 1 / factor of the size, each pixel the mean of those it replaces."""
+    heads = reduced_heads(orientation, factor)
+    return GreyExposure(
+        images=tuple(
+            _reduced_grey(image, camera, factor)
+            for image, camera in zip(images, heads.heads, strict=True)
+        ),
+        orientation=heads,
+        synthetic=reduced_camera(synthetic, factor),
+        factor=factor,
+    )
+
+
+def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
+    """Return the means of factor x factor pixels, from the middle of an image."""
+    size = factor * np.array([camera.height_px, camera.width_px])
+    row, col = (np.array(image.shape[:2]) - size) // 2
+    out = np.empty((camera.height_px, camera.width_px), np.float32)
+    rows = max(512 // factor, 1)
+    for start in range(0, len(out), rows):  # a few rows at a time: the image may lie on a disk
+        stop = min(start + rows, len(out))
+        part = image[row + factor * start : row + factor * stop, col : col + size[1]]
+        small = cv2.resize(
+            np.ascontiguousarray(part), (out.shape[1], stop - start), interpolation=cv2.INTER_AREA
+        )
+        out[start:stop] = grey(small.reshape(*small.shape[:2], -1))
+    forget(image)
+    return out

@@ -1,0 +1,308 @@
+"""Heads turned until their overlaps agree: rotations by least squares over all tie points (2.1).
+
+The paper shifts the heads by mean differences (`ties.refine_by_mean_differences`). An error
+of a head's rotation, though, shifts its pixels by amounts that vary over the overlap; here it is
+the rotations that are estimated, of all heads together, the first of them held.
+
+What is held is a datum, not the truth: an error of the first head, or one that all heads share,
+leaves no trace in the overlaps and stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from acx4lib import expected
+from acx4lib.bundle.start.robust import HUBER_WIDTH, SUSPECT, sizes, spread
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import INTERIOR
+from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotation_from_opk
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.dense import Dense
+from acx4lib.synthetic_image.frame import synthetic_from_head
+from acx4lib.tie_points.differences import sides, synthetic_from_head_jacobian, tie_differences
+from acx4lib.tie_points.ties import TiePoints, check_ties
+
+FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
+"""Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
+
+PER_HEAD = 6 + len(INTERIOR)
+"""Parameters of a head: Xc, Yc, Zc, three of its rotation, its interior orientation."""
+
+STEPS = 30
+"""Most steps with one loss."""
+
+SETTLED_MM, NEARLY_MM = 1e-9, 1e-5
+"""Step in the image that ends the adjustment (2e-7 px), and each loss of its robust phase."""
+
+TUKEY_WIDTH = 5.0
+"""In spreads; of normal errors in two coordinates it wastes a twentieth."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """Heads that fit each other, and how well.
+
+    Attributes
+    ----------
+    orientation : RelativeOrientation
+        `cov_joint` has what the tie points repair of the heads' errors, interior orientations
+        included, and their noise.
+    sigma0 : float
+        Of a tie point's difference, in units of what its `sigma_px` promises.
+    rejected : ndarray, shape (n_ties,)
+        Tie points that most others contradict; they have no weight.
+    held : str
+        Head whose orientation the others are turned to.
+    unreached : tuple of str
+        Heads without tie points; their orientation is as it was.
+    """
+
+    orientation: RelativeOrientation
+    sigma0: float
+    rejected: Mask
+    held: str
+    unreached: tuple[str, ...]
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of Xc, Yc, Zc (mm), omega, phi, kappa (rad), (6 n_heads, 6 n_heads)."""
+        return self.orientation.cov
+
+
+# --- refinement ------------------------------------------------------------------------------
+
+
+def refine_by_rotations(
+    orientation: RelativeOrientation, ties: TiePoints, *, free: str = "rotations"
+) -> Refined:
+    """Turn the heads so that all their overlaps agree, the first head held.
+
+    Robust least squares over the differences in the synthetic image: Huber's loss, which has one
+    minimum, then Tukey's; points that stand out by more than `robust.SUSPECT` spreads are taken
+    out, and the rest is adjusted by Gauss-Newton.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    ties : TiePoints
+        Of one exposure, or of many that share the result.
+    free : {"rotations", "six"}
+        Three rotations of every head, or Xc, Yc, Zc as well. The heads' places take up what
+        errors of interior orientations do to the overlaps; the rest of the frame need not be
+        better for it.
+
+    Returns
+    -------
+    Refined
+        A head without tie points keeps its orientation; the first of the others is held.
+
+    Raises
+    ------
+    AdjustmentError
+        Where groups of heads share no tie points, or too few.
+    ValueError
+        For tie points of other heads, or another word for `free`.
+    """
+    expected.one_of("free", free, FREE)
+    check_ties(ties, orientation)
+    sigma = _sigma_mm(orientation, ties)
+    used: Mask = np.isfinite(sigma)
+    now = orientation
+    for factors in (_huber, _tukey):
+        columns = _columns(orientation, ties[used], FREE[free])
+        now, _ = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
+    u = _in_spreads(tie_differences(now, ties[used]), sigma[used])
+    used[used] = u <= SUSPECT
+    columns = _columns(orientation, ties[used], FREE[free])
+    good = ties[used], sigma[used]
+    now, last_mm = _settled(now, *good, columns=columns, factors=np.ones_like, enough_mm=SETTLED_MM)
+    if not last_mm < SETTLED_MM:
+        msg = f"the heads do not come to rest: their last step was {last_mm:.1g} mm in the image"
+        raise AdjustmentError(msg)
+    return _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
+
+
+def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
+    """Return the standard deviation of a difference in one coordinate, shape (n,)."""
+    variance = np.zeros(len(ties))
+    for k, colrow, own, _ in sides(ties):
+        for step in 0.5 * np.eye(2):
+            ahead = synthetic_from_head(orientation, k, colrow + step)
+            behind = synthetic_from_head(orientation, k, colrow - step)
+            # the mean over the two directions of the synthetic image
+            variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
+    return ties.sigma_px * np.sqrt(variance)
+
+
+# --- what is unknown -------------------------------------------------------------------------
+
+
+def _columns(orientation: RelativeOrientation, ties: TiePoints, free: tuple[int, ...]) -> Index:
+    """Return the columns of the unknowns, counted head by head in `PER_HEAD`."""
+    tied = _tied(orientation, ties)
+    return np.array([PER_HEAD * k + j for k in tied[1:] for j in free], dtype=np.intp)
+
+
+def _tied(orientation: RelativeOrientation, ties: TiePoints) -> Index:
+    """Return the heads that tie points reach, all of them together."""
+    n = len(orientation.heads)
+    links = sparse.coo_array((np.ones(len(ties)), (ties.head_a, ties.head_b)), shape=(n, n))
+    n_groups, group = sparse.csgraph.connected_components(links, directed=False)
+    sets = [np.flatnonzero(group == g) for g in range(n_groups)]
+    tied = [heads for heads in sets if len(heads) > 1]
+    if not tied:
+        msg = "no two heads share a good tie point, so nothing can be refined"
+        raise AdjustmentError(msg)
+    if len(tied) > 1:
+        groups = " and ".join(f"heads {_names(orientation, heads)}" for heads in tied)
+        msg = f"{groups} share no good tie point, so nothing turns one group to the other"
+        raise AdjustmentError(msg)
+    return tied[0]
+
+
+def _names(orientation: RelativeOrientation, heads: Index) -> str:
+    return ", ".join(orientation.heads[k].name for k in heads)
+
+
+# --- steps -----------------------------------------------------------------------------------
+
+
+def _in_spreads(d: Array, sigma: Array) -> Array:
+    """Return the lengths of differences in units of their robust standard deviation."""
+    each = np.broadcast_to(sigma[:, None], d.shape)
+    return sizes(d, each)[:, 0] / spread(d, each)
+
+
+def _huber(u: Array) -> Array:
+    return HUBER_WIDTH / np.maximum(u, HUBER_WIDTH)
+
+
+def _tukey(u: Array) -> Array:
+    return np.square(1 - np.square(np.minimum(u / TUKEY_WIDTH, 1.0)))
+
+
+def _settled(
+    orientation: RelativeOrientation,
+    ties: TiePoints,
+    sigma: Array,
+    *,
+    columns: Index,
+    factors: Callable[[Array], Array],
+    enough_mm: float = NEARLY_MM,
+) -> tuple[RelativeOrientation, float]:
+    """Return the orientation after steps with the weights that the differences ask for.
+
+    And how large the last step was, mm in the image.
+    """
+    f = orientation.heads[0].interior.f
+    last_mm = np.inf
+    for _ in range(STEPS):
+        u = _in_spreads(tie_differences(orientation, ties), sigma)
+        N, h = _normals(orientation, ties, factors(u) / sigma**2)
+        system = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns])
+        dx = np.zeros(len(h))
+        dx[columns] = -system.solve(h[columns])
+        orientation = _moved(orientation, dx.reshape(-1, PER_HEAD))
+        last_mm = float(np.max(np.abs(dx.reshape(-1, PER_HEAD)[:, :6] * [1, 1, 1, f, f, f])))
+        if last_mm < enough_mm:
+            break
+    return orientation, last_mm
+
+
+def _moved(orientation: RelativeOrientation, dx: Array) -> RelativeOrientation:
+    R = rotation_from_opk(orientation.opk) @ exp(dx[:, 3:6])
+    return replace(orientation, xyz_mm=orientation.xyz_mm + dx[:, :3], opk=opk_from_rotation(R))
+
+
+def _normals(
+    orientation: RelativeOrientation, ties: TiePoints, weight: Array
+) -> tuple[Array, Array]:
+    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
+    n = PER_HEAD * len(orientation.heads)
+    d, N, h = tie_differences(orientation, ties), np.zeros((n, n)), np.zeros(n)
+    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
+        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
+        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
+        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
+        J = np.concatenate([-by_a, by_b], axis=2).reshape(2 * len(own), -1)
+        PJ = np.repeat(weight[own], 2)[:, None] * J
+        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
+        N[np.ix_(at, at)] += PJ.T @ J
+        h[at] += PJ.T @ d[own].ravel()
+    return N, h
+
+
+# --- quality ---------------------------------------------------------------------------------
+
+
+def _refined(
+    start: RelativeOrientation,
+    now: RelativeOrientation,
+    ties: TiePoints,
+    *,
+    sigma: Array,
+    used: Mask,
+    columns: Index,
+) -> Refined:
+    """Return the result with its covariance, if the tie points determine it."""
+    N, _ = _normals(now, ties[used], 1 / sigma[used] ** 2)
+    inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
+    redundancy = 2 * int(used.sum()) - len(columns)
+    if inverse.defect or redundancy <= 0:
+        loose = inverse.undetermined if inverse.defect else np.ones(len(columns), dtype=bool)
+        names = _names(start, np.unique(columns[loose] // PER_HEAD))
+        msg = (
+            f"{used.sum()} good tie points do not tell how to turn {names}: every overlap needs "
+            "several, well apart"
+        )
+        raise AdjustmentError(msg)
+    d = tie_differences(now, ties[used])
+    sigma0_sq = float(np.sum(d**2 / sigma[used, None] ** 2)) / redundancy
+    cov = _covariance(start, now, N, columns, sigma0_sq * inverse.dense)
+    tied = _tied(start, ties[used])
+    others = np.setdiff1d(np.arange(len(start.heads)), tied)
+    return Refined(
+        orientation=replace(now, cov_joint=cov),
+        sigma0=float(np.sqrt(sigma0_sq)),
+        rejected=~used,
+        held=start.heads[tied[0]].name,
+        unreached=tuple(start.heads[k].name for k in others),
+    )
+
+
+def _covariance(
+    start: RelativeOrientation, now: RelativeOrientation, N: Array, columns: Index, noise: Array
+) -> Array:
+    """Return the joint covariance after the refinement.
+
+    What is estimated forgets its former value, and takes up the errors of all that is held, so
+    far as the tie points show them.
+    """
+    n_heads = len(start.heads)
+    pose = (PER_HEAD * np.arange(n_heads)[:, None] + np.arange(6)).ravel()
+    interior = np.setdiff1d(np.arange(PER_HEAD * n_heads), pose)
+    order = np.concatenate([pose, interior])  # of cov_joint, by columns
+    J = np.eye(len(N))
+    J[columns] = -np.linalg.solve(N[np.ix_(columns, columns)], N[columns])
+    J[np.ix_(columns, columns)] = 0.0
+    J = J[np.ix_(order, order)] @ np.linalg.inv(_angles_from_turns(start))
+    added = np.zeros_like(N)
+    added[np.ix_(columns, columns)] = noise
+    to_angles = _angles_from_turns(now)
+    return propagate(to_angles, propagate(J, start.cov_joint) + added[np.ix_(order, order)])
+
+
+def _angles_from_turns(orientation: RelativeOrientation) -> Array:
+    """Return d(omega, phi, kappa) / d(rotations about the heads' axes), as in `cov_joint`."""
+    out = np.eye(PER_HEAD * len(orientation.heads))
+    for k, opk in enumerate(orientation.opk):
+        angles = slice(6 * k + 3, 6 * k + 6)
+        out[angles, angles] = opk_jacobian(opk)
+    return out

@@ -1,0 +1,253 @@
+"""Tie points measured in the heads' images (Figure 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.synthetic_image.mapped_pixels import forget
+from acx4lib.tie_points.harris import noise_level
+from acx4lib.tie_points.large_shifts import (
+    LEAST_CELL_PX,
+    NO_SHIFT,
+    coarse_factor,
+    coarse_shift,
+    consensus,
+)
+from acx4lib.tie_points.matching import (
+    OverlapMatches,
+    OverlapTask,
+    TieOptions,
+    match_overlap,
+    shift_at,
+)
+from acx4lib.tie_points.overlaps import SharedWindow, reduced_exposure, shared_windows
+from acx4lib.tie_points.ties import TiePoints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OverlapTies:
+    """What became of the cells of an overlap.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    names : tuple of str
+        Of the two heads.
+    n_cells, n_textured, n_correlated, n_matched, n_ties : int
+        Cells, those with texture, points that correlate, points matched by least squares, points
+        that agree with each other.
+    shift_px : ndarray, shape (2,)
+        Found in reduced images, mean over the overlap, synthetic col, row.
+    """
+
+    head_a: int
+    head_b: int
+    names: tuple[str, str]
+    n_cells: int
+    n_textured: int
+    n_correlated: int
+    n_matched: int
+    n_ties: int
+    shift_px: Array
+
+    @property
+    def sentence(self) -> str:
+        """What a user should know of the overlap; empty where all is well."""
+        heads = " and ".join(self.names)
+        if self.n_textured < 0.25 * self.n_cells:
+            return (
+                f"{heads}: {_grouped(self.n_textured)} of {_grouped(self.n_cells)} cells have "
+                "texture (water or cloud?)"
+            )
+        if self.n_ties < 0.1 * self.n_textured:
+            return (
+                f"{heads}: {_grouped(self.n_textured)} cells have texture, but only "
+                f"{_grouped(self.n_ties)} points agree (images of different exposures, a head "
+                "turned, or its orientation too far off?)"
+            )
+        return ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImageTies:
+    """Tie points of one exposure.
+
+    Attributes
+    ----------
+    ties : TiePoints
+        Head pixels. The first head's place is exact by definition; `sigma_px` is that of either
+        measurement, as if both had the same share in their difference.
+    sigma : ndarray, shape (n, 2)
+        Predicted standard deviation of the differences along columns and rows, synthetic px.
+    overlaps : tuple of OverlapTies
+    """
+
+    ties: TiePoints
+    sigma: Array
+    overlaps: tuple[OverlapTies, ...]
+
+    @property
+    def sentences(self) -> list[str]:
+        """What a user should know of the overlaps."""
+        return [report.sentence for report in self.overlaps if report.sentence]
+
+
+def find_ties(
+    images: Sequence[np.ndarray],
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    exposure: int = 0,
+    options: TieOptions | None = None,
+) -> ImageTies:
+    """Measure tie points between all heads that share enough of the synthetic image.
+
+    Overlaps without texture give few points or none, and say so.
+
+    Parameters
+    ----------
+    images : sequence of ndarray, shape (rows, cols, bands)
+        Of all heads, 8 or 16 bit.
+    orientation : RelativeOrientation
+        Nominal; its heads have the size of the images.
+    synthetic : Camera
+    exposure : int
+        `exposure_idx` of the ties.
+    options : TieOptions, optional
+
+    Returns
+    -------
+    ImageTies
+
+    Raises
+    ------
+    ValueError
+        Where the images are not those of the heads.
+    """
+    _check(images, orientation)
+    options = options or TieOptions()
+    windows = shared_windows(orientation, synthetic)
+    largest = max((shared.area_px for shared in windows), default=0.0)
+    coarse = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
+    rng = np.random.default_rng(0)  # of the same images always the same
+    noise = [noise_level(image, rng=rng) for image in images]
+    found = []
+    for shared in windows:
+        task = OverlapTask(
+            images=images,
+            orientation=orientation,
+            synthetic=synthetic,
+            shared=shared,
+            shift=NO_SHIFT,
+            cell=_cell(shared, largest, options),
+            noise=noise[shared.head_a],
+            options=options,
+        )
+        task = replace(task, shift=coarse_shift(task, coarse))
+        found.append(_measured(task))
+        for k in (shared.head_a, shared.head_b):
+            forget(images[k])
+    return _assembled(found, orientation, synthetic, exposure)
+
+
+def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> None:
+    """Raise where images are not those of the heads."""
+    if len(images) != len(orientation.heads):
+        msg = f"{len(orientation.heads)} heads need as many images, got {len(images)}"
+        raise ValueError(msg)
+    for image, head in zip(images, orientation.heads, strict=True):
+        if image.ndim != 3 or image.shape[:2] != (head.height_px, head.width_px):
+            msg = (
+                f"{head.name}: an image of {head.width_px} x {head.height_px} px with bands is "
+                f"needed, got an array of shape {image.shape}"
+            )
+            raise ValueError(msg)
+
+
+def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
+    """Return the side of the cells of an overlap; what diagonal heads share has few cells."""
+    area = max(shared.area_px, largest / 2)
+    return min(options.cell_px, max(LEAST_CELL_PX, int(np.sqrt(area / options.cells))))
+
+
+# --- one overlap ----------------------------------------------------------------------------
+
+
+def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
+    """Return the matches of an overlap that agree, and a report."""
+    matches = match_overlap(task)
+    agree = consensus(matches, task.options.consensus_px)
+    kept = OverlapMatches(
+        colrow_a=matches.colrow_a[agree],
+        colrow_b=matches.colrow_b[agree],
+        sigma_px=matches.sigma_px[agree],
+        counts=matches.counts,
+    )
+    shared = task.shared
+    row_0, row_1, col_0, col_1 = shared.window
+    middle = np.array([[col_0 + col_1, row_0 + row_1]]) / 2
+    names = [task.orientation.heads[k].name for k in (shared.head_a, shared.head_b)]
+    n_cells, n_textured, n_correlated, n_matched = map(int, matches.counts)
+    return kept, OverlapTies(
+        head_a=shared.head_a,
+        head_b=shared.head_b,
+        names=(names[0], names[1]),
+        n_cells=n_cells,
+        n_textured=n_textured,
+        n_correlated=n_correlated,
+        n_matched=n_matched,
+        n_ties=int(agree.sum()),
+        shift_px=shift_at(task.shift, middle)[0],
+    )
+
+
+# --- together --------------------------------------------------------------------------------
+
+
+def _assembled(
+    found: Sequence[tuple[OverlapMatches, OverlapTies]],
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    exposure: int,
+) -> ImageTies:
+    """Return the tie points of all overlaps in head pixels."""
+    n = sum(report.n_ties for _, report in found)
+    head_a, head_b = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
+    colrow_a, colrow_b, sigma = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+    per_px = np.zeros(n)
+    start = 0
+    for matches, report in found:
+        own = slice(start, start + report.n_ties)
+        start += report.n_ties
+        a, b = report.head_a, report.head_b
+        head_a[own], head_b[own], sigma[own] = a, b, matches.sigma_px
+        xy_a, xy_b = (xy_from_colrow(synthetic, c) for c in (matches.colrow_a, matches.colrow_b))
+        colrow_a[own] = head_from_synthetic(orientation, a, xy_a)
+        colrow_b[own] = head_from_synthetic(orientation, b, xy_b)
+        per_px[own] = synthetic.pixel_mm / orientation.heads[b].pixel_mm
+    return ImageTies(
+        ties=TiePoints(
+            head_a=head_a,
+            head_b=head_b,
+            exposure_idx=np.full(n, exposure),
+            point_idx=np.arange(n),
+            colrow_a=colrow_a,
+            colrow_b=colrow_b,
+            # half the variance of the difference for each of the two measurements
+            sigma_px=per_px * np.sqrt(np.mean(sigma**2, axis=1) / 2),
+        ),
+        sigma=sigma,
+        overlaps=tuple(report for _, report in found),
+    )
+
+
+def _grouped(number: int) -> str:
+    """Return a whole number with its thousands apart."""
+    return f"{number:,}".replace(",", " ")

@@ -1,0 +1,240 @@
+"""Tie points between heads in the synthetic image, and refinement by them (2.1, Figure 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.synthetic_image.frame import synthetic_from_head
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiePoints:
+    """Points that two heads measured at one exposure.
+
+    Attributes
+    ----------
+    head_a, head_b : ndarray, shape (n,)
+        head_a < head_b.
+    exposure_idx, point_idx : ndarray, shape (n,)
+    colrow_a, colrow_b : ndarray, shape (n, 2)
+    sigma_px : ndarray, shape (n,)
+        Of a measurement, the larger of the two; infinite where it takes no part.
+
+    Raises
+    ------
+    ValueError
+        Where a part has another shape, or head_a is not before head_b.
+    """
+
+    head_a: Index
+    head_b: Index
+    exposure_idx: Index
+    point_idx: Index
+    colrow_a: Array
+    colrow_b: Array
+    sigma_px: Array
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("head_a", self.head_a)
+        n = len(self.head_a)
+        for name in ("head_b", "exposure_idx", "point_idx"):
+            expected.whole_numbers(name, getattr(self, name), (n,))
+        for name in ("colrow_a", "colrow_b"):
+            expected.shape(name, getattr(self, name), (n, 2))
+        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.positive("sigma_px", self.sigma_px)
+        if np.any(self.head_a >= self.head_b):
+            row = int(np.argmax(self.head_a >= self.head_b))
+            msg = (
+                f"head_b: expected a head behind head_a, got {self.head_b[row]} and "
+                f"{self.head_a[row]} in row {row}"
+            )
+            raise ValueError(msg)
+
+    def __len__(self) -> int:
+        """Count the tie points."""
+        return len(self.head_a)
+
+    def __getitem__(self, keep: Index | Mask) -> TiePoints:
+        """Select tie points."""
+        return expected.part_of(self, keep)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Overlap:
+    """Differences b less a of one pair of heads in the synthetic image.
+
+    Attributes
+    ----------
+    head_a, head_b : int
+    xy : ndarray, shape (n, 2)
+        Where, mm.
+    d : ndarray, shape (n, 2)
+        mm.
+    """
+
+    head_a: int
+    head_b: int
+    xy: Array
+    d: Array
+
+    @property
+    def mean(self) -> Array:
+        """Average difference in x and y, mm."""
+        return self.d.mean(axis=0)
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the differences in x and y, mm."""
+        return np.sqrt(np.mean(self.d**2, axis=0))
+
+
+def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
+    """Return every point that two heads measured at one exposure.
+
+    Parameters
+    ----------
+    block : Block
+        Of the heads; measurements with an infinite sigma are left out.
+    orientation : RelativeOrientation
+        Says which cameras are heads and in which order.
+
+    Raises
+    ------
+    ValueError
+        Where the block lacks a head.
+    """
+    expected.instance("block", block, Block)
+    names = [camera.name for camera in block.cameras]
+    expected.names_of("heads", [camera.name for camera in orientation.heads], names)
+    head_of = np.full(len(names), -1)
+    for k, camera in enumerate(orientation.heads):
+        head_of[names.index(camera.name)] = k
+    points = block.image_points
+    head = head_of[block.images.camera_idx[points.image_idx]]
+    exposure = block.images.exposure_idx[points.image_idx]
+    order = np.lexsort((head, points.point_idx, exposure))
+    order = order[(head[order] >= 0) & np.isfinite(points.sigma_px[order])]
+    pairs = [np.zeros((2, 0), dtype=np.intp)]
+    for ahead in range(1, len(orientation.heads)):
+        a, b = order[:-ahead], order[ahead:]
+        same = (exposure[a] == exposure[b]) & (points.point_idx[a] == points.point_idx[b])
+        pairs.append(np.stack([a[same], b[same]]))
+    a, b = np.concatenate(pairs, axis=1)
+    return TiePoints(
+        head_a=head[a],
+        head_b=head[b],
+        exposure_idx=exposure[a],
+        point_idx=points.point_idx[a],
+        colrow_a=points.colrow[a],
+        colrow_b=points.colrow[b],
+        sigma_px=np.maximum(points.sigma_px[a], points.sigma_px[b]),
+    )
+
+
+def check_ties(ties: TiePoints, orientation: RelativeOrientation) -> None:
+    """Raise a ValueError where tie points are of other heads."""
+    expected.instance("ties", ties, TiePoints)
+    expected.places("ties.head_a", ties.head_a, len(orientation.heads))
+    expected.places("ties.head_b", ties.head_b, len(orientation.heads))
+
+
+def overlaps(ties: TiePoints, orientation: RelativeOrientation) -> list[Overlap]:
+    """Return the differences of all pairs of heads that share tie points."""
+    check_ties(ties, orientation)
+    out = []
+    n_heads = len(orientation.heads)
+    for a in range(n_heads):
+        for b in range(a + 1, n_heads):
+            own = (ties.head_a == a) & (ties.head_b == b)
+            if own.any():
+                xy_a = synthetic_from_head(orientation, a, ties.colrow_a[own])
+                xy_b = synthetic_from_head(orientation, b, ties.colrow_b[own])
+                out.append(Overlap(head_a=a, head_b=b, xy=(xy_a + xy_b) / 2, d=xy_b - xy_a))
+    return out
+
+
+def refine_by_mean_differences(
+    orientation: RelativeOrientation, ties: TiePoints
+) -> RelativeOrientation:
+    """Shift the heads so that the average differences of their overlaps vanish.
+
+    The paper's refinement: Xc and Yc of every head by least squares over the pairs' mean
+    differences, each weighted with its number of points; the mean of all heads stays.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    ties : TiePoints
+
+    Returns
+    -------
+    RelativeOrientation
+        Its covariance has what the tie points repair of the heads' errors, interior
+        orientations included, and their noise.
+
+    Raises
+    ------
+    ValueError
+        For tie points of other heads.
+    """
+    check_ties(ties, orientation)
+    if len(ties) == 0:
+        return orientation
+    shifts, gain, counts = _shifts(orientation, ties)
+    xyz = orientation.xyz_mm.copy()
+    xyz[:, :2] += shifts
+    n = 6 * len(orientation.heads)
+    sigma = sigmas(orientation.cov_joint)
+    J = np.eye(len(sigma))
+    for i in map(int, np.flatnonzero(sigma)):
+        ahead, _, _ = _shifts(varied(orientation, i, sigma[i]), ties)
+        behind, _, _ = _shifts(varied(orientation, i, -sigma[i]), ties)
+        change = (ahead - behind) / (2 * sigma[i])
+        J[0:n:6, i] += change[:, 0]
+        J[1:n:6, i] += change[:, 1]
+    pixel_mm = orientation.heads[0].pixel_mm
+    variance = 2 * (np.mean(ties.sigma_px) * pixel_mm) ** 2 / counts
+    noise = (gain * variance) @ gain.T
+    cov = J @ orientation.cov_joint @ J.T
+    cov[0:n:6, 0:n:6] += noise
+    cov[1:n:6, 1:n:6] += noise
+    return replace(orientation, xyz_mm=xyz, cov_joint=cov)
+
+
+def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
+    """Return the orientation with one parameter changed, counted as in `cov_joint`."""
+    n = 6 * len(orientation.heads)
+    if i >= n:
+        k, j = divmod(i - n, len(INTERIOR))
+        heads = list(orientation.heads)
+        interior = heads[k].interior.to_array()
+        interior[j] += step
+        heads[k] = heads[k].with_interior(Interior.from_array(interior))
+        return replace(orientation, heads=tuple(heads))
+    xyz, opk = orientation.xyz_mm.copy(), orientation.opk.copy()
+    (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += step
+    return replace(orientation, xyz_mm=xyz, opk=opk)
+
+
+def _shifts(orientation: RelativeOrientation, ties: TiePoints) -> tuple[Array, Array, Array]:
+    """Return the heads' shifts (mm), d(shifts) / d(mean differences), and points per pair."""
+    found = overlaps(ties, orientation)
+    n_heads = len(orientation.heads)
+    A = np.zeros((len(found), n_heads))
+    for row, overlap in enumerate(found):
+        A[row, overlap.head_a], A[row, overlap.head_b] = -1.0, 1.0
+    counts = np.array([len(overlap.d) for overlap in found], dtype=float)
+    root = np.sqrt(counts)[:, None]
+    # minimum norm: the shifts sum to zero, the mean of the heads stays where it is
+    gain = -np.linalg.pinv(root * A) * root.T
+    means = np.array([overlap.mean for overlap in found])
+    return gain @ means, gain, counts

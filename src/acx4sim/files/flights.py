@@ -1,0 +1,232 @@
+"""A flight from its plan: fly, look, measure, write down."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4sim.earth import Array
+from acx4sim.files import csv_files as tables
+from acx4sim.files.toml_files import flight_toml, truth
+from acx4sim.fly import Track, fly, record, stream
+from acx4sim.gross_errors import spoil
+from acx4sim.observe import Sight, ground_points, look, strew_tie_points
+from acx4sim.pictures.photography import Photography, order, told
+from acx4sim.plan import BlockPlan, Options, Plan
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedFlight:
+    """A flight that was never flown.
+
+    Attributes
+    ----------
+    name : str
+        Name of the design.
+    toml : str
+        Text of flight.toml.
+    tables : mapping of str to DataFrame
+        The flight's tables by their path inside the flight's folder.
+    truth : dict
+        True values, for JSON.
+    plan : Plan
+        What was flown.
+    seed : int
+        Of its random numbers.
+    photography : Photography, optional
+        The pictures to be taken.
+    """
+
+    name: str
+    toml: str
+    tables: Mapping[str, pd.DataFrame]
+    truth: dict[str, Any]
+    plan: Plan
+    seed: int
+    photography: Photography | None = None
+
+
+def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
+    """Simulate a planned flight.
+
+    Raises
+    ------
+    ValueError
+        On a seed that is negative or no whole number, a block that the plan does not have, or
+        more tie points than it sees.
+    """
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool):
+        msg = f"seed must be a whole number, got {seed!r}"
+        raise ValueError(msg)
+    if seed < 0:
+        msg = f"seed must be zero or positive, got {seed}"
+        raise ValueError(msg)
+    plan = _as_asked(plan, options)
+    files: dict[str, pd.DataFrame] = {}
+    tracks: dict[str, Track] = {}
+    recorded: dict[str, Track] = {}
+    points: dict[str, Array] = {}
+    for name, block in plan.blocks.items():
+        tracks[name] = fly(plan, block, stream(seed, plan.name, name, "fly"))
+        path, names, x_g = _surveyed(plan, name)
+        points.update(zip(names, x_g, strict=True))
+        if path not in files:
+            rng = stream(seed, plan.name, path)
+            files[path] = tables.control_points(plan, names, x_g, options, rng)
+        recorded[name] = record(
+            tracks[name],
+            plan.noise,
+            options,
+            white=stream(seed, plan.name, name, "trajectory"),
+            slow=stream(seed, plan.name, name, "slow errors"),
+        )
+        files.update(_block_tables(plan, name, tracks[name], seed, options))
+        files[f"{name}/trajectory.csv"] = tables.trajectory(plan, recorded[name])
+    told = truth(plan, seed, options, tracks, points)
+    if options.gross_errors is not None:
+        spoiled = spoil(plan, files, recorded, options.gross_errors, seed)
+        files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
+    return SimulatedFlight(
+        name=plan.name,
+        toml=flight_toml(plan, options),
+        tables=files,
+        truth=told,
+        plan=plan,
+        seed=seed,
+    )
+
+
+def photograph(
+    flight: SimulatedFlight,
+    exposures: Sequence[str],
+    *,
+    reduce: int = 1,
+    photo: str | Path | None = None,
+) -> SimulatedFlight:
+    """Order pictures of some exposures; they are taken when the flight is written.
+
+    Parameters
+    ----------
+    flight : SimulatedFlight
+        The flight.
+    exposures : sequence of str
+        Their names, of any block.
+    reduce : int
+        The pictures are 1/reduce of the size, over the middle of the sensors.
+    photo : str or Path, optional
+        File with a picture to lie on the ground, mirrored beyond its edges, one of its pixels
+        every 12.5 cm; the procedural landscape without.
+
+    Returns
+    -------
+    SimulatedFlight
+        images.csv names the files; the truth has the responses of the cameras.
+
+    Raises
+    ------
+    ValueError
+        Where the flight has no such exposure, none is named or a text is given for their names,
+        or `reduce` leaves no pixel.
+    OSError
+        Where the photo is not there or cannot be read.
+    """
+    if isinstance(exposures, str):
+        msg = f"exposures must be a sequence of names, got {exposures!r}"
+        raise ValueError(msg)
+    ordered = order(flight.plan, flight.seed, exposures, reduce, photo)
+    return replace(
+        flight,
+        tables=_with_files(flight.tables, ordered),
+        truth={**flight.truth, "pictures": told(ordered)},
+        photography=ordered,
+    )
+
+
+def _with_files(
+    tables: Mapping[str, pd.DataFrame], ordered: Photography
+) -> dict[str, pd.DataFrame]:
+    tables = dict(tables)
+    for block in {at.block for at in ordered.stations}:
+        files = {
+            Path(path).stem: path.removeprefix(f"{block}/")
+            for path, at, _ in ordered.orders()
+            if at.block == block
+        }
+        images = tables[f"{block}/images.csv"]
+        tables[f"{block}/images.csv"] = images.assign(file=images["image"].map(files).fillna(""))
+    return tables
+
+
+def _as_asked(plan: Plan, options: Options) -> Plan:
+    """Keep the blocks asked for, with as many tie points, and with the air, as asked for."""
+    wanted = tuple(plan.blocks) if options.blocks is None else options.blocks
+    unknown = sorted({*wanted, *options.tie_points} - set(plan.blocks))
+    if unknown or not wanted:
+        msg = f"blocks {unknown or 'none'} asked for; {plan.name} has {list(plan.blocks)}"
+        raise ValueError(msg)
+    return replace(
+        plan,
+        refraction=options.refraction,
+        blocks={
+            name: replace(block, tie_points=options.tie_points.get(name, block.tie_points))
+            for name, block in plan.blocks.items()
+            if name in wanted
+        },
+    )
+
+
+def _surveyed(plan: Plan, name: str) -> tuple[str, list[str], Array]:
+    """Return file, names and true coordinates of the surveyed points of a block."""
+    block = plan.blocks[name]
+    if len(block.targets):
+        names = [f"N{i:02d}" for i in range(1, len(block.targets) + 1)]
+        return f"{name}/control_points.csv", names, ground_points(plan, block, block.targets)
+    names = [f"P{i:02d}" for i in range(1, len(plan.control) + 1)]
+    return "control_points.csv", names, ground_points(plan, block, plan.control)
+
+
+def _block_tables(
+    plan: Plan, name: str, track: Track, seed: int, options: Options
+) -> dict[str, pd.DataFrame]:
+    """Tabulate images and measurements of a block."""
+    block = plan.blocks[name]
+    _, names, x_g = _surveyed(plan, name)
+    surveyed = look(plan, block, track, x_g)
+    rng = stream(seed, plan.name, name, "tie points")
+    ties, tie_sight = strew_tie_points(plan, block, track, block.tie_points, rng)
+    sight = Sight(
+        colrow=np.concatenate([surveyed.colrow, tie_sight.colrow], axis=2),
+        seen=np.concatenate([surveyed.seen, tie_sight.seen], axis=2),
+    )
+    rng = stream(seed, plan.name, name, "image points")
+    points = _pointing(plan, block, names, len(ties), options, rng)
+    images = tables.images(block, track)
+    measured = tables.image_points(images["image"], points, sight, rng)
+    return {f"{name}/images.csv": images, f"{name}/image_points.csv": measured}
+
+
+def _pointing(
+    plan: Plan,
+    block: BlockPlan,
+    surveyed: list[str],
+    n_ties: int,
+    options: Options,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Say how well every point can be pointed at."""
+    sigma = np.full(len(surveyed) + n_ties, plan.noise.image_px)
+    if len(block.targets):
+        low, high = plan.noise.target_px
+        sigma[: len(surveyed)] = rng.uniform(low, high, len(surveyed)).round(1)
+    points = pd.DataFrame(
+        {
+            "point": [*surveyed, *(f"T{i:05d}" for i in range(1, n_ties + 1))],
+            "noise_px": options.image_noise * sigma,
+        }
+    )
+    if len(block.targets):
+        points["sigma_px"] = sigma * (options.image_noise or 1.0)
+    return points

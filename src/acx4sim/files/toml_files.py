@@ -1,0 +1,128 @@
+"""flight.toml and the truth of a simulated flight."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from acx4sim.earth import Array
+from acx4sim.files.csv_files import grid_attitude_deg
+from acx4sim.fly import Track
+from acx4sim.plan import Options, Plan
+
+MADE_BY = "acx4 simulate"
+"""Whose a truth is; the command looks for it before it replaces one."""
+
+NOTE = (
+    "True values. Cameras: boresight is omega, phi, kappa of eq. (6), camera to body; the lever "
+    "arm is forward, left, up. Exposures: east, north, height, omega, phi, kappa of the IMU's "
+    "body frame against the grid. Control points: east, north, height. In block heads every "
+    "head's exterior orientation follows from its own boresight and lever arm."
+)
+_HEADS_NOTE = (
+    "Blocks calibration and validation are measured in an ideal synthetic image with the "
+    "parameters of camera SYN here, the paper's Table 3. Images rendered from the heads follow "
+    "the heads instead: their boresight is the mount_* of SYN in flight.toml, and their focal "
+    "length is, to first order, that of the first head. Xc, Yc of Table 1 are no lever arms and "
+    "are not contained in the heads' positions."
+)
+
+
+def flight_toml(plan: Plan, options: Options) -> str:
+    """Write flight.toml: the sensors, approximations, and true standard deviations."""
+    lines = [f'name = "{plan.title}"', f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
+    if plan.refraction != "none":
+        lines.append(f'refraction = "{plan.refraction}"')
+    for name, camera in plan.cameras.items():
+        lines += ["", f"[cameras.{name}]"]
+        sensor = {k: getattr(camera, k) for k in ("width_px", "height_px", "pixel_um")}
+        lines += [f"{key} = {value}" for key, value in {**sensor, **plan.approximate[name]}.items()]
+    if plan.heads:
+        heads = ", ".join(f'"{name}"' for name in plan.heads)
+        lines += ["", "[synthetic]", f'camera = "{plan.synthetic}"', f"heads = [{heads}]"]
+    lines += ["", "[apriori]"]
+    lines += [f"{key} = {value:.6g}" for key, value in _apriori(plan, options).items()]
+    if plan.heads:
+        lines += ["", "[stages.heads]", 'estimate = ["xp_mm", "yp_mm", "k1", "p1", "p2"]']
+    names = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2")
+    estimate = ", ".join(f'"{name}"' for name in names)
+    lines += ["", "[stages.mounting]", f"estimate = [{estimate}]", "fix = []"]
+    return "\n".join(lines) + "\n"
+
+
+def _apriori(plan: Plan, options: Options) -> dict[str, float]:
+    noise = plan.noise
+    image, gnss = options.image_noise or 1.0, options.gnss_noise or 1.0
+    attitude = options.attitude_noise or 1.0
+    return {
+        "image_point_px": image * noise.image_px,
+        "gnss_horizontal_m": gnss * noise.gnss_horizontal_m,
+        "gnss_vertical_m": gnss * noise.gnss_vertical_m,
+        "roll_pitch_deg": attitude * noise.roll_pitch_deg,
+        "heading_deg": attitude * noise.heading_deg,
+    }
+
+
+def truth(
+    plan: Plan,
+    seed: int,
+    options: Options,
+    tracks: Mapping[str, Track],
+    points: Mapping[str, Array],
+) -> dict[str, Any]:
+    """Collect what is true, in values that JSON can hold.
+
+    Parameters
+    ----------
+    plan, seed, options : Plan, int, Options
+        What was asked for.
+    tracks : mapping of str to Track
+        True body frames by block.
+    points : mapping of str to ndarray, shape (3,)
+        True control points and natural targets.
+    """
+    result: dict[str, Any] = {
+        "made_by": MADE_BY,
+        "name": plan.name,
+        "seed": seed,
+        "options": asdict(replace(options, tie_points=dict(options.tie_points))),
+        "note": f"{NOTE} {_HEADS_NOTE}" if plan.heads else NOTE,
+        "cameras": {name: _camera_truth(plan, name) for name in plan.cameras},
+    }
+    if plan.heads:
+        result["heads_in_synthetic_frame"] = {
+            name: dict(zip(("omega_deg", "phi_deg", "kappa_deg"), angles, strict=True))
+            for name, angles in plan.head_angles_deg.items()
+        }
+        mount = plan.approximate[plan.synthetic]
+        result["rendered_boresight"] = {
+            f"boresight_{angle}_deg": mount.get(f"mount_{angle}_deg", 0.0)
+            for angle in ("omega", "phi", "kappa")
+        }
+        result["rendered_f_mm"] = plan.cameras[plan.heads[0]].f_mm
+    result["exposures"] = {name: _exposure_truth(plan, track) for name, track in tracks.items()}
+    result["control_points"] = {name: _plain(x, 6) for name, x in points.items()}
+    return result
+
+
+def _plain(values: Array, decimals: int) -> list[float]:
+    return [round(float(value), decimals) for value in values]
+
+
+def _camera_truth(plan: Plan, name: str) -> dict[str, float]:
+    camera = plan.cameras[name]
+    names = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2")
+    boresight = zip(("omega", "phi", "kappa"), camera.boresight_deg, strict=True)
+    lever = zip("xyz", camera.lever_m, strict=True)
+    return {
+        **{key: getattr(camera, key) for key in names},
+        **{f"boresight_{angle}_deg": value for angle, value in boresight},
+        **{f"lever_{axis}_m": value for axis, value in lever},
+    }
+
+
+def _exposure_truth(plan: Plan, track: Track) -> dict[str, list[float]]:
+    opk_deg = grid_attitude_deg(plan, track)
+    return {
+        name: _plain(x_g, 6) + _plain(opk, 10)
+        for name, x_g, opk in zip(track.exposure, track.x_g, opk_deg, strict=True)
+    }

@@ -1,0 +1,168 @@
+"""Where the aircraft truly is at every exposure, and where its GNSS/INS says that it is."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from acx4sim.earth import Array, Grid, attitude_from_rph, axes_of_enu_in_ecef, rotation_from_opk_deg
+from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, grid_from_field
+
+_SPEED = 70.0  # m/s
+_TURN_S = 240.0
+_SCATTER_M = np.array([6.0, 8.0, 5.0])  # forward, left, up
+_MOTION_DEG = np.array([1.1, 0.9, 0.8])  # roll, pitch, yaw
+_CRAB_DEG = 4.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """The body frame at the exposures of a block.
+
+    Attributes
+    ----------
+    exposure, strip : list of str
+        Names.
+    time_s : ndarray, shape (n,)
+        Seconds of the week.
+    x_g : ndarray, shape (n, 3)
+        East, north, height, m.
+    R_enu_b : Rotation
+        Attitudes, body to local east, north, up.
+    """
+
+    exposure: list[str]
+    strip: list[str]
+    time_s: Array
+    x_g: Array
+    R_enu_b: Rotation
+
+
+def stream(seed: int, *purpose: str) -> np.random.Generator:
+    """Return the random numbers of one purpose, whatever else is drawn."""
+    return np.random.default_rng([seed, *"/".join(purpose).encode()])
+
+
+def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
+    """Fly a block as planned, up to wind and turbulence."""
+    grid = Grid(crs=plan.crs)
+    parts = [_fly_strip(strip, rng) for strip in block.strips]
+    places = np.concatenate([part[0] for part in parts])
+    rph = np.radians(np.concatenate([part[1] for part in parts]))
+    en = grid_from_field(block, places[:, :2])
+    x_g = np.column_stack([en, places[:, 2] + plan.ground_m])
+    rph[:, 2] += np.radians(block.azimuth_deg) + grid.convergence(grid.geodetic_from_grid(x_g))
+    return Track(
+        exposure=[
+            f"{block.letter}{number}-{i + 1:02d}"
+            for number, strip in enumerate(block.strips, 1)
+            for i in range(strip.n)
+        ],
+        strip=[str(number) for number, strip in enumerate(block.strips, 1) for _ in range(strip.n)],
+        time_s=_times(block),
+        x_g=x_g,
+        R_enu_b=attitude_from_rph(rph),
+    )
+
+
+def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return places (forward, left, up) and roll, pitch, azimuth (deg) in the block's axes."""
+    turn = np.radians(strip.turn_deg)
+    ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
+    way = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
+    scatter = _SCATTER_M * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
+    places = np.empty((strip.n, 3))
+    places[:, :2] = (
+        np.array([strip.forward_m, strip.left_m])
+        + (way + scatter[:, 0])[:, None] * ahead
+        + scatter[:, 1:2] * aside
+    )
+    places[:, 2] = strip.height_m + scatter[:, 2]
+    rph = _MOTION_DEG * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
+    rph[:, 2] += strip.turn_deg + rng.uniform(-_CRAB_DEG, _CRAB_DEG)
+    return places, rph
+
+
+def _times(block: BlockPlan) -> Array:
+    steps = np.concatenate(
+        [np.r_[_TURN_S, np.full(strip.n - 1, strip.base_m / _SPEED)] for strip in block.strips]
+    )
+    return np.asarray(block.start_s - _TURN_S + np.cumsum(steps))
+
+
+def record(
+    track: Track,
+    noise: Noise,
+    options: Options,
+    *,
+    white: np.random.Generator,
+    slow: np.random.Generator,
+) -> Track:
+    """Add the errors of the GNSS/INS: position in the grid, attitude about the body's axes."""
+    sigma_m = options.gnss_noise * np.array(
+        [noise.gnss_horizontal_m, noise.gnss_horizontal_m, noise.gnss_vertical_m]
+    )
+    sigma_deg = options.attitude_noise * np.array(
+        [noise.roll_pitch_deg, noise.roll_pitch_deg, noise.heading_deg]
+    )
+    n, time_s = len(track.time_s), track.time_s
+    random_m, random_deg = white.standard_normal((n, 3)), white.standard_normal((n, 3))
+    if options.slow_errors is not None:
+        of = options.slow_errors
+        walks = gauss_markov(time_s, of.time_constant_s, 6, slow)
+        random_m = of.gnss * walks[:, :3] + np.sqrt(1 - of.gnss**2) * random_m
+        random_deg = of.attitude * walks[:, 3:] + np.sqrt(1 - of.attitude**2) * random_deg
+    minutes = (time_s - time_s[0])[:, None] / 60
+    error = sigma_m * random_m + options.gnss_shift_m + minutes * options.gnss_drift_m_per_min
+    if any(options.gnss_strip_drift_m_per_min):
+        error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
+    turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
+    return replace(track, x_g=track.x_g + error, R_enu_b=track.R_enu_b * turn)
+
+
+def gauss_markov(
+    time_s: Array, time_constant_s: float, n_walks: int, rng: np.random.Generator
+) -> Array:
+    """Draw processes of unit variance whose correlation falls exponentially with time.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Ascending.
+    time_constant_s : float
+        After which the correlation is 1/e.
+    n_walks : int
+        How many, independent of each other.
+    rng : Generator
+        Random numbers.
+
+    Returns
+    -------
+    ndarray, shape (n, n_walks)
+    """
+    walks = rng.standard_normal((len(time_s), n_walks))
+    kept = np.exp(-np.diff(time_s) / time_constant_s)
+    for i, share in enumerate(kept, 1):
+        walks[i] = share * walks[i - 1] + np.sqrt(1 - share**2) * walks[i]
+    return walks
+
+
+def _strip_drift(track: Track, sigma_m_per_min: Array, rng: np.random.Generator) -> Array:
+    """Draw a rate for every strip and return the errors, m."""
+    error = np.zeros((len(track.strip), 3))
+    strips = np.array(track.strip)
+    for strip in dict.fromkeys(track.strip):
+        here = strips == strip
+        minutes = (track.time_s[here] - track.time_s[here].mean()) / 60
+        error[here] = minutes[:, None] * sigma_m_per_min * rng.standard_normal(3)
+    return error
+
+
+def poses_in_ecef(
+    grid: Grid, track: Track, boresight_deg: tuple[float, float, float], lever_m: Array
+) -> tuple[Array, Array]:
+    """Compute a camera's centres (n, 3) and its rotations to ECEF (n, 3, 3)."""
+    llh = grid.geodetic_from_grid(track.x_g)
+    R_e_b = Rotation.from_matrix(axes_of_enu_in_ecef(llh)) * track.R_enu_b
+    R_e_c = R_e_b * rotation_from_opk_deg(boresight_deg)
+    return grid.ecef_from_geodetic(llh) + R_e_b.apply(lever_m), R_e_c.as_matrix()

@@ -1,0 +1,150 @@
+"""Mistakes put into a simulated flight, so that it can be seen whether they are found.
+
+All other observations keep the values that they have without.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from acx4sim.earth import Array
+from acx4sim.files import csv_files as tables
+from acx4sim.fly import Track, stream
+from acx4sim.plan import GrossErrors, Plan
+
+_COORDINATES = ("east_m", "north_m", "height_m")
+_MIN_RAYS = 4  # images of the control point that is spoiled: fewer may hide its error
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spoiled:
+    """Tables with gross errors, and what was done to them.
+
+    Attributes
+    ----------
+    tables : mapping of str to DataFrame
+        All tables of the flight by path.
+    mistakes : list of dict
+        One for every gross error: `kind`, `image_or_exposure` and `point` as in rejected.csv,
+        `block`, and what was added, by name of the column.
+    """
+
+    tables: Mapping[str, pd.DataFrame]
+    mistakes: list[dict[str, Any]]
+
+
+def spoil(
+    plan: Plan,
+    files: Mapping[str, pd.DataFrame],
+    recorded: Mapping[str, Track],
+    errors: GrossErrors,
+    seed: int,
+) -> Spoiled:
+    """Put gross errors into one block of a flight and into its control points.
+
+    Parameters
+    ----------
+    plan, seed : Plan, int
+        What was asked for.
+    files : mapping of str to DataFrame
+        The flight's tables by path, with their noise.
+    recorded : mapping of str to Track
+        What the GNSS/INS says, by block.
+    errors : GrossErrors
+        How many, and how large.
+
+    Raises
+    ------
+    ValueError
+        Where the block is not simulated, or no control point is in four of its images.
+    """
+    block = errors.block
+    if block not in recorded:
+        msg = f"gross_errors: block {block!r} is not simulated; there are {list(recorded)}"
+        raise ValueError(msg)
+    rng = stream(seed, plan.name, block, "gross errors")
+    paths = [f"{block}/{name}.csv" for name in ("trajectory", "image_points")]
+    control = f"{block}/control_points.csv"
+    paths.append(control if control in files else "control_points.csv")
+    track, in_track = _spoil_track(recorded[block], errors, rng)
+    points, in_images = _spoil_images(plan, files, errors, rng)
+    survey, in_survey = _spoil_control(files[paths[2]], files[paths[1]], errors, rng)
+    spoiled = dict(zip(paths, (tables.trajectory(plan, track), points, survey), strict=True))
+    mistakes = [{**mistake, "block": block} for mistake in in_track + in_images + in_survey]
+    return Spoiled(tables={**files, **spoiled}, mistakes=mistakes)
+
+
+def _spoil_track(
+    track: Track, errors: GrossErrors, rng: np.random.Generator
+) -> tuple[Track, list[dict[str, Any]]]:
+    """Shift one exposure, and turn another about its vertical axis."""
+    shifted, turned = rng.choice(len(track.exposure), 2, replace=False)
+    way = rng.standard_normal(3)
+    x_g, turn_deg = track.x_g.copy(), np.zeros((len(track.exposure), 3))
+    shift = errors.gnss_m * way / np.linalg.norm(way)
+    x_g[shifted] += shift
+    turn_deg[turned, 2] = errors.heading_deg * rng.choice([-1.0, 1.0])
+    spoiled = replace(
+        track, x_g=x_g, R_enu_b=track.R_enu_b * Rotation.from_rotvec(turn_deg, degrees=True)
+    )
+    return spoiled, [
+        _mistake("gnss", track.exposure[shifted], "", _COORDINATES, shift),
+        # The body's z axis points up, heading is counted clockwise.
+        _mistake("attitude", track.exposure[turned], "", ("heading_deg",), -turn_deg[turned, 2:]),
+    ]
+
+
+def _spoil_images(
+    plan: Plan, files: Mapping[str, pd.DataFrame], errors: GrossErrors, rng: np.random.Generator
+) -> tuple[pd.DataFrame, list[dict[str, Any]]]:
+    """Move a share of the measurements in any direction, but not off the sensor."""
+    table = files[f"{errors.block}/image_points.csv"].copy()
+    rows = np.flatnonzero(rng.random(len(table)) < errors.image_points)
+    least, greatest = np.log(errors.image_px)
+    length = np.exp(rng.uniform(least, greatest, len(rows)))
+    direction = rng.uniform(0, 2 * np.pi, len(rows))
+    move = length[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+    names = ["col_px", "row_px"]
+    before = table.loc[rows, names].to_numpy()
+    cameras = files[f"{errors.block}/images.csv"].set_index("image")["camera"]
+    sensors = [plan.cameras[name] for name in cameras[table.loc[rows, "image"]]]
+    last = np.array([[sensor.width_px, sensor.height_px] for sensor in sensors]).reshape(-1, 2) - 1
+    after = before + move
+    move = np.where((after < 0) | (after > last), -move, move)
+    table.loc[rows, names] = before + move
+    mistakes = [
+        _mistake("image_point", image, point, names, added)
+        for image, point, added in zip(
+            table.loc[rows, "image"], table.loc[rows, "point"], move, strict=True
+        )
+    ]
+    return tables.rounded(table), mistakes
+
+
+def _spoil_control(
+    survey: pd.DataFrame, points: pd.DataFrame, errors: GrossErrors, rng: np.random.Generator
+) -> tuple[pd.DataFrame, list[dict[str, Any]]]:
+    """Put one coordinate of one surveyed point wrong."""
+    rays = survey["point"].map(points["point"].value_counts()).fillna(0)
+    candidates = np.flatnonzero(rays >= _MIN_RAYS)
+    if not len(candidates):
+        msg = f"gross_errors: no control point is in {_MIN_RAYS} images of {errors.block}"
+        raise ValueError(msg)
+    row, name = rng.choice(candidates), rng.choice(_COORDINATES)
+    error = errors.control_m * rng.choice([-1.0, 1.0])
+    table = survey.copy()
+    table.loc[row, name] += error
+    return tables.rounded(table), [
+        _mistake("control_point", "", table.loc[row, "point"], (name,), np.array([error]))
+    ]
+
+
+def _mistake(
+    kind: str, image_or_exposure: str, point: str, names: tuple[str, ...] | list[str], added: Array
+) -> dict[str, Any]:
+    values = {str(name): round(float(value), 6) for name, value in zip(names, added, strict=True)}
+    return {"kind": kind, "image_or_exposure": image_or_exposure, "point": str(point), **values}

@@ -1,0 +1,104 @@
+"""Which points every camera sees, where it sees them, and with what errors they are measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4sim.earth import Array, BoolArray, Grid, axes_of_enu_in_ecef, terrain_height
+from acx4sim.fly import Track, poses_in_ecef
+from acx4sim.optics.air import bent
+from acx4sim.optics.lens import inside, project
+from acx4sim.plan import BlockPlan, Plan, grid_from_field
+
+_MARGIN_PX = 25.0  # nearer to the edge nobody measures
+_MEASURED = 0.9  # of the images that show a tie point
+_MIN_RAYS = 3
+_BATCH = 1000
+_MAX_BATCHES = 200
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """Where every camera sees every point.
+
+    Attributes
+    ----------
+    colrow : ndarray, shape (n_cameras, n_exposures, n_points, 2)
+        Exact pixel coordinates.
+    seen : ndarray of bool, shape (n_cameras, n_exposures, n_points)
+        Whether the point is on the sensor and above the point's horizon.
+    """
+
+    colrow: Array
+    seen: BoolArray
+
+
+def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
+    """Compute east, north, height of places forward and left of a block's centre."""
+    grid = Grid(crs=plan.crs)
+    en = grid_from_field(block, places)
+    llh = grid.geodetic_from_grid(np.column_stack([en, np.zeros(len(en))]))
+    return np.column_stack([en, terrain_height(llh, plan.ground_m)])
+
+
+def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
+    """Look at points with all cameras of a block from all exposures."""
+    grid = Grid(crs=plan.crs)
+    llh = grid.geodetic_from_grid(x_g)
+    x_e, up = grid.ecef_from_geodetic(llh), axes_of_enu_in_ecef(llh)[:, :, 2]
+    shape = (len(block.cameras), len(track.exposure), len(x_g))
+    colrow, seen = np.empty((*shape, 2)), np.empty(shape, dtype=np.bool_)
+    for i, name in enumerate(block.cameras):
+        camera = plan.cameras[name]
+        r_e_c, R_e_c = poses_in_ecef(grid, track, camera.boresight_deg, np.array(camera.lever_m))
+        ray = x_e - r_e_c[:, None]
+        seen_along = bent(ray, up, x_g[:, 2]) if plan.refraction == "standard" else ray
+        colrow[i] = project(camera, seen_along @ R_e_c)
+        above = np.einsum("tpk,pk->tp", ray, up) < 0
+        seen[i] = inside(camera, colrow[i], _MARGIN_PX) & above
+    return Sight(colrow=colrow, seen=seen)
+
+
+def strew_tie_points(
+    plan: Plan, block: BlockPlan, track: Track, n_points: int, rng: np.random.Generator
+) -> tuple[Array, Sight]:
+    """Strew tie points over the ground until every camera has `n_points` with three rays.
+
+    Returns
+    -------
+    x_g : ndarray, shape (n, 3)
+        East, north, height, m.
+    sight : Sight
+        `seen` says in which images a point is measured.
+
+    Raises
+    ------
+    ValueError
+        Where the block does not see that many.
+    """
+    grounds, sights = [], []
+    missing = np.full(len(block.cameras), n_points)
+    for _ in range(_MAX_BATCHES):
+        if not np.any(missing > 0):
+            break
+        places = np.array(block.tie_area_m) * rng.uniform(-1, 1, (_BATCH, 2))
+        x_g = ground_points(plan, block, places)
+        sight = look(plan, block, track, x_g)
+        sight.seen[rng.random(sight.seen.shape) >= _MEASURED] = False
+        good = sight.seen.sum(axis=1) >= _MIN_RAYS
+        enough = np.all(np.cumsum(good, axis=1) >= missing[:, None], axis=0)
+        last = int(np.argmax(enough)) if enough.any() else _BATCH - 1
+        keep = good.any(axis=0) & (np.arange(_BATCH) <= last)
+        missing = missing - good[:, keep].sum(axis=1)
+        grounds.append(x_g[keep])
+        sights.append(Sight(colrow=sight.colrow[:, :, keep], seen=sight.seen[:, :, keep]))
+    else:
+        msg = f"block {block.letter} does not see {n_points} tie points in every camera"
+        raise ValueError(msg)
+    if not grounds:
+        x_g = np.empty((0, 3))
+        return x_g, look(plan, block, track, x_g)
+    return np.concatenate(grounds), Sight(
+        colrow=np.concatenate([sight.colrow for sight in sights], axis=2),
+        seen=np.concatenate([sight.seen for sight in sights], axis=2),
+    )

@@ -1,0 +1,307 @@
+"""What a flight is planned to be: blocks, strips, exposures, control points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acx4sim.earth import Array
+from acx4sim.optics.lens import Camera
+
+BLOCKS = ("heads", "calibration", "validation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrossErrors:
+    """Mistakes among the observations of one block.
+
+    Attributes
+    ----------
+    block : str
+        The block whose observations are spoiled.
+    image_points : float
+        Share of the measured image points, 0 to 1.
+    image_px : tuple of float
+        Least and greatest error of an image point; small ones are as frequent as large ones on
+        a logarithmic scale, and the direction is any.
+    control_m : float
+        Error of one coordinate of one control point that four images or more show.
+    gnss_m : float
+        Length of the error of one exposure's position.
+    heading_deg : float
+        Error of another exposure's heading.
+    """
+
+    block: str = "calibration"
+    image_points: float = 0.02
+    image_px: tuple[float, float] = (5.0, 200.0)
+    control_m: float = 1.0
+    gnss_m: float = 3.0
+    heading_deg: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.image_points <= 1:
+            msg = f"image_points must be a share from 0 to 1, got {self.image_points}"
+            raise ValueError(msg)
+        if not 0 < self.image_px[0] <= self.image_px[1] < np.inf:
+            msg = f"image_px must be two positive bounds, the lower first, got {self.image_px}"
+            raise ValueError(msg)
+        for name in ("control_m", "gnss_m", "heading_deg"):
+            if not np.isfinite(getattr(self, name)):
+                msg = f"{name} must be a finite number, got {getattr(self, name)}"
+                raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowErrors:
+    """How much of the trajectory's errors changes slowly; the rest is white noise.
+
+    An error at a single exposure is as large as without. The slow part is a first-order
+    Gauss-Markov process through every block.
+
+    Attributes
+    ----------
+    gnss, attitude : float
+        Share of the standard deviation, 0 to 1: with 0.8, the white noise has 0.6 of it.
+    time_constant_s : float
+        After which the correlation has fallen to 1/e.
+    """
+
+    gnss: float = 0.95
+    attitude: float = 0.95
+    time_constant_s: float = 600.0
+
+    def __post_init__(self) -> None:
+        for name in ("gnss", "attitude"):
+            if not 0 <= getattr(self, name) <= 1:
+                msg = f"{name} must be a share from 0 to 1, got {getattr(self, name)}"
+                raise ValueError(msg)
+        if not self.time_constant_s > 0:
+            msg = f"time_constant_s must be positive, got {self.time_constant_s}"
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What may be changed in a simulated flight.
+
+    Attributes
+    ----------
+    image_noise, control_noise, gnss_noise, attitude_noise : float
+        Factors on the standard deviations: 1 is the design's noise, 0 gives exact data. The
+        flight's files state the changed sigma, or the design's where the factor is 0.
+    tie_points : mapping of str to int
+        Tie points of a block with at least three rays in every camera; the design's number for
+        blocks not named.
+    gnss_shift_m : tuple of float
+        Constant error of the trajectory, east, north, height.
+    gnss_drift_m_per_min : tuple of float
+        Error that grows from zero at the first exposure of every block.
+    gnss_strip_drift_m_per_min : tuple of float
+        Standard deviations of an error that grows along every strip, at a rate of its own and
+        through zero at the strip's middle.
+    slow_errors : SlowErrors, optional
+        Correlation of the trajectory's errors in time; none by default.
+    refraction : str
+        ``none``, or ``standard`` for rays bent by the standard atmosphere.
+    gross_errors : GrossErrors, optional
+        Mistakes among the observations; none by default.
+    blocks : tuple of str, optional
+        Blocks to simulate; all of the design by default.
+    """
+
+    image_noise: float = 1.0
+    control_noise: float = 1.0
+    gnss_noise: float = 1.0
+    attitude_noise: float = 1.0
+    tie_points: Mapping[str, int] = field(default_factory=dict)
+    gnss_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gnss_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gnss_strip_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    slow_errors: SlowErrors | None = None
+    refraction: str = "none"
+    gross_errors: GrossErrors | None = None
+    blocks: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("image_noise", "control_noise", "gnss_noise", "attitude_noise"):
+            _check_factor(name, getattr(self, name))
+        if self.refraction not in ("none", "standard"):
+            msg = f"refraction is 'none' or 'standard', got {self.refraction!r}"
+            raise ValueError(msg)
+        for name in ("gnss_shift_m", "gnss_drift_m_per_min", "gnss_strip_drift_m_per_min"):
+            _check_three(name, getattr(self, name))
+        if isinstance(self.blocks, str):
+            msg = f"blocks must be a tuple of names, got {self.blocks!r}"
+            raise ValueError(msg)
+        for block, n_points in self.tie_points.items():
+            if block not in BLOCKS or not isinstance(n_points, int) or n_points < 0:
+                msg = f"tie_points: block {block!r} with {n_points} points; known are {BLOCKS}"
+                raise ValueError(msg)
+
+
+def _check_factor(name: str, factor: object) -> None:
+    """Raise a ValueError where a factor on noise is no number from zero on."""
+    if not isinstance(factor, int | float):
+        msg = f"{name} must be a number, got {factor!r}"
+        raise ValueError(msg)
+    if not 0 <= factor < np.inf:
+        msg = f"{name} must be zero or positive, got {factor}"
+        raise ValueError(msg)
+
+
+def _check_three(name: str, values: object) -> None:
+    """Raise a ValueError where values are not three finite numbers."""
+    if np.shape(values) != (3,) or not np.all(np.isfinite(values)):  # type: ignore[call-overload]
+        msg = f"{name} must be three numbers, got {values!r}"
+        raise ValueError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strip:
+    """One strip; places are forward and left of the block's centre along its azimuth.
+
+    Attributes
+    ----------
+    n : int
+        Number of exposures.
+    height_m : float
+        Above mean ground.
+    base_m : float
+        Between exposures.
+    turn_deg : float
+        Direction of flight against the block's azimuth, clockwise.
+    forward_m, left_m : float
+        The strip's middle.
+    """
+
+    n: int
+    height_m: float
+    base_m: float
+    turn_deg: float = 0.0
+    forward_m: float = 0.0
+    left_m: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockPlan:
+    """One block of a flight.
+
+    Attributes
+    ----------
+    letter : str
+        What its exposures' names begin with.
+    cameras : tuple of str
+        Cameras that expose together.
+    centre_m : tuple of float
+        East and north of the middle.
+    azimuth_deg : float
+        Grid azimuth of the block.
+    strips : tuple of Strip
+        In the order of flight.
+    start_s : float
+        Time of the first exposure, seconds of the week.
+    tie_points : int
+        Tie points with at least three rays in every camera.
+    tie_area_m : tuple of float
+        Half of the length and width over which they are strewn.
+    targets : ndarray, shape (n, 2)
+        Natural targets of the block's own, forward and left; none in a block that shares the
+        flight's control points.
+    """
+
+    letter: str
+    cameras: tuple[str, ...]
+    centre_m: tuple[float, float]
+    azimuth_deg: float
+    strips: tuple[Strip, ...]
+    start_s: float
+    tie_points: int
+    tie_area_m: tuple[float, float]
+    targets: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviations of a design: px, m, deg."""
+
+    image_px: float
+    gnss_horizontal_m: float
+    gnss_vertical_m: float
+    roll_pitch_deg: float
+    heading_deg: float
+    control_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
+    target_px: tuple[float, float] = (1.0, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """A whole flight.
+
+    Attributes
+    ----------
+    name, title : str
+        What the simulator and flight.toml call it.
+    crs : str
+        CRS of the grid.
+    ground_m : float
+        Mean ellipsoidal height of the ground.
+    cameras : dict of str to Camera
+        As they truly are.
+    approximate : dict of str to dict
+        What flight.toml says of them besides the sensor.
+    synthetic, heads : str and tuple of str
+        The synthetic camera and its heads, empty for an ordinary camera.
+    head_angles_deg : dict of str to tuple
+        Omega, phi, kappa of the heads in the synthetic frame.
+    refraction : str
+        As in `Options`.
+    noise : Noise
+        Standard deviations.
+    angles : str
+        Form of the trajectory: `grid` (omega, phi, kappa) or `geodetic` (roll, pitch, heading).
+    control : ndarray, shape (n, 2)
+        Signalised points, forward and left of the calibration block's centre.
+    blocks : dict of str to BlockPlan
+        By name of the folder.
+    """
+
+    name: str
+    title: str
+    crs: str
+    ground_m: float
+    cameras: Mapping[str, Camera]
+    approximate: Mapping[str, Mapping[str, float]]
+    noise: Noise
+    angles: str
+    control: Array
+    blocks: Mapping[str, BlockPlan]
+    synthetic: str = ""
+    heads: tuple[str, ...] = ()
+    head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    refraction: str = "none"
+
+
+def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: float) -> Array:
+    """Lay points out in rows, each moved by up to `play_m`, the same at every run.
+
+    Returns
+    -------
+    places : ndarray, shape (n_forward * n_left, 2)
+        Forward and left, m.
+    """
+    forward, left = np.meshgrid(
+        np.linspace(-half_m[0], half_m[0], n_forward), np.linspace(-half_m[1], half_m[1], n_left)
+    )
+    count = np.arange(forward.size)[:, None]
+    play = (count * [0.7548776662, 0.5698402910]) % 1 * 2 - 1
+    return np.column_stack([forward.ravel(), left.ravel()]) + play_m * play
+
+
+def grid_from_field(block: BlockPlan, places: Array) -> Array:
+    """Compute east and north of places forward and left of a block's centre."""
+    azimuth = np.radians(block.azimuth_deg)
+    forward = np.array([np.sin(azimuth), np.cos(azimuth)])
+    left = np.array([-forward[1], forward[0]])
+    en: Array = np.asarray(block.centre_m) + places[:, :1] * forward + places[:, 1:] * left
+    return en

@@ -1,0 +1,1 @@
+"""A ground to take pictures of: drawn from noise, or a photograph."""

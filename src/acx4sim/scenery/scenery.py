@@ -1,0 +1,252 @@
+"""A procedural landscape: fields, lanes, villages, trees, water, and texture at every scale."""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4sim.earth import Array
+from acx4sim.scenery.country import PITCH, Country
+from acx4sim.scenery.drawing import Canvas, Shapes, draw, draw_any, draw_labels
+from acx4sim.scenery.fields import Fields, bridge_shapes, car_shapes, fields, lane, lane_shapes
+from acx4sim.scenery.noise import FloatImage, GroundWindow, doubled, fractal
+from acx4sim.scenery.settlements import farm, village
+from acx4sim.scenery.trees import row_places, trees, wood_places
+
+Picture = NDArray[np.uint16]
+
+_BRIGHTEST = 56_000.0  # DN of a white that no paint has
+_CLIP = 64_000.0
+_HAZE = (700.0, 1000.0, 1500.0)
+_FARMS, _HEDGES = 0.08, 0.3  # shares of the cells and of the lanes
+_HEDGE_BESIDE = np.array([4.5, -4.5])
+_MEADOW = (126, 142, 94, 150)
+_WATER = np.array([50, 68, 74, 5], np.float32)
+_SHALLOW = np.array([92, 100, 84, 60], np.float32)
+_BANK = np.array([152, 144, 112, 150], np.float32)
+_BANK_M, _SHORE_PLAY = 7.0, 18.0
+_WATER_LEVEL = 5  # cells of 2 m in which the shore is computed
+_ROUGH = 0.045  # amplitude of the noise of a meadow at each size up to 4 m
+_ROUGHNESS = ((np.arange(256) / 150) ** 2).astype(np.float32)
+_PATCHES = {5: 0.02, 6: 0.025, 7: 0.03, 8: 0.03, 9: 0.03, 10: 0.03}
+_COLOURS = {2: 0.012, 4: 0.015, 6: 0.02, 8: 0.025}
+_WHEELS_M, _GAUGE_M = 24.0, 0.9
+_REPEAT_M = 504.0  # a multiple of the spacings of all rows and wheels
+_DISC_M, _PAD_M, _ISLET_M = 0.3, 0.9, 6.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cell:
+    """What stands in a cell of the net: layer by layer, the later over the earlier."""
+
+    fields: Fields
+    ground: list[Shapes]
+    tracks: list[Shapes]
+    roads: list[Shapes]
+    bridges: list[Shapes]
+    shadows: list[Shapes]
+    bodies: list[Shapes]
+
+
+@lru_cache(maxsize=600)
+def _cell(country: Country, a: int, b: int) -> Cell:
+    rng = country.rng(a, b, 7)
+    ground, shadows, bodies, garden = _buildings(country, a, b, rng)
+    places, radii = _planted(country, a, b, rng)
+    places = np.concatenate([places, garden])
+    radii = np.concatenate([radii, rng.uniform(1.4, 3.4, len(garden))])
+    wood = trees(places, radii, rng)
+    tracks, roads = lane_shapes(country, a, b)
+    return Cell(
+        fields=fields(country, a, b),
+        ground=[wood.floor, *ground],
+        tracks=tracks,
+        roads=roads,
+        bridges=bridge_shapes(country, a, b),
+        shadows=[*shadows, wood.shadows],
+        bodies=[*car_shapes(country, a, b), *bodies, wood.crowns],
+    )
+
+
+def _buildings(
+    country: Country, a: int, b: int, rng: np.random.Generator
+) -> tuple[list[Shapes], list[Shapes], list[Shapes], Array]:
+    """Return ground, shadows and roofs of a village or a farm, and where its trees stand."""
+    middle = country.map_from_net((np.array([a, b]) + 0.5) * PITCH)
+    if country.village_m(middle) > 0:
+        of = village(country, a, b)
+        return of.ground, of.shadows, of.roofs, of.trees
+    if rng.random() < _FARMS:
+        shadow, roof = farm(country, a, b)
+        return [], [shadow], [roof], np.empty((0, 2))
+    return [], [], [], np.empty((0, 2))
+
+
+def _planted(country: Country, a: int, b: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return places and radii of the trees of woods and hedges."""
+    found = [wood_places(country, a, b)]
+    for axis in (0, 1):
+        if rng.random() < _HEDGES:
+            beside = lane(country, a, b, axis)[2:-2] + _HEDGE_BESIDE
+            found.append(row_places(country, beside, rng))
+    places, radii = zip(*found, strict=True)
+    return np.concatenate(places), np.concatenate(radii)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Landscape:
+    """The landscape around a place.
+
+    Attributes
+    ----------
+    country : Country
+        What is where.
+    marks : ndarray, shape (n, 2)
+        East and north of the signalised points, m: white discs of 60 cm on dark squares.
+    """
+
+    country: Country
+    marks: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+    def paint(self, window: GroundWindow) -> Picture:
+        """Return the ground's DN in a window, shape (rows, cols, 3), red first."""
+        east, north = window.en()
+        around = self.country.cells_around(
+            np.array([east[0], north[0]]), np.array([east[-1], north[-1]])
+        )
+        cells = [_cell(self.country, a, b) for a, b in around]
+        patches = fractal(window, _PATCHES, self.country.seed)
+        canvas = np.full((window.rows, window.cols, 4), _MEADOW, np.uint8)
+        _sow(canvas, window, [cell.fields for cell in cells], patches)
+        for layer in ("ground", "tracks", "roads"):
+            _draw_all(canvas, window, [getattr(cell, layer) for cell in cells])
+        wet = _flood(canvas, window, self.country, patches)
+        for layer in ("bridges", "shadows", "bodies"):
+            _draw_all(canvas, window, [getattr(cell, layer) for cell in cells])
+        dn = _textured(canvas, window, patches * (1 - wet), self.country.seed)
+        _mark(dn, window, self.marks)
+        return np.asarray(np.clip(dn, 0, _CLIP) + 0.5).astype(np.uint16)
+
+
+def _draw_all(canvas: Canvas, window: GroundWindow, layers: list[list[Shapes]]) -> None:
+    for layer in layers:
+        for one in layer:
+            draw(canvas, window, one)
+
+
+def _sow(canvas: Canvas, window: GroundWindow, sown: list[Fields], patches: FloatImage) -> None:
+    """Draw fields, their rows and wheel tracks."""
+    labels = np.zeros(canvas.shape[:2], np.int16)
+    first = 1
+    for one in sown:
+        draw_any(canvas, window, one.shapes)
+        draw_labels(labels, window, one.shapes, first)
+        first += len(one.across)
+    across = np.concatenate([[[0.0, 0.0]], *(one.across for one in sown)])
+    rows = np.concatenate([[[1.0, 0.0, 0.0]], *(one.rows for one in sown)])
+    east, north = window.en()
+    cell = np.float32(window.cell_m)
+    start = (across @ [east[0], north[0]]) % _REPEAT_M
+    ce, cn = (across * window.cell_m).astype(np.float32).T
+    way = start.astype(np.float32)[labels]
+    way += ce[labels] * np.arange(window.cols, dtype=np.float32)
+    way += cn[labels] * np.arange(window.rows, dtype=np.float32)[:, None]
+    spacing, contrast, wheels = rows.T
+    seen = np.clip(spacing / window.cell_m / 4 - 0.5, 0, 1) * contrast
+    turns = (2 * np.pi / spacing).astype(np.float32)[labels] * way
+    tone = seen.astype(np.float32)[labels] * np.sin(turns) * (1 + 8 * patches)
+    off = np.abs(way - np.float32(_WHEELS_M) * np.rint(way / np.float32(_WHEELS_M)))
+    wide = max(0.3, float(cell))
+    tracks = np.maximum(1 - np.abs(off - np.float32(_GAUGE_M)) / np.float32(wide), 0)
+    tone -= (wheels * 0.3 / wide).astype(np.float32)[labels] * tracks
+    tone += 1
+    tone = np.clip(tone, 0, 1.2, out=tone)
+    for band in range(3):
+        canvas[..., band] = canvas[..., band] * tone
+
+
+def _shore(window: GroundWindow, country: Country) -> FloatImage:
+    """Return the distance to the shore, m, computed in coarse cells."""
+    if window.level >= _WATER_LEVEL:
+        east, north = window.en()
+        en = np.stack(np.meshgrid(east, north), axis=-1)
+        return country.water_m(en).astype(np.float32)
+    coarser = window.coarser()
+    return doubled(_shore(coarser, country), coarser, window, cv2.INTER_LINEAR)
+
+
+def _is_far_from_water(window: GroundWindow, country: Country) -> bool:
+    east, north = window.en()
+    corners = np.stack(np.meshgrid(east[[0, -1]], north[[0, -1]]), axis=-1)
+    across = np.hypot(window.rows, window.cols) * window.cell_m
+    return bool(country.water_m(corners).max() < -across - 20)
+
+
+def _flood(
+    canvas: Canvas, window: GroundWindow, country: Country, patches: FloatImage
+) -> FloatImage:
+    """Draw lakes and rivers with their banks; return the share of water."""
+    if _is_far_from_water(window, country):
+        return np.zeros((1, 1), np.float32)
+    shore = _shore(window, country)
+    shore = shore + np.float32(_SHORE_PLAY) * patches
+    if shore.max() < -_BANK_M:
+        return np.zeros((1, 1), np.float32)
+    wet: FloatImage = np.clip(shore / window.cell_m + 0.5, 0, 1)
+    bank = np.clip((shore + _BANK_M) / 5, 0, 1)[..., None]
+    depth = np.clip(shore / 14, 0, 1)[..., None]
+    ground = canvas + bank * (_BANK - canvas)
+    water = _SHALLOW + depth * (_WATER - _SHALLOW)
+    canvas[:] = ground + wet[..., None] * (water - ground)
+    return wet
+
+
+def _textured(canvas: Canvas, window: GroundWindow, patches: FloatImage, seed: int) -> FloatImage:
+    """Turn colours into DN and put noise on them."""
+    rough = fractal(window, dict.fromkeys(range(-3, 6), _ROUGH), seed + 1)
+    rough *= _ROUGHNESS[canvas[..., 3]]
+    rough += patches
+    hue = fractal(window, _COLOURS, seed + 2)
+    hue *= np.minimum(canvas[..., 3] * np.float32(1 / 60), 1)
+    squares = ((np.arange(256) / 255) ** 2 * _BRIGHTEST).astype(np.float32)
+    dn = cv2.LUT(np.ascontiguousarray(canvas[..., :3]), squares)
+    bright = np.exp(rough, out=rough)
+    for band, turn in enumerate((1.0, 0.2, -1.2)):
+        dn[..., band] *= bright * (1 + np.float32(turn) * hue)
+    dn += np.array(_HAZE, np.float32)
+    return np.asarray(dn, np.float32)
+
+
+def _mark(dn: FloatImage, window: GroundWindow, marks: Array) -> None:
+    """Paint the signalised points; edges fall on cells by the share that they cover."""
+    cell = window.cell_m
+    for east, north in marks:
+        col, row = east / cell - 0.5 - window.col, north / cell - 0.5 - window.row
+        reach = _ISLET_M / cell + 2
+        cols = np.arange(max(int(col - reach), 0), min(int(col + reach) + 1, window.cols))
+        rows = np.arange(max(int(row - reach), 0), min(int(row + reach) + 1, window.rows))
+        if not (cols.size and rows.size):
+            continue
+        x, y = (cols - col) * cell, ((rows - row) * cell)[:, None]
+        part = dn[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        _blend(part, _covered(_PAD_M - np.maximum(np.abs(x), np.abs(y)), cell), 3200.0)
+        _blend(part, _disc(x, y, cell), 46_000.0)
+
+
+def _covered(inside_m: Array, cell: float) -> FloatImage:
+    return np.clip(inside_m / cell + 0.5, 0, 1).astype(np.float32)
+
+
+def _disc(x: Array, y: Array, cell: float) -> FloatImage:
+    """Return the share of every cell that the disc covers, from 8 x 8 places."""
+    play = (np.arange(8) + 0.5) / 8 * cell - cell / 2
+    xx = (x[:, None] + play) ** 2
+    yy = (y[:, :, None].reshape(-1, 1) + play) ** 2
+    inside = yy[:, None, :, None] + xx[None, :, None, :] < _DISC_M**2
+    return inside.mean(axis=(2, 3)).astype(np.float32)
+
+
+def _blend(part: FloatImage, share: FloatImage, dn: float) -> None:
+    part += share[..., None] * (np.float32(dn) - part)
