@@ -41,9 +41,9 @@ class Mounting:
     method : str
     calibration : Calibration
     bundle : Bundle
-        The adjustment behind it.
+        The adjustment from which it comes.
     per_image : Pose, optional
-        Two-step only: eqs (12) and (13), the mounting that every image shows, T_b_c.
+        Two-step only: the mounting T_b_c of every image by eqs (12) and (13).
     averaged : ndarray, optional
         Two-step only: which images entered the mean, shape (n_images,).
     """
@@ -71,7 +71,7 @@ class Mountings:
     failures: dict[str, str]
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome; an AdjustmentError says why it has none."""
+        """Return one method's outcome; raise an AdjustmentError with the reason if it failed."""
         expected.one_of("method", method, METHODS)
         if method not in self.methods:
             raise AdjustmentError(self.failures[method])
@@ -86,19 +86,19 @@ def calibrate(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> Mountings:
-    """Calibrate by all methods; the two-step ones take over what single step rejected.
+    """Calibrate by all methods; the two-step ones use the rejections of the single step.
 
     Parameters
     ----------
     block, free, fix, refraction, gnss
-        As in `single_step`; `gnss` is for it alone.
+        As in `single_step`, which alone uses `gnss`.
 
     Raises
     ------
     AdjustmentError
-        Where no method has an outcome.
+        Where all methods fail.
     ValueError
-        For an unknown name, or something else than a block.
+        For an unknown name, or if `block` is no Block.
     """
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
@@ -139,11 +139,11 @@ def single_step(
     free : sequence of str
         Interior parameters, names of `camera.INTERIOR`.
     fix : sequence of str
-        ``"lever_arm"`` and ``"boresight"`` stay at the cameras' values where named.
+        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        ``"shift"`` and ``"drift"`` of GNSS positions are unknowns where named, as in
+        ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
         `adjust.mounted_orientation`.
 
     Raises
@@ -176,12 +176,12 @@ def two_step(
     free, fix, refraction
         As in `single_step`.
     rejected : sequence of Rejection
-        Gross errors found elsewhere; none are looked for here.
+        Gross errors found by another method; none are searched for here.
 
     Raises
     ------
     AdjustmentError
-        Where control does not orient the block, or the bundle does not converge.
+        Where the control points do not orient the block, or the bundle does not converge.
     """
     estimated = free_mount(fix)
     cleaned = without(block, rejected)
@@ -201,8 +201,8 @@ def two_step_gnss(
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
-    The cameras' lever arms are held; an unknown one is zero there, and the interior orientation
-    absorbs it.
+    The cameras' lever arms are held. An unknown one is held at zero, and the estimated interior
+    orientation compensates for it.
 
     Parameters
     ----------
@@ -274,14 +274,14 @@ def _averaged(
 
 
 def mountings_per_image(bundle: Bundle) -> Pose:
-    """Return T_b_c of every image, eqs (12) and (13): trajectory against bundle."""
+    """Return T_b_c of every image from trajectory and bundle, eqs (12) and (13)."""
     return bundle.network.block.T_m_b_images.inverse @ bundle.T_m_c
 
 
 def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
-    """Return d(lever arm, boresight) by the camera poses and by the trajectory.
+    """Return the derivatives of (lever arm, boresight) by camera poses and by the trajectory.
 
-    Boresights turn about the camera's axes, attitudes about the body's.
+    Boresights are rotations about the camera's axes, attitudes about the body's axes.
 
     Returns
     -------
