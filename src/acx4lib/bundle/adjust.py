@@ -2,8 +2,8 @@
 
 - Self-calibration: a pose per image, the mounting held at identity (`free_orientation`);
 - the same with observed positions (`free_orientation(..., positions=...)`);
-- single step, eq. (14): a pose per exposure, observed by GNSS and INS, the mounting of every
-  camera free (`mounted_orientation`); four heads on one body are no other case.
+- single step, eq. (14): a pose per exposure, observed by GNSS and INS, and free mountings
+  (`mounted_orientation`); several heads on one body are treated in the same way.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ SMALLEST_ANGLE = np.radians(2.0)
 """Tie points whose rays meet at less than this are left out."""
 
 BEYOND = 300_000.0
-"""So many metres from the middle of the others no point of a block can be."""
+"""Distance from the median of the control points, m, that no point of a block can have."""
 
 HIGH = 100.0
-"""Variance factor from which one looks whether the minimum found is the right one."""
+"""Variance factor above which it is checked whether the minimum found is the right one."""
 
 
 # --- setting up ------------------------------------------------------------------------------
 
 
 def require_control(block: Block) -> None:
-    """Raise where fewer than three points off one line are control in images.
+    """Raise where images do not show three control points that are not on one line.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ def require_control(block: Block) -> None:
     Raises
     ------
     AdjustmentError
-        Exteriors that no trajectory observes would have no datum.
+        Without them, exterior orientations that no trajectory observes have no datum.
     """
     expected.instance("block", block, Block)
     rays = block.rays[block.control.point_idx]
     usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
     x_m, spread = block.control.x_m[usable], np.zeros(3)
-    if len(x_m):  # beside one that is absurd all others would seem to lie in one place
+    if len(x_m):  # seen from an absurdly far point, all others seem to lie in one place
         x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
         spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
     if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
@@ -80,7 +80,7 @@ def free_orientation(
 ) -> Network:
     """Set up a self-calibrating bundle: every image's exterior orientation is free.
 
-    The trajectory gives start values and is no observation.
+    The trajectory gives approximate values only; it is not observed.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def free_orientation(
     Raises
     ------
     ValueError
-        For an unknown name, or positions of other images.
+        For an unknown name, or if there is not one position per image.
     """
     expected.instance("block", block, Block)
     n_images = len(block.images)
@@ -132,18 +132,18 @@ def mounted_orientation(
     free : sequence of str
         Interior parameters to estimate, names of `camera.INTERIOR`.
     free_mount : sequence of str
-        Parts of the mounting to estimate, names of `unknowns.MOUNT`; the others stay at the
+        Parameters of the mounting to estimate, names of `parameters.MOUNT`; the others keep the
         cameras' values.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        What GNSS positions are off by, names of `unknowns.GNSS`: a ``"shift"`` of the block, its
-        height held where the lever arm's z is estimated; a ``"drift"`` along every strip.
+        Errors of GNSS positions to estimate, names of `parameters.GNSS`: a ``"shift"`` of the
+        block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip.
 
     Raises
     ------
     AdjustmentError
-        For drifts of a block without strips.
+        Where drifts are asked for and the block has no strips.
     ValueError
         For an unknown name.
     """
@@ -181,7 +181,7 @@ def mounted_orientation(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Poses:
-    """Start poses with their names, and which of them every image hangs on."""
+    """Approximate poses with their names, and the pose on which each image depends."""
 
     names: tuple[str, ...]
     idx: Index
@@ -197,9 +197,9 @@ def _network(
     T_b_c: Pose,
     refraction: str,
 ) -> Network:
-    """Put a block and its unknowns together; recover start values that are far off."""
+    """Return the network of a block; recover approximate values that are far off."""
     expected.one_of("refraction", refraction, REFRACTION)
-    # at this door: the reader of flights also tries frames in which they are not finite
+    # checked here, not in the block: the reader of flights also makes blocks that are not finite
     expected.finite("trajectory.T_m_b.R", block.trajectory.T_m_b.R)
     expected.finite("trajectory.T_m_b.r", block.trajectory.T_m_b.r)
     expected.finite("control.x_m", block.control.x_m)
@@ -232,12 +232,12 @@ def _network(
 
 
 def robust_start(network: Network) -> State:
-    """Return what most observations agree on, found without trust in the start values."""
+    """Return the state that most observations agree on, even from wrong approximate values."""
     return _robust(network, recovered(network))
 
 
 def _robust(network: Network, state: State) -> State:
-    """Return what most observations agree on, or the state itself where it allows no step."""
+    """Return the state that most observations agree on; the same one where no step is possible."""
     if not in_front(network, state):
         return state
     with adjustment.on_one_thread():
@@ -245,7 +245,7 @@ def _robust(network: Network, state: State) -> State:
 
 
 def _chosen(network: Network, state: State) -> Network:
-    """Choose the measurements that take part, and where points start, by intersections."""
+    """Choose the measurements to use, and intersect the points' approximate coordinates."""
     block, point_idx = network.block, network.block.image_points.point_idx
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     rays_left = np.bincount(point_idx[used], minlength=len(block.points))
@@ -283,7 +283,7 @@ class Bundle:
     state : State
         Estimates.
     solution : Solution
-        Precision; covariances a priori.
+        Precision and residuals; covariances are a priori.
     rejected : tuple of Rejection
     """
 
@@ -294,7 +294,7 @@ class Bundle:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """The block's cameras with estimated interior orientation; mounting where mounted."""
+        """The block's cameras with their estimates: interior orientation, mounting if mounted."""
         return with_estimates(self.network.block.cameras, self.state)
 
     @property
@@ -304,7 +304,7 @@ class Bundle:
 
     @property
     def camera_pose_covariances(self) -> Array:
-        """A priori covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
+        """A priori covariances of the camera poses, (n_images, 6, 6), m and rad in camera axes."""
         network, images = self.network, self.network.block.images
         T_m_b = self.state.T_m_b[network.pose_idx]
         by_body, by_mount = mounted_jacobian(T_m_b, self.state.T_b_c[images.camera_idx])
@@ -326,14 +326,14 @@ class Bundle:
 
 
 def adjust(network: Network) -> Bundle:
-    """Adjust a network as it stands.
+    """Adjust a network, with all its observations.
 
-    Start values that are far off, or that lead nowhere, are recovered first.
+    Approximate values that are far off, or from which it fails, are first replaced by better ones.
 
     Raises
     ------
     AdjustmentError
-        Where it does not converge, or not to where the measurements are.
+        Where it does not converge, or converges to a state that does not fit the measurements.
     """
     expected.instance("network", network, Network)
     if not far_off(network, network.start).any():
