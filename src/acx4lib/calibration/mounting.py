@@ -28,8 +28,11 @@ from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate
 
-METHODS = ("two_step", "two_step_gnss", "single_step")
-"""Names of the methods, in the order of Table 3; the paper's two-step is `two_step_gnss`."""
+TWO_STEP = ("two_step", "two_step_gnss")
+"""Methods that average over images, eqs (12) and (13); the paper's is the second of them."""
+
+METHODS = (*TWO_STEP, "single_step")
+"""All methods, in the order of Table 3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
