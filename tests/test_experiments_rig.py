@@ -1,6 +1,7 @@
 """What errors of the heads do to the synthetic image, and the heads oriented in every way."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.testing import assert_allclose
 
 import blocks
 import test_rig
+from acx4book.chapters.rig import one_by_one
 from acx4book.chapters.rig.deformations import deformation
 from acx4book.chapters.rig.one_by_one import (
     ONE_BY_ONE,
@@ -16,13 +18,13 @@ from acx4book.chapters.rig.one_by_one import (
     UNSHARED,
     WITH_F,
     gains,
-    oriented,
     unshared,
 )
 from acx4lib.calibration import rig
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
+from acx4lib.stages.rig import RigStage
 
 SYNTHETIC = replace(
     blocks.CAMERA, name="SYN", width_px=3000, height_px=3000, interior=Interior(f=50.0)
@@ -119,8 +121,15 @@ def block():
 
 @pytest.fixture(scope="module")
 def ways(block):
+    return in_every_way(block)
+
+
+def in_every_way(block):
+    flight = SimpleNamespace(
+        synthetic_camera=test_rig.SYNTHETIC, estimate_heads=test_rig.FREE, refraction="none"
+    )
     together = rig.calibrate(block, free=test_rig.FREE)
-    return oriented(block, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    return one_by_one.oriented(flight, RigStage(block=block, rig=together))
 
 
 def test_heads_are_oriented_in_every_way(ways):
@@ -144,8 +153,7 @@ def test_heads_that_cannot_be_adjusted_alone_still_make_a_rig(block):
         points.point_idx, block.control.point_idx
     )
     some = replace(block, image_points=points[~blind])
-    together = rig.calibrate(some, free=test_rig.FREE)
-    found = oriented(some, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    found = in_every_way(some)
     assert ONE_BY_ONE not in found
     assert RIG in found
 

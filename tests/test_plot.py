@@ -13,14 +13,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
-from acx4book.chapters.flight.maps import block_maps, control_maps
+from acx4book.typesetting.maps import block_maps, control_maps
 from acx4book.chapters.heads.figure_held import held_focal_lengths
 from acx4book.chapters.heads.figures import correlations, mean_residuals, radial_distortion
-from acx4book.chapters.heads.held_focal_length import held_focal_length
+from acx4book.chapters.heads.held_focal_length import all_heads
 from acx4book.chapters.synthetic_image.figures import footprints
 from acx4book.chapters.synthetic_image.wrong_heads import transposed
 from acx4book.typesetting import style
-from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4lib.calibration.heads import Heads, calibrate_heads, relative_orientation
+from acx4lib.stages.heads import HeadsStage
 from flights_simulated import HEADS, fly
 
 mpl.use("agg")
@@ -49,11 +50,9 @@ def orientation(fits, synthetic):
 
 
 @pytest.fixture(scope="module")
-def held(flight, fits, synthetic):
-    return [
-        held_focal_length(fits, flight.estimate_heads, synthetic=synthetic, change_mm=np.full(4, c))
-        for c in (-0.5, 0.0, 0.5)
-    ]
+def held(flight, fits, orientation):
+    stage = HeadsStage(heads=Heads(bundles=fits, failures={}), orientation=orientation)
+    return all_heads(flight, stage, (-0.5, 0.0, 0.5))
 
 
 def drawn(fig):

@@ -75,6 +75,11 @@ LABELS = {name: Markup(label) for name, label in _LABELS.items()}
 """What a reader sees for the names of parameters and statistics."""
 
 
+def inside(title: str) -> str:
+    """Return a title as it stands inside a sentence, such as that of a method."""
+    return title[:1].lower() + title[1:]
+
+
 def value_and_sigma(value: float, sigma: float) -> Markup:
     """Return a value with its standard deviation, both to two digits of the latter."""
     return Markup(_value_and_sigma(value, sigma))

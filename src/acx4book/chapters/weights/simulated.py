@@ -45,7 +45,11 @@ class Flown:
     truth: Mapping[str, float]
 
 
-def fly(design: str, seed: int, options: acx4sim.Options) -> Flown:
+def fly(
+    design: str,
+    seed: int,
+    options: acx4sim.Options = acx4sim.Options(),  # noqa: B008 frozen
+) -> Flown:
     """Return a simulated flight as it is read from its files, with its truth."""
     simulated = acx4sim.DESIGNS[design](
         seed=seed, options=replace(options, blocks=("calibration",))
