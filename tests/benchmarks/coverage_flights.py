@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-import flights_simulated as simulated
-import machine
 from acx4lib.calibration import mounting
 from acx4lib.georeferencing import validation
+from benchmarks import machine
+from support.flights import simulated
 
 OUT = Path(__file__).parents[2] / "data" / "benchmarks"
 DESIGN = "acx4"

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import ceres_solver
+from benchmarks.adjusting import ceres_solver
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("acx4lib", "numpy", "scipy", "numba")
