@@ -24,7 +24,7 @@ from acx4lib.georeferencing import validation
 from benchmarks import machine
 from support.flights import simulated
 
-OUT = Path(__file__).parents[2] / "data" / "benchmarks"
+OUT = machine.ROOT / "data" / "benchmarks"
 DESIGN = "acx4"
 SEEDS = range(1, 201)
 VALIDATED = ("two_step", "single_step")

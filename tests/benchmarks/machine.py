@@ -13,6 +13,12 @@ from typing import Any
 from benchmarks.adjusting import ceres_solver
 
 ROOT = Path(__file__).resolve().parents[2]
+ENVIRONMENT = {
+    **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")},
+    "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]),
+}
+"""Linear algebra on one thread: on two it costs everyone more. Solvers and renderers have their
+own; Hugin's programs take as many as they like."""
 PACKAGES = ("acx4lib", "numpy", "scipy", "numba")
 
 

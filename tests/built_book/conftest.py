@@ -5,12 +5,12 @@
 
 import os
 import shutil
-from pathlib import Path
 
 import pytest
 from bs4 import BeautifulSoup
 
-ROOT = Path(__file__).parents[2]
+from support.helpers import ROOT
+
 HTML = ROOT / "book" / "_build" / "html"
 
 

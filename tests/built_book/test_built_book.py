@@ -2,12 +2,12 @@
 
 import re
 from itertools import pairwise
-from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from support.helpers import ROOT
+
 OUTSIDE = re.compile(r"^(https?:)?//", re.IGNORECASE)
 
 

@@ -21,10 +21,10 @@ from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
 from acx4lib.results import folder as results
 from support.flights import of_payloads, payloads
+from support.helpers import ROOT
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 PAGES = """
 import sys

@@ -1,11 +1,11 @@
 """The lists of versions agree with each other and with what README.md says of them."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from support.helpers import ROOT
+
 FILES = ("environment.txt", "environment-test.txt", "environment-bench.txt")
 PIN = re.compile(r"^([\w.-]+)==(\S+)$", re.MULTILINE)
 

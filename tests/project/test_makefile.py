@@ -2,13 +2,11 @@
 
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
 from acx4lib.results.own_folder.marks import mark_all
-
-ROOT = Path(__file__).parents[1]
+from support.helpers import ROOT
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not here")
 

@@ -20,7 +20,7 @@ from scipy.stats import chi2
 import acx4sim
 from acx4sim import earth
 from acx4sim.designs import SYNTHETIC, acx4_plan, single_head_plan
-from acx4sim.optics import lens as lens
+from acx4sim.optics import lens
 
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
 

@@ -14,7 +14,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import acx4sim
-from acx4sim import air, fly
+from acx4sim import fly
+from acx4sim.optics import air
 
 BLOCK = ("calibration",)
 EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise": 0}

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acx4lib import flight
 from acx4lib.errors import UNSEEN, FlightError
+
+ROOT = Path(__file__).parents[2]
+"""The folder of the project."""
 
 
 def numeric_jacobian(function, x, *, step=1e-6):

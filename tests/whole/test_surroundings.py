@@ -16,7 +16,7 @@ import pytest
 import acx4lib
 import acx4sim
 
-COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 SOURCES = Path(acx4lib.__file__).parents[1]
 NOWHERE = "/proc/nonexistent"
 """A home that nobody can make."""
@@ -153,11 +153,11 @@ def test_no_home_no_temporary_folder_and_no_caches_are_no_matter(flight):
 def test_help_needs_nothing_but_its_own_package():
     """What can be broken, unwritable or missing is not even looked at."""
     code = (
-        "import contextlib, sys, acx4lib.cli\n"
+        "import contextlib, sys, acx4book.command.acx4\n"
         "for given in ['--help'], ['--version'], *([c, '--help'] for c in "
         "('check', 'run', 'simulate', 'report', 'render')):\n"
         "    with contextlib.suppress(SystemExit):\n"
-        "        acx4lib.cli.main(given)\n"
+        "        acx4book.command.acx4.main(given)\n"
         "print(*(name for name in sys.modules if '.' not in name), file=sys.stderr)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -243,7 +243,8 @@ def bare_package(folder):
     copy = folder / "src"
     if not copy.exists():
         nothing = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(SOURCES / "acx4lib", copy / "acx4lib", ignore=nothing)
+        for house in ("acx4lib", "acx4sim", "acx4book"):
+            shutil.copytree(SOURCES / house, copy / house, ignore=nothing)
         (copy / "acx4lib" / "__pycache__").write_text("no folder", encoding="utf-8")
     paths = [str(copy), *(path for path in sys.path if Path(path or ".").resolve() != SOURCES)]
     return {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -255,7 +256,7 @@ KERNEL = """
 import sys
 from pathlib import Path
 import nbformat
-from acx4lib import notebooks
+from acx4book.notebooks import execute
 
 folder = Path(sys.argv[1])
 made = nbformat.v4.new_notebook(cells=[
@@ -263,7 +264,7 @@ made = nbformat.v4.new_notebook(cells=[
     nbformat.v4.new_code_cell("import matplotlib.pyplot as plt\\nprint(seed, plt.__name__)"),
 ])
 nbformat.write(made, folder / "a.ipynb")
-notebooks.execute(
+execute.execute(
     folder / "a.ipynb", folder / "b.ipynb", parameters={"seed": 7}, on_cell=lambda *_: None
 )
 for cell in nbformat.read(folder / "b.ipynb", as_version=4).cells:

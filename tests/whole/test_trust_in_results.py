@@ -4,7 +4,6 @@ import json
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -20,20 +19,23 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
+from support.helpers import ROOT
 from support.run_results import leave_results
 from support.small_notebooks import write
 
 PARAMETERS = "flight_path = ''\npictures_path = ''\nresults_path = ''\nseed = 1"
 CHANGE = """
-import pathlib, acx4lib as acx, acx4lib.results
+import pathlib
+from acx4lib import flight as flights
+from acx4lib.results import folder
 table = pathlib.Path(pictures_path) / "control_points.csv"
 lines = table.read_text().splitlines()
 name, east, *rest = lines[1].split(",")
 lines[1] = ",".join([name, str(float(east) + 5.0), *rest])
 table.write_text("\\n".join(lines) + "\\n")
-flight = acx.flight.read(flight_path, pictures=pictures_path)
+flight = flights.read(flight_path, pictures=pictures_path)
 read = {"east": float(flight.calibration.frame.to_grid(flight.calibration.control.x_m)[0, 0])}
-acx4lib.results.replace(
+folder.replace(
     results_path, ["mounting"], tables={}, summary={"mounting/single_step": {"read": read}}
 )
 """
@@ -150,7 +152,7 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
 def test_a_book_is_not_made_of_changed_results(own):
     at, folder = own
     (folder / "validation.csv").write_text("mine\n")
-    script = Path(__file__).parents[1] / "book" / "_scripts" / "pages.py"
+    script = ROOT / "book" / "_scripts" / "pages.py"
     done = subprocess.run(
         [sys.executable, script, at, folder, at.parent / "book"],
         capture_output=True,

@@ -25,9 +25,7 @@ from benchmarks import machine
 from benchmarks.adjusting import bench_blocks, ceres_solver, problem_file
 
 HERE = Path(__file__).parent
-OUT = HERE.parents[1] / "data" / "benchmarks"
-ENVIRONMENT = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")}
-"""Linear algebra on one thread: on two it costs everyone more. The solvers have their own."""
+OUT = machine.ROOT / "data" / "benchmarks"
 CERES = tuple(
     f"ceres_{derivatives}_{schur}_{threads}"
     for derivatives in ("automatic", "analytic")
@@ -151,7 +149,11 @@ def runner(problem: Path, ceres: Path | None) -> Callable[[str], Row]:
         else:
             command = ceres_solver.command(ceres, problem, solver)
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, env=os.environ | ENVIRONMENT
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | machine.ENVIRONMENT,
         )
         if done.returncode:
             message = (done.stderr.strip().splitlines() or ["no message"])[-1]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib.bundle import adjust
 from acx4lib.geometry.frames import exp, log
+from benchmarks import machine
 from benchmarks.adjusting import adjustment, bench_blocks, ceres_solver, problem_file, scipy_solver
 from support.helpers import numeric_jacobian
 
@@ -269,7 +271,11 @@ def test_results_are_replaced_whole_or_not_at_all(tmp_path):
 def test_our_process_reports_time_and_the_memory_of_the_adjustment(problem, adjusted):
     script = Path(adjustment.HERE, "ours.py")
     done = subprocess.run(
-        [sys.executable, str(script), str(problem)], capture_output=True, text=True, check=True
+        [sys.executable, str(script), str(problem)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | machine.ENVIRONMENT,
     )
     found = json.loads(done.stdout)
     assert_allclose(found["cost"], adjusted.solution.cost, rtol=1e-12)
@@ -281,7 +287,9 @@ def test_our_process_reports_time_and_the_memory_of_the_adjustment(problem, adju
 def test_a_whole_benchmark_leaves_both_files(tmp_path):
     script = Path(adjustment.HERE, "adjustment.py")
     options = ["--sizes", "--sweep", "30", "--repeat", "2", "--out", str(tmp_path)]
-    subprocess.run([sys.executable, str(script), *options], check=True, capture_output=True)
+    env = os.environ | machine.ENVIRONMENT
+    command = [sys.executable, str(script), *options]
+    subprocess.run(command, check=True, capture_output=True, env=env)
     with (tmp_path / "adjustment.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     ours = [row for row in rows if row["solver"] == "ours"]

@@ -1,4 +1,4 @@
-"""Run a command and say what it took: ``python rendering_command.py COMMAND ...``, JSON on stdout.
+"""Run a command and say what it took: ``python command.py COMMAND ...``, JSON on stdout.
 
 It imports next to nothing: the largest memory that the system tells of a command includes what
 the process was before it became the command.

@@ -21,18 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import machine
-from benchmarks.rendering import hugin, peers, run, scene
+from benchmarks.rendering import hugin, peers
+from benchmarks.rendering.run import RUNS
+from benchmarks.rendering.scene import EXPOSURE, read
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-OUT = ROOT / "data" / "benchmarks"
-FLIGHTS = ROOT / "build" / "benchmarks"
+OUT = machine.ROOT / "data" / "benchmarks"
+FLIGHTS = machine.ROOT / "build" / "benchmarks"
 ACX4 = str(Path(sys.executable).with_name("acx4"))
-ENVIRONMENT = {
-    **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")},
-    "PYTHONPATH": str(HERE.parent),
-}
-"""Of ours and of Python's libraries. Hugin's programs take as many threads as they like."""
 
 SMALLER = 4
 """Files are rendered at full size, and at such a part of it, where enblend ends in time."""
@@ -74,7 +70,7 @@ class Material:
 
 def main() -> None:
     """Run what the command line asks for."""
-    known = (*run.RUNS, *COMMANDS, "ties")
+    known = (*RUNS, *COMMANDS, "ties")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=3, help="runs of each (3)")
     parser.add_argument("--reduce", type=int, default=1, help="pictures at 1/K of the size (1)")
@@ -84,12 +80,12 @@ def main() -> None:
     options = parser.parse_args()
     material = prepare(options.flights, options.reduce)
     paths = [str(p) for p in (material.flight, material.results, material.response)]
-    truth = python("rendering_truth.py", *paths)
+    truth = python("truth.py", *paths)
     lacking = missing()
     names = [name for name in options.only if name not in lacking]
     rows = list(measure(material, names, options.repeat))
-    ties = python("rendering_ties.py", paths[0])["ties"] if "ties" in names else []
-    about = {**described(), **truth, "exposure": scene.EXPOSURE}
+    ties = python("tie_points.py", paths[0])["ties"] if "ties" in names else []
+    about = {**described(), **truth, "exposure": EXPOSURE}
     about |= {"missing": lacking, "ties": ties}
     write(options.out, with_errors(rows, truth), about)
 
@@ -110,7 +106,7 @@ def prepare(folder: Path, reduction: int) -> Material:
     for path, k in ((material.flight, reduction), (material.smaller, SMALLER * reduction)):
         if not (path / "flight.toml").is_file():
             sys.stderr.write(f"simulating {path}\n")
-            images = ["--images", scene.EXPOSURE, "--reduce", str(k)]
+            images = ["--images", EXPOSURE, "--reduce", str(k)]
             called([ACX4, "simulate", "acx4", "--out", str(path), *images])
     if not (material.results / "summary.json").is_file():
         sys.stderr.write(f"orienting the heads of {material.flight}\n")
@@ -121,12 +117,12 @@ def prepare(folder: Path, reduction: int) -> Material:
 
 def missing() -> dict[str, str]:
     """Return which others are not installed, and what they need."""
-    peers = {name: peers.MODULES[name] for name in run.RUNS if peers.missing(name)}
+    absent = {name: peers.MODULES[name] for name in RUNS if peers.missing(name)}
     there = hugin.installed()
     lacking = {name: name for name in hugin.PROGRAMS if name not in there}
     if "nona" in lacking:
         lacking["enblend"] = lacking.get("enblend", "nona")  # it blends what nona made
-    return peers | lacking
+    return absent | lacking
 
 
 def described() -> Row:
@@ -149,9 +145,9 @@ def measure(material: Material, names: Sequence[str], repeat: int) -> Iterator[R
     paths = [str(p) for p in (material.flight, material.results, material.response)]
     for number in range(1, repeat + 1):
         for name in names:
-            if name in run.RUNS:
+            if name in RUNS:
                 sizes: Iterable[tuple[int, Callable[[], Row]]] = [
-                    (material.reduction, lambda name=name: python("rendering_run.py", name, *paths))
+                    (material.reduction, lambda name=name: python("run.py", name, *paths))
                 ]
             elif name in COMMANDS and (number == 1 or name not in ONCE):
                 sizes = commands(name, material)
@@ -170,7 +166,7 @@ def commands(name: str, material: Material) -> Iterator[tuple[int, Callable[[], 
         if name in SMALLER_ONLY and reduction == material.reduction:
             continue
         if name in hugin.PROGRAMS:
-            yield reduction, lambda flight=flight: hugin(name, flight, material.results)
+            yield reduction, lambda flight=flight: by_hugin(name, flight, material.results)
         else:
             yield reduction, lambda flight=flight: acx4_render(name, flight, material.results)
 
@@ -180,17 +176,16 @@ def acx4_render(name: str, flight: Path, results: Path) -> Row:
     with tempfile.TemporaryDirectory(dir=flight.parent) as folder:
         how = ["--equalise", "none"] if name == "acx4_render_unequalised" else []
         where = ["--results", str(results), "--out", str(Path(folder) / "images")]
-        what = ["--exposures", scene.EXPOSURE]
-        return python("rendering_command.py", ACX4, "render", str(flight), *where, *what, *how)
+        what = ["--exposures", EXPOSURE]
+        return python("command.py", ACX4, "render", str(flight), *where, *what, *how)
 
 
-def hugin(name: str, flight: Path, results: Path) -> Row:
+def by_hugin(name: str, flight: Path, results: Path) -> Row:
     """Make layers of the heads with nona; blend them with enblend, if it is that which is timed."""
     with tempfile.TemporaryDirectory(dir=flight.parent) as folder:
         project = Path(folder) / "project.pto"
-        scene = scene.read(flight, results)
-        project.write_text(hugin.project(scene), encoding="utf-8")
-        script = "rendering_command.py"
+        project.write_text(hugin.project(read(flight, results)), encoding="utf-8")
+        script = "command.py"
         own = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
         found = python(script, *hugin.nona(project, Path(folder)), environment=own)
         if name == "enblend":
@@ -207,7 +202,7 @@ def python(script: str, *arguments: str, environment: Mapping[str, str] | None =
 
 def called(command: Sequence[str], environment: Mapping[str, str] | None = None) -> str:
     """Run a command and return its standard output; end where it fails."""
-    own = os.environ | ENVIRONMENT if environment is None else environment
+    own = os.environ | machine.ENVIRONMENT if environment is None else environment
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["no message"]

@@ -1,4 +1,4 @@
-"""One renderer's run: ``python rendering_run.py WHAT FLIGHT RESULTS RESPONSE``, JSON on stdout."""
+"""One renderer's run: ``python run.py WHAT FLIGHT RESULTS RESPONSE``, JSON on stdout."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import RenderPlan, render, render_rows
 from acx4lib.synthetic_image.response import Response
 from benchmarks.measure import memory_mb, report, timed
-from benchmarks.rendering import peers, scene
-from benchmarks.rendering.scene import Scene
+from benchmarks.rendering import peers
+from benchmarks.rendering.scene import WINDOW_PX, Scene, read, window_of_head
 
 COPIES = 5
 STRIPE = 512  # rows that come from mapped files at a time
@@ -114,7 +114,7 @@ def in_window(peer: str) -> Run:
 
     def run(scene: Scene, response: Response) -> dict[str, Any]:
         cv2.setNumThreads(1)
-        window = scene.window_of_head(scene, 0, scene.WINDOW_PX // scene.reduction)
+        window = window_of_head(scene, 0, WINDOW_PX // scene.reduction)
         head = scene.plan(response).maps[0]
         at = between_nodes(head, np.arange(*window[:2]), np.arange(*window[2:]))
         sample = peers.PEERS[peer](*peers.cut(scene.heads.images[0], at))
@@ -149,7 +149,7 @@ RUNS: dict[str, Run] = {
 
 def main(what: str, flight: Path, results: Path, response: Path) -> None:
     """Run and report."""
-    scene = scene.read(flight, results)
+    scene = read(flight, results)
     found = RUNS[what](scene, Response(coefficients=np.load(response)))
     report({**found, "peak_mb": memory_mb("VmHWM")})
 

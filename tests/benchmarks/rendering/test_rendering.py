@@ -17,8 +17,8 @@ from acx4lib.production.head_images import HeadImages
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import render
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
-from benchmarks.rendering import command, hugin, peers, rendering, run, scene, truth
-from benchmarks.rendering.scene import Scene
+from benchmarks.rendering import command, hugin, peers, rendering, run, truth
+from benchmarks.rendering.scene import PATCH_PX, WINDOW_PX, Scene, patches, window_of_head
 from support.pictures import exact_rendering, taken
 
 K = 16
@@ -90,14 +90,14 @@ def test_pieces_hold_every_sample_that_the_image_needs(scene, positions):
 def test_windows_of_heads_show_one_head_alone(scene, positions):
     needed = counted(scene, positions, scene.feather_px)
     for k in range(len(positions)):
-        r0, r1, c0, c1 = scene.window_of_head(scene, k, scene.WINDOW_PX // scene.reduction)
+        r0, r1, c0, c1 = window_of_head(scene, k, WINDOW_PX // scene.reduction)
         assert needed[k, r0:r1, c0:c1].all()
         assert needed[:, r0:r1, c0:c1].sum() == (r1 - r0) * (c1 - c0)
 
 
 def test_patches_lie_in_the_image(scene):
-    for r0, r1, c0, c1 in scene.patches(scene):
-        assert (r1 - r0, c1 - c0) == (scene.PATCH_PX,) * 2
+    for r0, r1, c0, c1 in patches(scene):
+        assert (r1 - r0, c1 - c0) == (PATCH_PX,) * 2
         assert min(r0, c0) >= 0
         assert r1 <= scene.synthetic.height_px
         assert c1 <= scene.synthetic.width_px

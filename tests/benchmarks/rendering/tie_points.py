@@ -1,4 +1,4 @@
-"""Tie points of two heads, ours and SIFT's: ``python rendering_ties.py FLIGHT``, JSON on stdout."""
+"""Tie points of two heads, ours and SIFT's: ``python tie_points.py FLIGHT``, JSON on stdout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How true the renderers are: ``python rendering_truth.py FLIGHT RESULTS RESPONSE``, JSON.
+"""How true the renderers are: ``python truth.py FLIGHT RESULTS RESPONSE``, JSON.
 
 Estimates the responses of the heads too, and leaves them in the file RESPONSE.
 """
@@ -17,8 +17,8 @@ from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import render_rows
 from acx4lib.synthetic_image.response import Response, ResponseFit, estimate_response
 from benchmarks.measure import report
-from benchmarks.rendering import peers, scene
-from benchmarks.rendering.scene import Scene, Window
+from benchmarks.rendering import peers
+from benchmarks.rendering.scene import PATCH_PX, Scene, Window, patches, read, window_of_head
 from support.pictures import exact_rendering
 
 EVERY = 11  # row and column where positions are compared; no divisor of any distance of nodes
@@ -30,7 +30,7 @@ CUBIC = ("ours_cubic_1", "ours_cubic")
 
 def main(flight: Path, results: Path, response: Path) -> None:
     """Compare and report."""
-    scene = scene.read(flight, results)
+    scene = read(flight, results)
     fit = estimate_response(
         scene.heads.images,
         scene.orientation,
@@ -99,7 +99,7 @@ def disagreement(fit: ResponseFit) -> dict[str, float]:
 
 def rendered(scene: Scene, response: Response) -> dict[str, dict[str, float]]:
     """Return how our images differ from the exact ones, with response and blending."""
-    images, windows = scene.heads.images, scene.patches(scene)
+    images, windows = scene.heads.images, patches(scene)
     exact = {
         cubic: [
             exact_rendering.blended(
@@ -132,7 +132,7 @@ def sampled(scene: Scene) -> dict[str, dict[str, float]]:
             continue  # the measure itself; a cubic of another kind
         differences = []
         for k, image in enumerate(scene.heads.images):
-            window = scene.window_of_head(scene, k, scene.PATCH_PX)
+            window = window_of_head(scene, k, PATCH_PX)
             at = _exact(scene, k, window)
             differences.append(peer(image, at)() - peers.oracle(image, at)())
         out[name] = spread(differences)

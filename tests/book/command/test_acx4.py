@@ -20,7 +20,7 @@ from acx4lib.results.own_folder.marks import MARK
 from support.helpers import hears_interrupts
 from support.small_notebooks import write
 
-COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
@@ -57,9 +57,9 @@ def notebooks(tmp_path):
 
 def test_help_is_quick_and_teaches():
     code = (
-        "import contextlib, sys, acx4lib.cli\n"
+        "import contextlib, sys, acx4book.command.acx4\n"
         "with contextlib.suppress(SystemExit):\n"
-        "    acx4lib.cli.main(['run', '--help'])\n"
+        "    acx4book.command.acx4.main(['run', '--help'])\n"
         "assert not {'numpy', 'pandas', 'papermill', 'rich'} & set(sys.modules), sys.modules.keys()"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -209,8 +209,8 @@ def test_a_failing_notebook_is_status_1_after_what_is_not_determined(
 ):
     said = ["mounting/single_step: CAM: lever_z_m: not determined", "CAM: k3: not determined"]
     cell = (
-        "import acx4lib.results\n"
-        "acx4lib.results.replace(results_path, ['mounting'], tables={}, summary="
+        "from acx4lib.results import folder\n"
+        "folder.replace(results_path, ['mounting'], tables={}, summary="
         f"{{'mounting/single_step': {{'not_determined': {said}}}}})"
     )
     write(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, cell)

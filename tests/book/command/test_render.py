@@ -16,7 +16,7 @@ from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
 from support.helpers import hears_interrupts
 
-COMMAND = [sys.executable, "-c", "from acx4lib.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 WHOLE = {"E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv", MARK}
 
 

@@ -18,11 +18,12 @@ from support.small_notebooks import write
 
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 KEEP = """
-import acx4lib.results, pandas
+import pandas
+from acx4lib.results import folder
 row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm")
-frame = pandas.DataFrame([row], columns=acx4lib.results.COLUMNS["parameters"])
+frame = pandas.DataFrame([row], columns=folder.COLUMNS["parameters"])
 summary = {{"{stage}/{method}": {extra}}}
-acx4lib.results.replace(
+folder.replace(
     results_path, ["{stage}"], tables={{"parameters": frame}}, summary=summary
 )
 """

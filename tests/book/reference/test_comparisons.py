@@ -41,7 +41,7 @@ def stored(name):
     ],
 )
 def test_stored_results_are_the_computed_ones(name, tmp_path):
-    """Else `python -m acx4lib.checked` was forgotten after a change."""
+    """Else `python -m acx4book.reference` was forgotten after a change."""
     computed = comparisons.compute(name)
     before = stored_in(name, tmp_path)
     if name == "nist":  # where a solution is open, nothing says what is left of it

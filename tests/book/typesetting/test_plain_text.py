@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import io
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import matplotlib.pyplot as plt
@@ -24,8 +23,9 @@ from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
 from acx4book.typesetting.style import LONGEST, plain, style
 from acx4lib.production.file_names import file_stem
 from support.flights import payloads
+from support.helpers import ROOT
 
-CONFIG = yaml.safe_load((Path(__file__).parents[1] / "book" / "_config.yml").read_text("utf-8"))
+CONFIG = yaml.safe_load((ROOT / "book" / "_config.yml").read_text("utf-8"))
 EXTENSIONS = set(CONFIG["parse"]["myst_enable_extensions"])
 
 every_name = pytest.mark.parametrize("name", payloads.NAMES.values(), ids=payloads.NAMES)

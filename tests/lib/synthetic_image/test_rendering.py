@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from test_image_map import HEADS, SYN
 
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.head_map import HeadMap
 from acx4lib.synthetic_image.rendering import RenderPlan, render, render_plan, render_rows, resample
+from support.pictures import printed_camera
 from support.pictures.exact_rendering import blended, exact_positions, sampled, sampled_cubic
 
 
@@ -179,6 +179,7 @@ def test_an_image_may_end_where_its_memory_ends(rng):
 # --- blending ------------------------------------------------------------------------------------
 
 SMALL = 16
+HEADS, SYN = printed_camera.heads(), printed_camera.synthetic()
 heads, synthetic = reduced_heads(HEADS, SMALL), reduced_camera(SYN, SMALL)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_synthetic_image import ORIENTATION, SYNTHETIC
 
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.grey_samples import Samples, corner_share, overlap_samples
@@ -16,9 +15,11 @@ from acx4lib.synthetic_image.response import (
     log_response,
     poor_overlaps,
 )
+from support.pictures import printed_camera
 
 K = 12
-HEADS, REDUCED = reduced_heads(ORIENTATION, K), reduced_camera(SYNTHETIC, K)
+ORIENTATION = printed_camera.heads()
+HEADS, REDUCED = reduced_heads(ORIENTATION, K), reduced_camera(printed_camera.synthetic(), K)
 N_POINTS = 4000
 
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
-from test_synthetic_image import ORIENTATION, SYNTHETIC
 
 from acx4book.chapters.synthetic_image.wrong_heads import (
     refinements,
@@ -27,8 +26,11 @@ from acx4lib.tie_points.differences import (
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import varied
 from support.helpers import numeric_jacobian
+from support.pictures import printed_camera
 from support.strategies import vectors
 
+SYNTHETIC = printed_camera.synthetic()
+ORIENTATION = printed_camera.heads()
 PIXEL = SYNTHETIC.pixel_mm
 
 

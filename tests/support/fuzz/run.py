@@ -1,4 +1,4 @@
-"""Many mutated flights, and how they ended: `python -m fuzz.run --cases N --seed SEED`."""
+"""Many mutated flights, and how they ended: `python -m support.fuzz.run --cases N --seed SEED`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from support.fuzz import good_flights
 
-TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[2]
 
 
 @dataclass
@@ -76,7 +76,15 @@ def run(work: Path, *, cases: int, seed: int) -> Report:
 def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -> int:
     """Let a process read cases as long as it lives; return the first that is not read."""
     path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    command = [sys.executable, "-m", "fuzz.worker", str(good), str(case), str(cases), str(seed)]
+    command = [
+        sys.executable,
+        "-m",
+        "support.fuzz.worker",
+        str(good),
+        str(case),
+        str(cases),
+        str(seed),
+    ]
     begun: dict[str, object] = {}
     with (
         tempfile.TemporaryFile("w+") as said,

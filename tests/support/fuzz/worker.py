@@ -1,7 +1,7 @@
 """One process that reads mutated flights, one after the other, within limits.
 
 It says on standard output which case it begins, and how that ended, so that a process that
-was killed has named its case. `python -m fuzz.worker GOOD FIRST LAST SEED`.
+was killed has named its case. `python -m support.fuzz.worker GOOD FIRST LAST SEED`.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ def test_the_parallax_of_the_true_heads_is_that_of_their_bases_over_the_relief(e
 
 def test_self_calibration_of_a_right_image_finds_no_lens(true_image):
     fit = true_image.fits["calibrated"]
-    assert experiments.examined_images.largest_radial(fit) < 0.5  # 475 points of 0.13 px
+    assert images.largest_radial(fit) < 0.5  # 475 points of 0.13 px
     before, after = (residuals_px(true_image.fits[step]) for step in ("oriented", "calibrated"))
     # five parameters of a thousand observations
     assert_allclose(images.rms_of_coordinates(after), images.rms_of_coordinates(before), rtol=0.02)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from acx4book.chapters.mounting import figure_starts
 from acx4book.chapters.mounting.bad_starts import OFF_DEG, PHASES, from_bad_starts
-from acx4book.chapters.mounting.figure_starts import from_bad_starts
 from acx4lib.calibration import mounting
 from support.flights import simulated
 
@@ -28,7 +28,7 @@ def test_each_phase_brings_rays_nearer_and_all_ends_are_one(starts):
 
 
 def test_the_figure_has_every_phase_and_every_start(starts):
-    fig = from_bad_starts(starts)
+    fig = figure_starts.from_bad_starts(starts)
     left, right = fig.axes
     assert [label.get_text() for label in left.get_xticklabels()] == list(PHASES)
     medians = np.median(np.moveaxis(starts.misfit_deg, 1, 0).reshape(4, -1), axis=1)
@@ -37,5 +37,5 @@ def test_the_figure_has_every_phase_and_every_start(starts):
 
 
 def test_without_a_single_step_the_figure_says_so():
-    (text,) = from_bad_starts(from_bad_starts(None, seeds=())).axes[0].texts
+    (text,) = figure_starts.from_bad_starts(from_bad_starts(None, seeds=())).axes[0].texts
     assert "does not converge" in text.get_text()

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import test_rig
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.rig import one_by_one
 from acx4book.chapters.rig.deformations import deformation
 from acx4book.chapters.rig.one_by_one import (
     ONE_BY_ONE,
@@ -15,7 +15,6 @@ from acx4book.chapters.rig.one_by_one import (
     UNSHARED,
     WITH_F,
     gains,
-    oriented,
     unshared,
 )
 from acx4lib.calibration import rig
@@ -23,6 +22,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from support import blocks
+from support.flights import rigs
 
 SYNTHETIC = replace(
     blocks.CAMERA, name="SYN", width_px=3000, height_px=3000, interior=Interior(f=50.0)
@@ -114,13 +114,13 @@ def test_the_predicted_deformation_is_the_effect_of_one_sigma():
 
 @pytest.fixture(scope="module")
 def block():
-    return blocks.noisy(test_rig.simulated(ties=60), np.random.default_rng(8))
+    return blocks.noisy(rigs.simulated(ties=60), np.random.default_rng(8))
 
 
 @pytest.fixture(scope="module")
 def ways(block):
-    together = rig.calibrate(block, free=test_rig.FREE)
-    return oriented(block, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    together = rig.calibrate(block, free=rigs.FREE)
+    return one_by_one.oriented(block, together, rigs.SYNTHETIC, free=rigs.FREE)
 
 
 def test_heads_are_oriented_in_every_way(ways):
@@ -144,8 +144,8 @@ def test_heads_that_cannot_be_adjusted_alone_still_make_a_rig(block):
         points.point_idx, block.control.point_idx
     )
     some = replace(block, image_points=points[~blind])
-    together = rig.calibrate(some, free=test_rig.FREE)
-    found = oriented(some, together, test_rig.SYNTHETIC, free=test_rig.FREE)
+    together = rig.calibrate(some, free=rigs.FREE)
+    found = one_by_one.oriented(some, together, rigs.SYNTHETIC, free=rigs.FREE)
     assert ONE_BY_ONE not in found
     assert RIG in found
 
@@ -182,8 +182,8 @@ def as_they_are(camera, truth):
 def test_misfits_and_deformations_are_as_large_as_predicted():
     """Some ten ways to deform an image matter, in ten flights: squares are known to 14 %."""
     squares = []
-    for seed in test_rig.SEEDS:
-        one = test_rig.flown(seed)
+    for seed in rigs.SEEDS:
+        one = rigs.flown(seed)
         synthetic = one.flight.cameras["SYN"]
         found = rig.calibrate(one.flight.heads, free=one.flight.estimate_heads)
         heads = tuple(as_they_are(c, one.truth) for c in found.calibration.cameras)

@@ -44,10 +44,10 @@ def test_the_variance_of_unit_weight_gives_a_shift_away(errors):
 
 
 def test_a_lever_arm_that_is_held_has_no_errors_to_show(errors):
-    scatter = scatter(errors)
-    table = shift_tables.ratio_table(scatter).set_index("Parameter")
+    found = scatter(errors)
+    table = shift_tables.ratio_table(found).set_index("Parameter")
     assert (table.loc["lever arm $z$"] == "held").sum() == 1
-    row = scatter.set_index(["kind", "parameter"]).loc[(UNKNOWN, "f_mm")]
+    row = found.set_index(["kind", "parameter"]).loc[(UNKNOWN, "f_mm")]
     assert table.loc["$f$", "Shifted; unknown: shift"] == f"{row['ratio']:.1f}"
     assert not any("k_1" in name for name in table.index)
 

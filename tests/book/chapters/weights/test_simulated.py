@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4book.chapters.weights import tables
-from acx4book.chapters.weights.figures import height_noise, trajectory_errors
+from acx4book.chapters.weights import figures, tables
 from acx4book.chapters.weights.simulated import (
     fly,
     height_errors,
@@ -63,7 +62,7 @@ def test_height_errors_are_those_of_the_same_flight(errors):
     assert len(white) == len(slow) == 52
     assert white.std() == pytest.approx(0.015, rel=0.35)  # the design's; 52 of them
     assert slow.diff().std() < 0.6 * white.diff().std()  # sqrt(1 - 0.95^2) and the drift
-    figure = trajectory_errors(table, scatter(errors))
+    figure = figures.trajectory_errors(table, scatter(errors))
     assert len(figure.axes) == 2
 
 
@@ -90,7 +89,7 @@ def test_noisier_heights_are_seen_in_f_and_lever_z():
         assert table[name].is_monotonic_increasing
     # as large as it is, the noise of 52 heights is what determines both
     assert table["sigma_lever_z_m"].iloc[2] > 2 * table["sigma_lever_z_m"].iloc[1]
-    assert len(height_noise(table).axes) == 2
+    assert len(figures.height_noise(table).axes) == 2
     at = np.interp(
         printed.sigma(3, "lever_z_m", "single_step"),
         table["sigma_lever_z_m"],

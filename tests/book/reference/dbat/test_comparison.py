@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4book.reference.dbat import blocks, comparison, statements
-from acx4book.reference.dbat import files as dbat_files
-from acx4book.reference.dbat import printed as dbat_report
-from acx4book.reference.dbat import report as dbat
+from acx4book.reference.dbat import blocks, comparison, files, printed, statements
+from acx4book.reference.dbat.table import results
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from support.reference_files import needs
 
@@ -29,7 +27,7 @@ def project(request):
 
 @pytest.fixture(scope="module")
 def table(project):
-    return dbat.results(project)
+    return results(project)
 
 
 def test_every_printed_number_is_reproduced_to_one_unit_of_its_last_digit(table):
@@ -44,7 +42,7 @@ def test_no_decimal_number_of_the_report_is_left_out(project, table):
     left_out = in_text - Counter(table["printed"])
     course = [  # of the other program's computation
         number
-        for place, line in dbat_report.read(project.report).items()
+        for place, line in printed.read(project.report).items()
         if not statements.is_result(place)
         for number in line.numbers
     ]
@@ -70,7 +68,7 @@ def test_a_digit_changed_by_two_units_is_noticed(project, table, tmp_path):
     changed = f"{float(number) + 0.002:.3f}"
     report = tmp_path / "report.txt"
     report.write_text(text[:place] + changed + text[place + 5 :])
-    again = dbat.results(replace(project, report=report))
+    again = results(replace(project, report=report))
     wrong = again[~again["agrees"]]
     assert wrong["quantity"].tolist() == ["Quality > Point Marking Residuals > Overall point RMS"]
     assert len(again) == len(table)
@@ -81,7 +79,7 @@ def test_a_line_that_only_one_side_has_does_not_agree(project, tmp_path):
     start = text.index("      Point Marking Residuals")
     report = tmp_path / "report.txt"
     report.write_text(text[:start] + text[text.index("      Point Precision") :])
-    again = dbat.results(replace(project, report=report))
+    again = results(replace(project, report=report))
     wrong = again.loc[~again["agrees"], "quantity"]
     assert len(wrong) == 6
     assert wrong.str.startswith("Quality > Point Marking Residuals").all()
@@ -111,7 +109,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
             f=7.4, xp=0.1, yp=-0.2, k1=4e-3, k2=-4e-5, k3=-2e-6, p1=6e-5, p2=4e-5, b1=4e-4
         ),
     )
-    values, _ = dbat_files.interior_to_dbat(camera, np.zeros((9, 9)))
+    values, _ = files.interior_to_dbat(camera, np.zeros((9, 9)))
     _, px, py, aspect, k1, k2, k3, p1, p2 = values
     xy_px = np.array([[12.0, 1500.0], [1100.0, 30.5], [2200.0, 900.0]])
     x = (xy_px[:, 0] * 0.0032 - px) * (1 + aspect)
@@ -120,7 +118,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
     radial = k1 * r2 + k2 * r2**2 + k3 * r2**3
     x_c = x + x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * x * y
     y_c = y + y * radial + p2 * (r2 + 2 * y**2) + 2 * p1 * x * y
-    read = dbat_files.Measurements(
+    read = files.Measurements(
         image=np.ones(3, dtype=int), point=np.arange(3), xy_px=xy_px, sigma_px=np.ones(3)
     )
     ours = correct(camera.interior, xy_from_colrow(camera, read.colrow))
@@ -136,7 +134,7 @@ def test_covariance_of_the_converted_interior_is_propagated():
         interior=Interior(f=7.4, xp=0.8, b1=0.1),
     )
     cov = np.diag([0.0, 4e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9e-6])
-    _, got = dbat_files.interior_to_dbat(camera, cov)
+    _, got = files.interior_to_dbat(camera, cov)
     # the principal point is xp over one plus b1, and a constant
     assert got[1, 1] == pytest.approx(4e-6 / 1.1**2 + 9e-6 * 0.8**2 / 1.1**4)
     assert got[1, 3] == pytest.approx(-9e-6 * 0.8 / 1.1**2)

@@ -14,21 +14,34 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4book.reference import comparisons, data
-from acx4book.reference.surround import cameras, corners, files, greys, sentences, target_fit, views
 from acx4book.reference.surround import comparisons as surround
+from acx4book.reference.surround import files, sentences
 from acx4book.reference.surround import shown as surround_figures
+from acx4book.reference.surround.cameras import (
+    FRAME_PX,
+    fisheye_from_undistorted,
+    frame_from_undistorted,
+    ghost_cm,
+    image_from_frame,
+    place,
+    undistorted_from_frame,
+)
+from acx4book.reference.surround.corners import corner_misfits, find_corners, image_misfits, rms
 from acx4book.reference.surround.figures import (
     surround_enlarged,
     surround_ground,
     surround_misfits,
     surround_photographs,
 )
+from acx4book.reference.surround.greys import grey_correlation, grey_samples, overlapping
+from acx4book.reference.surround.target_fit import left_out_misfits, refined, shift, target_seen
+from acx4book.reference.surround.views import blended, view
 from acx4lib.synthetic_image import response
 from support.pictures import surround_rigs
 from support.reference_files import needs
 
 NAMES = tuple(surround_rigs.STATIONS)
-WIDTH, HEIGHT = cameras.FRAME_PX
+WIDTH, HEIGHT = FRAME_PX
 
 on_ground = st.tuples(st.floats(0, WIDTH - 1), st.floats(0, HEIGHT - 1))
 
@@ -46,12 +59,12 @@ def images():
 
 @pytest.fixture(scope="module")
 def views(cameras, images):
-    return tuple(views.view(c, image) for c, image in zip(cameras, images, strict=True))
+    return tuple(view(c, image) for c, image in zip(cameras, images, strict=True))
 
 
 @pytest.fixture(scope="module")
 def corners(cameras, views):
-    return corners.find_corners(cameras, views)
+    return find_corners(cameras, views)
 
 
 def turned(camera, degrees):
@@ -62,7 +75,7 @@ def turned(camera, degrees):
 
 
 def all_misfits(cameras, corners):
-    return np.concatenate([corners.corner_misfits(cameras, c)[1] for c in corners])
+    return np.concatenate([corner_misfits(cameras, c)[1] for c in corners])
 
 
 # --- geometry --------------------------------------------------------------------------------
@@ -74,7 +87,7 @@ def test_the_lens_is_that_of_opencv(cameras):
     K_u = surround_rigs.K_UNDISTORTED
     ray = (colrow - K_u[:2, 2]) / np.diag(K_u)[:2]
     theirs = cv2.fisheye.distortPoints(ray[:, None], surround_rigs.K, surround_rigs.THETA)[:, 0]
-    ours = cameras.fisheye_from_undistorted(cameras[0], colrow)
+    ours = fisheye_from_undistorted(cameras[0], colrow)
     assert_allclose(ours, theirs, atol=1e-9)  # px, rounding
 
 
@@ -85,7 +98,7 @@ def test_the_ground_is_where_a_pinhole_sees_it(name, places):
     x = np.column_stack([colrow, np.zeros(len(colrow))])
     theirs = cv2.projectPoints(x, cv2.Rodrigues(R)[0], t, surround_rigs.K_UNDISTORTED, None)[0]
     ahead = (x @ R.T + t)[:, 2] > 1  # cm
-    ours = cameras.undistorted_from_frame(surround_rigs.camera(name), colrow)
+    ours = undistorted_from_frame(surround_rigs.camera(name), colrow)
     # places near the plane of the perspective centre are seen thousands of pixels away
     assert_allclose(ours[ahead], theirs[ahead, 0], rtol=1e-7, atol=1e-6)
     behind = (x @ R.T + t)[:, 2] < -1
@@ -96,27 +109,27 @@ def test_the_sign_of_a_homography_is_free(cameras):
     colrow = np.array([[600.0, 300], [600, 1300]])
     other = replace(cameras[0], H_s_u=-2 * cameras[0].H_s_u)
     assert_allclose(
-        cameras.undistorted_from_frame(other, colrow),
-        cameras.undistorted_from_frame(cameras[0], colrow),
+        undistorted_from_frame(other, colrow),
+        undistorted_from_frame(cameras[0], colrow),
     )
 
 
 def test_nothing_is_seen_outside_the_undistorted_image(cameras):
     colrow = np.array([[600.0, 400], [20, 500], [600, 1300]])  # before it, beside it, behind it
-    seen = cameras.image_from_frame(cameras[0], colrow)
+    seen = image_from_frame(cameras[0], colrow)
     assert np.isfinite(seen[:, 0]).tolist() == [True, False, False]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_camera_stands_where_its_homography_says(name):
-    found = cameras.place(surround_rigs.camera(name))
+    found = place(surround_rigs.camera(name))
     assert_allclose(found.centre_cm, surround_rigs.STATIONS[name][0], atol=1e-6)
     assert_allclose([found.ratio, found.angle], [1, np.pi / 2], atol=1e-9)
 
 
 def test_stretched_homographies_are_no_cameras(cameras):
     stretched = replace(cameras[0], H_s_u=np.diag([1, 1.04, 1]) @ cameras[0].H_s_u)
-    assert_allclose(cameras.place(stretched).ratio, 1.04, atol=1e-9)
+    assert_allclose(place(stretched).ratio, 1.04, atol=1e-9)
 
 
 def test_a_ghost_is_as_wide_as_two_pinholes_make_it(cameras):
@@ -126,10 +139,10 @@ def test_a_ghost_is_as_wide_as_two_pinholes_make_it(cameras):
         R, t = surround_rigs.pose(camera.name)
         top = np.array([[*foot, -height_cm]])  # the third axis is down
         seen = cv2.projectPoints(top, cv2.Rodrigues(R)[0], t, camera.K_undistorted, None)[0][0]
-        tops.append(cameras.frame_from_undistorted(camera, seen)[0])
+        tops.append(frame_from_undistorted(camera, seen)[0])
     expected = np.linalg.norm(tops[0] - tops[1])
     assert expected > 20
-    assert_allclose(cameras.ghost_cm(cameras[:2], foot, height_cm=height_cm), expected)
+    assert_allclose(ghost_cm(cameras[:2], foot, height_cm=height_cm), expected)
 
 
 # --- files -----------------------------------------------------------------------------------
@@ -187,29 +200,29 @@ def test_a_view_shows_the_right_pixels_and_takes_gains_out(cameras):
     image = np.stack([cols / 4 + 5, rows / 4 + 5, 0 * cols + 200], axis=-1).astype(np.uint8)
     gains = np.zeros((3, 3))
     gains[2, 0] = np.log(2)
-    view = views.view(cameras[1], image, coefficients=gains)
-    row, col = np.nonzero(view.seen)
-    at = cameras.image_from_frame(cameras[1], np.column_stack([col, row])[::97].astype(float))
-    shown = view.image[row, col][::97]
+    found = view(cameras[1], image, coefficients=gains)
+    row, col = np.nonzero(found.seen)
+    at = image_from_frame(cameras[1], np.column_stack([col, row])[::97].astype(float))
+    shown = found.image[row, col][::97]
     # the image was cut to whole numbers, and so was the view: a grey value is 4 px
     assert_allclose(shown[:, :2], np.floor(at / 4) + 5, atol=1)
     assert np.all(shown[:, 2] == 100)
-    assert np.all(view.image[~view.seen] == 0)
+    assert np.all(found.image[~found.seen] == 0)
 
 
 def test_views_of_one_ground_are_alike(views):
-    pairs = greys.overlapping(views)
+    pairs = overlapping(views)
     assert pairs == [(0, 1), (0, 3), (1, 2), (2, 3)]
     for a, b in pairs:
         # what is left is that one of them sees the corner from farther away
-        assert greys.grey_correlation(views[a], views[b]) > 0.9
-    assert np.isnan(greys.grey_correlation(views[0], views[2]))
+        assert grey_correlation(views[a], views[b]) > 0.9
+    assert np.isnan(grey_correlation(views[0], views[2]))
 
 
 @pytest.mark.parametrize("feather_px", [0.0, 30.0, 200.0])
 def test_blending_equal_views_changes_nothing(views, feather_px):
     flat = [replace(v, image=np.where(v.seen[:, :, None], 77, 0).astype(np.uint8)) for v in views]
-    image = views.blended(flat, feather_px=feather_px)
+    image = blended(flat, feather_px=feather_px)
     seen = np.any([v.seen for v in views], axis=0)
     assert np.all(image[seen] == 77)
     assert np.all(image[~seen] == 0)
@@ -220,9 +233,9 @@ def test_a_seam_is_hard_and_a_feather_is_smooth(views):
         replace(v, image=np.where(v.seen[:, :, None], 50 * k, 0).astype(np.uint8))
         for k, v in enumerate(views, 1)
     ]
-    hard = views.blended(lit, feather_px=0)
+    hard = blended(lit, feather_px=0)
     assert set(np.unique(hard)) == {0, 50, 100, 150, 200}
-    soft = views.blended(lit, feather_px=60)[:, :, 0].astype(int)
+    soft = blended(lit, feather_px=60)[:, :, 0].astype(int)
     # where two views end at one place, one goes over into the other at once
     inner = cv2.erode(np.any([v.seen for v in views], axis=0).astype(np.uint8), np.ones((61, 61)))
     steps = np.abs(np.diff(soft, axis=1))[(inner[:, 1:] & inner[:, :-1]).astype(bool)]
@@ -241,7 +254,7 @@ def test_gains_are_found_and_saturation_is_left_out(views, rng):
         for v, f in zip(views, factors, strict=True)
     ]
     lit[1].image[:320, :420] = 255
-    samples = greys.grey_samples(lit)
+    samples = grey_samples(lit)
     assert samples[0].saturated.any()
     assert np.all(np.isnan(samples[0].log_ratio) == samples[0].saturated | samples[0].dark)
     fit = response.fit_response(samples, n_heads=4, n_bands=3)
@@ -257,11 +270,11 @@ def test_gains_are_found_and_saturation_is_left_out(views, rng):
 def test_corners_of_the_right_cameras_are_in_one_place(cameras, corners):
     assert min(len(c.colrow_a) for c in corners) >= 10
     # an eighth of a pixel of an image, which has several centimetres where it is far away
-    assert corners.rms(all_misfits(cameras, corners)) < 0.5
-    every = np.concatenate([corners.image_misfits(cameras, c) for c in corners])
-    assert corners.rms(every) < 0.15
+    assert rms(all_misfits(cameras, corners)) < 0.5
+    every = np.concatenate([image_misfits(cameras, c) for c in corners])
+    assert rms(every) < 0.15
     for c in corners:  # of squares of 40 cm, outer edges of the first pixels
-        at = corners.corner_misfits(cameras, c)[0] + 0.5
+        at = corner_misfits(cameras, c)[0] + 0.5
         assert_allclose(at, 20 * np.rint(at / 20), atol=1.0)
 
 
@@ -269,31 +282,29 @@ def test_misfits_are_those_of_the_cameras(cameras, corners):
     moved = replace(
         cameras[1], H_s_u=np.array([[1, 0, 7.0], [0, 1, -3], [0, 0, 1]]) @ cameras[1].H_s_u
     )
-    d = corners.corner_misfits((cameras[0], moved, *cameras[2:]), corners[0])[1]
-    assert_allclose(
-        d - corners.corner_misfits(cameras, corners[0])[1], [[7, -3]] * len(d), atol=1e-9
-    )
+    d = corner_misfits((cameras[0], moved, *cameras[2:]), corners[0])[1]
+    assert_allclose(d - corner_misfits(cameras, corners[0])[1], [[7, -3]] * len(d), atol=1e-9)
 
 
 @pytest.mark.parametrize("free", ["rotations", "homographies", "in place"])
 def test_refinement_finds_the_turns_that_were_made(cameras, corners, free):
     degrees = ([0, 0, 0], [0.4, -0.3, 0.2], [-0.2, 0.3, 0.5], [0.3, 0.2, -0.4])
     wrong = tuple(turned(c, d) for c, d in zip(cameras, degrees, strict=True))
-    found = target_fit.refined(wrong, corners, free=free)
-    assert corners.rms(all_misfits(wrong, corners)) > 3
+    found = refined(wrong, corners, free=free)
+    assert rms(all_misfits(wrong, corners)) > 3
     # in place, the wrong cameras are believed to 5 cm
-    assert corners.rms(all_misfits(found, corners)) < (1.0 if free == "in place" else 0.5)
+    assert rms(all_misfits(found, corners)) < (1.0 if free == "in place" else 0.5)
     if free == "rotations":  # the others may change what the overlaps do not show
         for camera, truth in zip(found, cameras, strict=True):
-            moved = target_fit.shift(camera, truth, target_fit.target_seen(truth))
+            moved = shift(camera, truth, target_seen(truth))
             assert np.nanmax(np.abs(moved)) < 3  # cm; from side to side it is ten metres
     assert found[0] is wrong[0] or free == "in place"
 
 
 def test_left_out_corners_are_all_corners_once(cameras, corners):
-    left_out = target_fit.left_out_misfits(cameras, corners, free="rotations")
+    left_out = left_out_misfits(cameras, corners, free="rotations")
     assert [len(d) for d in left_out] == [len(c.colrow_a) for c in corners]
-    assert corners.rms(np.concatenate(left_out)) < 0.6
+    assert rms(np.concatenate(left_out)) < 0.6
 
 
 # --- figures ---------------------------------------------------------------------------------
@@ -320,7 +331,7 @@ def test_the_published_lens_is_that_of_opencv():
             *(camera.K, camera.theta_coefficients, np.eye(3), camera.K_undistorted),
             *((960, 640), cv2.CV_32FC1),
         )
-        ours = cameras.fisheye_from_undistorted(camera, grid.reshape(-1, 2))
+        ours = fisheye_from_undistorted(camera, grid.reshape(-1, 2))
         assert_allclose(ours.reshape(grid.shape), np.stack(theirs, -1), atol=5e-5)  # float32
 
 
@@ -332,7 +343,7 @@ def test_a_view_is_what_opencv_undistorts_warps_and_turns():
     flat = cv2.fisheye.undistortImage(image, camera.K, camera.theta_coefficients, None, K_u)
     to_view = np.linalg.inv(files.quarter_turn(1)) @ camera.H_s_u
     theirs = np.rot90(cv2.warpPerspective(flat, to_view, (HEIGHT, WIDTH)), 1)
-    ours = views.view(camera, image)
+    ours = view(camera, image)
     seen = cv2.erode(ours.seen.astype(np.uint8), np.ones((9, 9))).astype(bool)[::8, ::8]
     size = (WIDTH // 8, HEIGHT // 8)
     small = [cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (ours.image, theirs)]

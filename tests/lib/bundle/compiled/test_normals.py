@@ -101,7 +101,7 @@ def assert_equal_normals(net, state, *, damping):
     assert compiled.cost == pytest.approx(oracle.cost, rel=1e-13)
     (dx, dp, decrement), (dx_0, dp_0, decrement_0) = compiled.step(), oracle.step()
     # steps in units of the step: far from the minimum they are many sigma
-    sigma = np.sqrt(np.diag(oracle.quality().inverse.dense))
+    sigma = np.sqrt(np.diag(oracle.precision().inverse.dense))
     assert_allclose(dx / sigma, dx_0 / sigma, atol=1e-9 * np.abs(dx_0 / sigma).max())
     assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
     assert decrement == pytest.approx(decrement_0, rel=1e-9)
@@ -123,7 +123,7 @@ def test_parts_change_nothing(flight, form, parts):
 def test_covariances_and_tests_are_the_plain_ones(flight, name, form):
     net = NETWORKS[name](flight)
     state, _ = adjustment.solve(net, net.start)
-    found, expected = net.normals(state).quality(), plain(net, state).quality()
+    found, expected = net.normals(state).precision(), plain(net, state).precision()
     assert isinstance(found.inverse, BandedInverse) == (form == "banded")
     sigma = np.sqrt(np.diag(expected.inverse.dense))
     assert_allclose(
@@ -160,7 +160,7 @@ def test_a_point_behind_a_camera_costs_infinitely_much(flight):
 def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
     net = NETWORKS["single step"](flight)
     state, solution = adjustment.solve(net, net.start)
-    monkeypatch.setattr("acx4lib.network.COMPILED", False)
+    monkeypatch.setattr("acx4lib.bundle.network.COMPILED", False)
     assert isinstance(net.normals(net.start), PlainNormals)
     state_0, solution_0 = adjustment.solve(net, net.start)
     assert solution.cost == pytest.approx(solution_0.cost, rel=1e-12)
@@ -208,7 +208,7 @@ def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
     (dx, dp, _), (dx_0, dp_0, _) = mixed.normals(net.start).step(), net.normals(net.start).step()
     assert_allclose(dx, dx_0, rtol=1e-6, atol=1e-9 * np.abs(dx_0).max())
     assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
-    found, expected = mixed.normals(net.start).quality(), net.normals(net.start).quality()
+    found, expected = mixed.normals(net.start).precision(), net.normals(net.start).precision()
     for name in ("v", "redundancy"):  # in the order in which they were given
         there = getattr(found.groups[0], name)
         assert_allclose(there, getattr(expected.groups[0], name)[order], atol=1e-9)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 numba = pytest.importorskip("numba")
-small_products = pytest.importorskip("acx4lib.small_products")
+small_products = pytest.importorskip("acx4lib.bundle.compiled.small_products")
 
 
 def compiled(**shape):

@@ -14,6 +14,7 @@ from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import claim, clear, verify
 from acx4lib.results.own_folder.locks import LOCK
 from acx4lib.results.own_folder.marks import MARK, SCRATCH, mark_all
+from support.helpers import ROOT
 
 RUN = "acx4 run"
 
@@ -119,14 +120,12 @@ def test_a_place_in_above_or_at_a_flight_is_refused(tmp_path):
 
 @pytest.mark.parametrize("below", ["", "src", "notebooks/new", "book/x", "data/paper", ".git/x"])
 def test_the_sources_are_no_place(below):
-    root = claims.Path(__file__).parents[1]
-    refused(root / below if below else root, "is among the project's own files")
+    refused(ROOT / below if below else ROOT, "is among the project's own files")
 
 
 def test_the_folders_that_make_fills_are_places():
-    root = claims.Path(__file__).parents[1]
-    places.check_place(root / "data" / "flights" / "mine")
-    places.check_place(root / "build" / "results" / "mine")
+    places.check_place(ROOT / "data" / "flights" / "mine")
+    places.check_place(ROOT / "build" / "results" / "mine")
 
 
 def test_a_crafted_mark_names_nothing_outside(tmp_path):
