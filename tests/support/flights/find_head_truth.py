@@ -4,7 +4,7 @@ Table 1 prints what a self-calibration with f held at 74 mm gives. Starting from
 in `acx4sim.optics.head_truth`, this script changes the truth until exact data of seed 1,
 adjusted in that way, give Table 1's x_p, y_p, k1, p1, p2 and Zc, and prints the new constants:
 
-    python tests/support/find_head_truth.py
+    python tests/support/flights/find_head_truth.py
 """
 
 import sys
