@@ -1,6 +1,9 @@
 """A results folder as a run leaves it, made without notebooks."""
 
+import json
 from pathlib import Path
+
+import pandas as pd
 
 import acx4sim
 from acx4book.notebooks import stages
@@ -10,6 +13,8 @@ from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, provenance, read_back, validations
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
+
+SINGLE = "mounting/single_step"
 
 
 def leave_results(folder, *, design="single-head", seed=2):
@@ -37,3 +42,15 @@ def _compute(flown, kept):
     ]
     adjustments.write(kept, "validation", validations.of_validations(validated))
     provenance.stamp(kept, "validation")
+
+
+def edit(folder, name, change):
+    table = pd.read_csv(folder / f"{name}.csv", dtype={"point": str}, keep_default_na=False)
+    change(table)
+    table.to_csv(folder / f"{name}.csv", index=False)
+
+
+def edit_summary(folder, key, **values):
+    summary = json.loads((folder / "summary.json").read_text())
+    summary[key].update(values)
+    (folder / "summary.json").write_text(json.dumps(summary))

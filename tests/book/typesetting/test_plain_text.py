@@ -21,7 +21,6 @@ from acx4book.report.page.markdown import Document, to_html
 from acx4book.typesetting import myst
 from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
 from acx4book.typesetting.style import LONGEST, plain, style
-from acx4lib.production.file_names import file_stem
 from support.flights import payloads
 from support.helpers import ROOT
 
@@ -191,36 +190,3 @@ def test_clean_names_are_written_as_they_are():
 def test_paths_are_code_and_others_are_shown():
     assert code("flight/heads/images.csv") == "`flight/heads/images.csv`"
     assert code("flight/`{{x}}`.csv") == shown("flight/`{{x}}`.csv")
-
-
-@pytest.mark.parametrize(
-    ("name", "stem"),
-    [
-        ("H3-04", "H3-04"),
-        ("a/b", "a%2Fb"),
-        ("..", "%2E%2E"),
-        ("Straße 1", "Straße 1"),
-        ("a%", "a%25"),
-        ("CON", "%43ON"),
-        ("lpt1", "%6Cpt1"),
-        ("Con 1", "Con 1"),
-        ("Son", "Son"),
-        ("a\nb", "a%0Ab"),
-    ],
-)
-def test_any_name_makes_a_file_name(name, stem):
-    assert file_stem(name) == stem
-
-
-@every_name
-def test_files_of_payloads_lie_in_their_folder(name, tmp_path):
-    path = tmp_path / f"{file_stem(name)}_preview.jpg"
-    path.write_text("x")
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-
-
-def test_long_names_have_files_of_their_own(tmp_path):
-    names = [300 * "ß" + end for end in "ab"]
-    stems = {file_stem(name) for name in names}
-    assert len(stems) == 2
-    assert all(len(stem.encode()) <= 200 for stem in stems)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from acx4book.reference.surround.cameras import FRAME_PX, FisheyeCamera
+from acx4book.reference.surround.corners import corner_misfits
 
 SIZE = (960, 640)
 K = np.array([[300.0, 0, 480], [0, 320, 320], [0, 0, 1]])
@@ -19,6 +20,9 @@ STATIONS = {
     "right": ((700.0, 730, 100), (1.0, 0)),
 }
 """Column, row and height in cm, and the direction of sight on the ground (column, row)."""
+
+NAMES = tuple(STATIONS)
+WIDTH, HEIGHT = FRAME_PX
 
 DOWN = np.radians(42)
 """Of the axes under the horizon."""
@@ -69,3 +73,7 @@ def photograph(name, ground):
     at[(ray[:, 2] <= 0.02) | (np.abs(at).max(axis=1) > 1e4)] = -100
     col, row = at.astype(np.float32).T.reshape(2, SIZE[1], SIZE[0])
     return cv2.remap(ground, col, row, cv2.INTER_LINEAR, borderValue=(90, 90, 90))
+
+
+def all_misfits(cameras, corners):
+    return np.concatenate([corner_misfits(cameras, c)[1] for c in corners])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from acx4book.chapters.mounting.variants import calibrations, correlations, lever_arm_seen
-from acx4book.chapters.validation.forgotten_steps import validations
 from acx4lib.calibration import mounting
 from support.flights import simulated
 
@@ -64,17 +63,3 @@ def test_correlations_are_those_of_the_covariance(mountings):
     np.testing.assert_allclose(np.diag(matrix), 1.0)
     assert matrix.loc["k2", "k3"] < -0.95
     assert matrix.loc["f_mm", "lever_z_m"] > 0.5
-
-
-def test_every_forgotten_step_of_georeferencing_is_seen(flown, mountings):
-    table = validations(flown.validation, [mountings["single_step"].calibration]).set_index(
-        "mistake"
-    )
-    rms = np.sqrt((table[["rms_east_m", "rms_north_m", "rms_height_m"]] ** 2).sum(axis=1))
-    assert rms.idxmin() == "none"
-    assert rms["boresight forgotten"] > 10.0  # m, 1.6 degrees at 1300 m
-    assert rms["meridian convergence forgotten"] > 3.0
-
-
-def test_without_a_calibration_nothing_is_validated(flown):
-    assert validations(flown.validation, []).empty

@@ -73,9 +73,6 @@ def test_any_number_of_bands_and_bits_is_shown(orientation, dtype, bands):
     assert all(values.shape[2] == 3 for values in shown)
 
 
-# --- equalised -------------------------------------------------------------------------------
-
-
 # --- put together ----------------------------------------------------------------------------
 
 
