@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-import blocks
 from acx4lib.bundle import adjust
+from support import blocks
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
