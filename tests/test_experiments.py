@@ -90,9 +90,7 @@ def test_gnss_heights_ask_for_the_true_focal_lengths(held, flown):
     assert_allclose([asked[n] for n in HEADS], [truth[n] for n in HEADS], atol=0.025)
 
 
-def test_one_wrong_head_shows_in_its_own_height_over_the_synthetic_image(
-    flown, fits, orientation
-):
+def test_one_wrong_head_shows_in_its_own_height_over_the_synthetic_image(flown, fits, orientation):
     one = hold(flown, fits, orientation, 0.0, 0.0, 0.5, 0.0)
     moved = one.orientation.xyz_mm[:, 2] - orientation.xyz_mm[:, 2]
     assert_allclose(moved, [0, 0, 0.5, 0], atol=0.02)

@@ -5,7 +5,7 @@ import pytest
 
 import flights_simulated
 from acx4book.chapters.mounting.bad_starts import OFF_DEG, PHASES, from_bad_starts
-from acx4book.chapters.mounting.figure_starts import from_bad_starts
+from acx4book.chapters.mounting.figures.starts import from_bad_starts
 from acx4lib.calibration import mounting
 
 

@@ -13,13 +13,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.quiver import Quiver
 
-from acx4book.typesetting.maps import block_maps, control_maps
 from acx4book.chapters.heads.figure_held import held_focal_lengths
 from acx4book.chapters.heads.figures import correlations, mean_residuals, radial_distortion
 from acx4book.chapters.heads.held_focal_length import all_heads
-from acx4book.chapters.synthetic_image.figures import footprints
+from acx4book.chapters.synthetic_image.figures.frame import footprints
 from acx4book.chapters.synthetic_image.wrong_heads import transposed
 from acx4book.typesetting import style
+from acx4book.typesetting.maps import block_maps, control_maps
 from acx4lib.calibration.heads import Heads, calibrate_heads, relative_orientation
 from acx4lib.stages.heads import HeadsStage
 from flights_simulated import HEADS, fly

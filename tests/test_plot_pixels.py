@@ -3,7 +3,6 @@
 import re
 import warnings
 from dataclasses import replace
-from types import SimpleNamespace
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -16,12 +15,14 @@ from matplotlib.text import Annotation
 from numpy.testing import assert_allclose
 
 import pictures as taken
-from acx4book.chapters.synthetic_image.figure_overlap import overlap_ties
-from acx4book.chapters.synthetic_image.figure_pictures import head_pictures, synthetic_picture
-from acx4book.chapters.synthetic_image.figure_response import response_curves
-from acx4book.chapters.synthetic_image.figure_seams import seams
-from acx4book.chapters.synthetic_image.figures import refinements
+from acx4book.chapters.synthetic_image.figures.frame import refinements
+from acx4book.chapters.synthetic_image.figures.overlap import overlap_ties
+from acx4book.chapters.synthetic_image.figures.pictures import head_pictures, synthetic_picture
+from acx4book.chapters.synthetic_image.figures.response import response_curves
+from acx4book.chapters.synthetic_image.figures.seams import seams
 from acx4lib.geometry.camera import inside
+from acx4lib.stages.pictures import Exposed, Pictures
+from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads
 from acx4lib.synthetic_image.response import (
     OverlapResponse,
@@ -29,7 +30,7 @@ from acx4lib.synthetic_image.response import (
     ResponseFit,
     estimate_response,
 )
-from acx4lib.tie_points.ties import TiePoints, overlaps
+from acx4lib.tie_points.ties import TiePoints
 
 mpl.use("agg")
 
@@ -60,13 +61,14 @@ def title(ax):
 def pictured(images, k=K):
     """As the stage hands them to the figures: the exposure in the middle is the second of two."""
     dark = tuple(np.zeros_like(image) for image in images)
-    return SimpleNamespace(
+    return Pictures(
         exposed=(
-            SimpleNamespace(exposure="before", exposure_idx=3, images=dark),
-            SimpleNamespace(exposure="now", exposure_idx=7, images=tuple(images)),
+            Exposed(exposure="before", exposure_idx=3, images=dark),
+            Exposed(exposure="now", exposure_idx=7, images=tuple(images)),
         ),
         reduction=k,
         synthetic=taken.synthetic(k),
+        n_complete=2,
     )
 
 
@@ -116,13 +118,8 @@ def joined(*parts):
 
 
 def refined(orientation, ties, **others):
-    ways = {"as calibrated": orientation} | others
-    return SimpleNamespace(
-        kept=ties,
-        orientations=ways,
-        orientation=orientation,
-        overlaps=lambda way: overlaps(ties, ways[way]),
-    )
+    ways = {"before": orientation} | others
+    return Refinement(ties=ties, from_pixels=True, orientations=ways, fits={}, reasons={})
 
 
 @pytest.fixture(scope="module")
@@ -272,7 +269,7 @@ def ways(orientation, n=4):
         xyz = orientation.xyz_mm.copy()
         xyz[1, 0] += px * 0.0056
         shifted.append(replace(orientation, xyz_mm=xyz))
-    names = ("as calibrated", "mean differences", "three rotations", "rotations and places")
+    names = ("before", "mean shift", "rotations", "six")
     return refined(orientation, ties, **dict(zip(names[:n], [*shifted, orientation], strict=False)))
 
 
@@ -359,8 +356,8 @@ def seamed(pictures, orientation, images):
     heads = reduced_heads(orientation, K)
     response = estimate_response(images, heads, taken.synthetic(K), rng=rng)
     wrong = taken.turned_heads(orientation, 0.2, rng)  # some pixels of the reduced images
-    both = refined(orientation, tied(orientation, (0, 1), 10)[0], after=orientation)
-    both.orientations["as calibrated"] = wrong
+    both = refined(orientation, tied(orientation, (0, 1), 10)[0], rotations=orientation)
+    both.orientations["before"] = wrong
     return drawn(seams(pictures, both, response))
 
 
@@ -405,8 +402,8 @@ def test_a_misfit_is_shown_where_it_crosses_edges(orientation):
     seen = taken.pictures(reduced_heads(orientation, K), taken.synthetic(K), ground, rng)
     xyz = orientation.xyz_mm.copy()
     xyz[:2, :2] += 2 * PIXEL_MM
-    both = refined(orientation, tied(orientation, (0, 1), 10)[0])
-    both.orientations["as calibrated"] = replace(orientation, xyz_mm=xyz)
+    both = refined(orientation, tied(orientation, (0, 1), 10)[0], rotations=orientation)
+    both.orientations["before"] = replace(orientation, xyz_mm=xyz)
     fig = drawn(seams(pictured(seen), both, None))
     assert title(fig.axes[0]) == "CAM2 | CAM3"
 
