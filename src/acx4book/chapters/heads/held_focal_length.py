@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.adjust import Bundle, adjust, free_orientation
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.heads import RelativeOrientation, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
