@@ -62,7 +62,7 @@ def _folder() -> Path | None:
     """
     cellars = sorted(_HERE.glob("**/compiled/*.py"))
     used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
-    sources = b"".join(path.read_bytes() for path in used)
+    sources = b"".join(str(p.relative_to(_HERE)).encode() + p.read_bytes() for p in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
     cache = user_folder("XDG_CACHE_HOME", ".cache")
     roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]

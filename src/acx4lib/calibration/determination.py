@@ -10,7 +10,7 @@ import numpy as np
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
 from acx4lib.expected import Array
-from acx4lib.geometry.parameters import POSE, REPORTED
+from acx4lib.geometry.parameters import AXES, BORESIGHT, POSE, REPORTED
 from acx4lib.least_squares.covariance import correlation
 
 STRONG = 0.9
@@ -26,7 +26,7 @@ POSES = dict(
     zip(
         POSE,
         (
-            *(f"{axis} of {{}}positions" for axis in ("east", "north", "height")),
+            *(f"{axis} of {{}}positions" for axis in AXES),
             *(f"{{}}attitudes about {axis}" for axis in "xyz"),
         ),
         strict=True,
@@ -103,7 +103,7 @@ def _of_poses(label: str, v: Array) -> Part:
 def _reported(name: str) -> str:
     """Return a column's name in results; a boresight column, about camera axes, keeps its own."""
     owner, key = name.rsplit("/", 1)
-    if key in REPORTED and not key.startswith("boresight"):
+    if key in REPORTED and key not in BORESIGHT:
         key = REPORTED[key][0]
     return f"{owner}/{key}"
 

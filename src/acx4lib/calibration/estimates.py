@@ -13,7 +13,7 @@ from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.frames import opk_jacobian
-from acx4lib.geometry.parameters import MOUNT, REPORTED
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
 LIMIT_LEVER_M = 1.0
@@ -201,9 +201,9 @@ def is_determined(calibration: Calibration) -> Mask:
     for p in parameters(calibration):
         if p.key in ("f", "xp", "yp"):
             limits.append(LIMIT_INTERIOR * f[p.camera])
-        elif p.key.startswith("lever"):
+        elif p.key in LEVER_ARM:
             limits.append(LIMIT_LEVER_M)
-        elif p.key.startswith("boresight"):
+        elif p.key in BORESIGHT:
             limits.append(LIMIT_BORESIGHT_DEG)
         else:
             limits.append(np.inf)

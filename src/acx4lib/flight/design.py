@@ -80,6 +80,12 @@ def flying_heights(block: Block) -> Array:
     return above
 
 
+def ground_sample_m(block: Block) -> float:
+    """Return the ground sampling distance of the first camera, mean of the exposures, m."""
+    camera = block.cameras[0]
+    return float(camera.pixel_mm * flying_heights(block).mean() / camera.interior.f)
+
+
 def strip_of_exposure(block: Block) -> list[str]:
     """Return the strip of every exposure; an exposure of several images has the first one's."""
     strips = [""] * len(block.trajectory)

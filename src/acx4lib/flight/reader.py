@@ -33,6 +33,7 @@ from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
+from acx4lib.geometry.camera import Camera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,6 +77,18 @@ class Flight(Setup):
     def validation(self) -> Block | None:
         """Block 3, the independent one; None without this block."""
         return self.blocks.get("validation")
+
+    @property
+    def head_names(self) -> tuple[str, ...]:
+        """Cameras of block heads that are heads: those of [synthetic] in its order, or all."""
+        present = tuple(camera.name for camera in self.blocks["heads"].cameras)
+        named = self.synthetic.heads if self.synthetic else present
+        return tuple(name for name in named if name in present)
+
+    @property
+    def synthetic_camera(self) -> Camera | None:
+        """Camera of the synthetic image; None where flight.toml has no table [synthetic]."""
+        return self.cameras[self.synthetic.camera] if self.synthetic else None
 
 
 def read(path: str | Path, *, pictures: str | Path = "") -> Flight:

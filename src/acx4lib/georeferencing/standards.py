@@ -9,12 +9,12 @@ from __future__ import annotations
 import csv
 from dataclasses import asdict, dataclass
 from functools import cache
+from importlib import resources
 
 import numpy as np
 from scipy import stats
 
 from acx4lib import expected
-from acx4lib._data import data_path
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
@@ -133,8 +133,8 @@ class Asprs2023:
 
 @cache
 def _pec_pcd_rows() -> tuple[dict[str, str], ...]:
-    with data_path("standards", "pec_pcd.csv").open(newline="", encoding="utf-8") as file:
-        return tuple(csv.DictReader(file))
+    table = resources.files("acx4lib.georeferencing").joinpath("limits", "pec_pcd.csv")
+    return tuple(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
 
 
 def scales() -> tuple[int, ...]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import SMALLEST_ANGLE
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
+from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, SurveyedPoints

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +21,15 @@ from acx4lib.synthetic_image.compiled.blend_weights import Heads, Recipe, Window
 from acx4lib.synthetic_image.compiled.pixel_lanes import MOST_BANDS, method_number
 from acx4lib.synthetic_image.compiled.resampling import resample_cells
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
+from acx4lib.synthetic_image.response import Response
 
 Interpolation = Literal["bilinear", "cubic"]
 
+FEATHER_PX = 150.0
+"""Usual width of the blend of two heads, px of a head at full size."""
+
 STRIPE = 1024  # rows that are rendered at a time; more would not be faster
 CELLS = 32  # columns of cells that a thread takes at a time; with fewer, handing out costs more
-
-
-class HasCoefficients(Protocol):
-    """The response of heads, `response.Response`."""
-
-    @property
-    def coefficients(self) -> Array:
-        """g, a, b of exp(g + a q + b q^2), shape (n_heads, n_bands, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +56,7 @@ class RenderPlan:
     width_px: int
     height_px: int
     coefficients: Array | None = None
-    feather_px: float = 150.0
+    feather_px: float = FEATHER_PX
     interpolation: Interpolation = "bilinear"
 
     def __post_init__(self) -> None:
@@ -89,8 +85,8 @@ def render_plan(
     orientation: RelativeOrientation,
     synthetic: Camera,
     *,
-    response: HasCoefficients | None = None,
-    feather_px: float = 150.0,
+    response: Response | None = None,
+    feather_px: float = FEATHER_PX,
     interpolation: Interpolation = "bilinear",
     step_px: int | None = None,
 ) -> RenderPlan:

@@ -26,8 +26,8 @@ HEAD_ANGLES_DEG = MappingProxyType(
 # give f_1. With 74.136 the largest and the smallest f differ equally from 74; then terrain causes
 # the smallest misfit. A wrong f in an oblique head also shifts its x_p and y_p (by up to 0.04 mm
 # here) and turns it (by up to 0.03 deg). With these constants an adjustment of exact data of seed
-# 1 gives x_p, y_p, k1, p1, p2 and Zc of Table 1; tests/find_head_truth.py found them. The lens
-# centres form a square of 16 cm around that of the synthetic camera.
+# 1 gives x_p, y_p, k1, p1, p2 and Zc of Table 1; tests/support/flights/find_head_truth.py found
+# them. The lens centres form a square of 16 cm around that of the synthetic camera.
 HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] = MappingProxyType(
     {
         "CAM1": (

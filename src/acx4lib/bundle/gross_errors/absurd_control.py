@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.adjust import Bundle, robust_start
+from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.ray_misfits import ASTRAY, control_misfits
 from acx4lib.bundle.start.start_values import turned_alike
+from acx4lib.bundle.uses import robust_start
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.intersection import intersect

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle, adjust, robust_start
+from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
