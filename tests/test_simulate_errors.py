@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import acx4sim
 from acx4sim import air, fly
+from acx4sim.plan import GrossErrors, SlowErrors
 
 BLOCK = ("calibration",)
 EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise": 0}
@@ -36,7 +37,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def spoiled():
-    return acx4(gross_errors=acx4sim.GrossErrors())
+    return acx4(gross_errors=GrossErrors())
 
 
 def changed(flight, other, name):
@@ -89,7 +90,7 @@ def test_one_position_is_3_m_off_and_no_other(plain, spoiled):
 
 def test_another_exposures_heading_is_wrong_by_what_is_listed():
     """Where the tables have headings; body and horizon are a degree apart, hence the tolerance."""
-    flights = single_head(), single_head(gross_errors=acx4sim.GrossErrors())
+    flights = single_head(), single_head(gross_errors=GrossErrors())
     (told,) = mistakes(flights[1], "attitude")
     found = changed(*flights, "calibration/trajectory.csv")["heading_deg"]
     found = found[found.abs() > 1e-5]
@@ -120,11 +121,11 @@ def test_the_truth_with_its_mistakes_is_json_and_the_flight_hides_them(spoiled, 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acx4sim.GrossErrors(image_points=1.2), "must be a share"),
-        (lambda: acx4sim.GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
-        (lambda: acx4(gross_errors=acx4sim.GrossErrors(block="heads")), "'heads' is not simul"),
-        (lambda: acx4sim.SlowErrors(gnss=-0.1), "gnss must be a share"),
-        (lambda: acx4sim.SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
+        (lambda: GrossErrors(image_points=1.2), "must be a share"),
+        (lambda: GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
+        (lambda: acx4(gross_errors=GrossErrors(block="heads")), "'heads' is not simul"),
+        (lambda: SlowErrors(gnss=-0.1), "gnss must be a share"),
+        (lambda: SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
         (lambda: acx4sim.Options(refraction="some"), "refraction is 'none' or 'standard'"),
     ],
 )
@@ -158,15 +159,15 @@ def errors(**options):
 
 def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
     white = errors()
-    slow = errors(slow_errors=acx4sim.SlowErrors(gnss=1.0, attitude=0.0))
-    both = errors(slow_errors=acx4sim.SlowErrors(gnss=0.8, attitude=0.0))
+    slow = errors(slow_errors=SlowErrors(gnss=1.0, attitude=0.0))
+    both = errors(slow_errors=SlowErrors(gnss=0.8, attitude=0.0))
     assert_allclose(both[0], 0.8 * slow[0] + 0.6 * white[0], atol=3e-6)
     # attitudes refer to the grid's north at the recorded position, 1e-7 deg elsewhere
     assert_allclose(slow[1], white[1], atol=1e-6)
 
 
 def test_slow_errors_of_an_endless_time_constant_are_one_shift():
-    forever = acx4sim.SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
+    forever = SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
     position, attitude = errors(slow_errors=forever)
     assert_allclose(position - position[0], 0.0, atol=5e-6)
     assert_allclose(attitude - attitude[0], 0.0, atol=1e-6)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-import acx4sim
 from acx4book.chapters.rig.deformations import Deformation, deformation
 from acx4book.chapters.rig.one_by_one import oriented
 from acx4lib.calibration import rig
@@ -22,6 +21,7 @@ from acx4lib.flight.block import Block, select_cameras
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting
+from acx4sim.files.writer import truth_path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ def deform(
 
 def true_heads(flight: Flight, stage: RigStage) -> tuple[Camera, ...]:
     """Return the heads as they truly are; none where the flight was not simulated."""
-    path = acx4sim.truth_path(flight.pictures.resolve())
+    path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
     told = json.loads(path.read_text("utf-8"))["cameras"]

@@ -20,6 +20,7 @@ from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.weights import scaled, weighted
 from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
+from acx4sim.plan import SlowErrors
 
 TIES = MappingProxyType({"calibration": 150})
 """Tie points of the simulated blocks: enough for what the trajectory does, and quick."""
@@ -28,9 +29,7 @@ EXACT = acx4sim.Options(
     image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0, tie_points=TIES
 )
 
-KINDS: Mapping[str, acx4sim.SlowErrors | None] = MappingProxyType(
-    {"white": None, "slow": acx4sim.SlowErrors()}
-)
+KINDS: Mapping[str, SlowErrors | None] = MappingProxyType({"white": None, "slow": SlowErrors()})
 """Trajectory errors of the same size: independent, or changing slowly."""
 
 SetUp = Callable[[Block, Sequence[str]], Network]
