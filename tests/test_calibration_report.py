@@ -11,11 +11,19 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book import report
 from acx4book.command.acx4 import main
 from acx4book.report import estimates, groups, stability, verdict
-from acx4book.report.material import residuals
+from acx4book.report.describe import identification
+from acx4book.report.material import Material, image_residuals, read, residuals
 from acx4book.report.page import markdown
+from acx4book.report.sections import (
+    correlation_sentence,
+    method_table,
+    parameter_table,
+    verdict_table,
+)
+from acx4book.report.stability import boresights
+from acx4book.report.verdict import findings, statement
 from acx4lib.errors import FlightError
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder.marks import MARK
@@ -31,7 +39,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def run(made):
-    return report.read(made[1])
+    return read(made[1])
 
 
 @pytest.fixture
@@ -55,8 +63,8 @@ def edit_summary(folder, key, **values):
 
 
 def state(folder_or_run, question):
-    material = folder_or_run if isinstance(folder_or_run, report.Material) else None
-    found = report.findings(material or report.read(folder_or_run))
+    material = folder_or_run if isinstance(folder_or_run, Material) else None
+    found = findings(material or read(folder_or_run))
     return next((f.state, f.answer) for f in found if f.question == question)
 
 
@@ -75,7 +83,7 @@ def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, 
         ]
     )
     table[list(results.COLUMNS["residuals"])].to_csv(folder / "residuals.csv", index=False)
-    (group,) = groups.qualities(report.read(folder), SINGLE)
+    (group,) = groups.qualities(read(folder), SINGLE)
     assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
     assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)
     assert_allclose(group.redundancy, 19.0)
@@ -132,7 +140,7 @@ def test_significance_is_against_zero_or_what_was_declared(run):
 
 def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
     """A declared mount of 180 degrees, an estimate of -179.9."""
-    material = report.read(folder)
+    material = read(folder)
     camera = material.flight.cameras["CAM"]
     turned = np.diag([-1.0, -1.0, 1.0])
     mount = replace(camera, T_b_c=replace(camera.T_b_c, R=turned))
@@ -160,11 +168,11 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
         columns=list(results.COLUMNS["covariance"]),
     )
     table.to_csv(folder / "covariance.csv", index=False)
-    material = report.read(folder)
+    material = read(folder)
     pairs = estimates.strong_pairs(material, SINGLE)
     assert [(p.one, p.other) for p in pairs] == [tuple(names[:2]), tuple(names[1:])]
     assert_allclose([p.rho for p in pairs], [0.95, -0.91])
-    assert report.correlation_sentence(material) == (
+    assert correlation_sentence(material) == (
         "Correlations above 0.9: $f$ and $x_p$ (+0.95), $x_p$ and $y_p$ (-0.91)."
     )
 
@@ -173,7 +181,7 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
 
 
 def test_boresights_scatter_as_their_sigma_says(run):
-    found = report.boresights(run)
+    found = boresights(run)
     assert len(found) == len(run.flight.calibration.images)
     assert found["time_s"].is_monotonic_increasing
     for axis in stability.AXES:
@@ -186,7 +194,7 @@ def test_boresights_scatter_as_their_sigma_says(run):
 
 def test_an_image_turned_to_the_left_turns_the_boresight_about_z(folder):
     """kappa counts from x to y seen from above, and so does a turn about the body's z axis."""
-    before = report.boresights(report.read(folder))
+    before = boresights(read(folder))
     image, n = before["image"][3], len(before)
 
     def turn(table):
@@ -194,7 +202,7 @@ def test_an_image_turned_to_the_left_turns_the_boresight_about_z(folder):
         table.loc[rows, "kappa_deg"] = table.loc[rows, "kappa_deg"].astype(float) + 0.5
 
     edit(folder, "exterior_orientation", turn)
-    after = report.boresights(report.read(folder))
+    after = boresights(read(folder))
     change = (after["z_deg"] - before["z_deg"]).to_numpy()
     # attitudes of a few degrees: the cosine is one within 1 %, and the mean takes its part
     assert_allclose(change[3], 0.5 * (1 - 1 / n), atol=0.005)
@@ -225,11 +233,11 @@ def test_a_drift_is_found_with_its_size_and_noise_is_none(rng):
 
 
 def test_a_good_run_holds(run):
-    found = report.findings(run)
+    found = findings(run)
     assert [f.question for f in found if f.state == verdict.FAILS] == []
     n = sum(f.state == verdict.HOLDS for f in found)
     said = f"**The results hold.** All {n} tests of this report are passed."
-    assert report.statement(found) == said
+    assert statement(found) == said
     assert n >= 7
 
 
@@ -245,7 +253,7 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
     def optimistic(table):
         rows = (table["kind"] == "gnss") & (table["component"] == "height_m")
         ratio = next(
-            g.ratio for g in groups.qualities(report.read(folder), SINGLE) if "GNSS, h" in g.group
+            g.ratio for g in groups.qualities(read(folder), SINGLE) if "GNSS, h" in g.group
         )
         table.loc[rows, "sigma"] = table.loc[rows, "sigma"].astype(float) * ratio / 2.5
 
@@ -300,7 +308,7 @@ def test_without_check_points_the_accuracy_is_not_shown(folder):
 
 
 def test_many_rejected_observations_are_no_single_errors(folder):
-    n = report.read(folder).found.summary[SINGLE]["n_observations"]
+    n = read(folder).found.summary[SINGLE]["n_observations"]
     edit_summary(folder, SINGLE, n_rejected=int(0.01 * n))
     assert state(folder, "Gross errors")[0] == "holds"
     edit_summary(folder, SINGLE, n_rejected=int(0.01 * n) + 1)
@@ -311,8 +319,8 @@ def test_what_fails_stands_first_and_in_the_sentence():
     good = verdict.Finding(question="Good", state="holds", answer="")
     bad = verdict.Finding(question="Bad thing", state="fails", answer="")
     note = verdict.Finding(question="Odd", state="note", answer="")
-    assert list(report.verdict_table([good, note, bad])["Question"]) == ["Bad thing", "Good", "Odd"]
-    assert report.statement([good, note, bad]) == (
+    assert list(verdict_table([good, note, bad])["Question"]) == ["Bad thing", "Good", "Odd"]
+    assert statement([good, note, bad]) == (
         "**Not everything holds.** 1 of 2 tests fails: bad thing."
     )
 
@@ -321,7 +329,7 @@ def test_what_fails_stands_first_and_in_the_sentence():
 
 
 def test_the_identification_names_flight_camera_system_and_software(run):
-    said = report.identification(run).set_index("Item")["Statement"]
+    said = identification(run).set_index("Item")["Statement"]
     assert said["Flight"] == run.flight.name
     assert "pixels of 4.6 µm; declared focal length 50 mm" in said["Camera CAM"]
     assert said["Coordinate system"] == "WGS 84 / UTM zone 33N (EPSG:32633)"
@@ -331,18 +339,18 @@ def test_the_identification_names_flight_camera_system_and_software(run):
 
 
 def test_parameters_stand_with_their_sigma(run):
-    table = report.parameter_table(run).set_index("Parameter")
+    table = parameter_table(run).set_index("Parameter")
     rows = results.parameters(run.found, SINGLE, "CAM")
     value, sigma = table.loc["$f$ (mm)", "Value and σ"].split(" ± ")
     assert_allclose(float(value), rows.loc["f_mm", "value"], atol=1e-4)
     assert_allclose(float(sigma), rows.loc["f_mm", "sigma"], rtol=0.05)
     assert len(table) == len(rows)
-    methods = report.method_table(run).set_index("Parameter")
+    methods = method_table(run).set_index("Parameter")
     assert methods.loc["lever arm $x$ (m)", "Two-step, GNSS positions"] == "held"
 
 
 def test_residuals_stand_where_they_were_measured(run):
-    table = report.image_residuals(run, SINGLE)
+    table = image_residuals(run, SINGLE)
     block = run.flight.calibration
     one = table.iloc[7]
     i = block.images.names.index(one["image"])
@@ -450,4 +458,4 @@ def test_residuals_of_another_flight_are_refused(folder):
 
     edit(folder, "residuals", rename)
     with pytest.raises(FlightError, match="not of the flight kept beside it"):
-        report.image_residuals(report.read(folder), SINGLE)
+        image_residuals(read(folder), SINGLE)

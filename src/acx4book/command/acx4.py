@@ -258,11 +258,11 @@ def report(
     ] = None,
 ) -> None:
     """Write the calibration report of a run."""
-    from acx4book import report as calibration_report  # noqa: PLC0415 quick help
+    from acx4book.report.page.page import write  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
     with stage_bars() as tell:
-        calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
+        write(results, path, on_cell=lambda *cells: tell("report", *cells))
     show(path)
 
 
