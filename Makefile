@@ -90,14 +90,14 @@ test: .venv/.stamp-test ## all tests, slow ones included
 	@$(BIN)/pytest -q -n 2
 
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
-	@PYTHONPATH=tests nice $(BIN)/python -m fuzz.run --cases $(N) --seed $(SEED)
+	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
 
 bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
-	@$(BIN)/python tests/benchmarks/adjustment.py
-	@PYTHONPATH=tests $(BIN)/python tests/benchmarks/rendering.py
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 
 coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma, for data/benchmarks
-	@PYTHONPATH=tests nice $(BIN)/python tests/benchmarks/coverage_flights.py
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
 
 # --- the notebooks on one flight -----------------------------------------------------------
 

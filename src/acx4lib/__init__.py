@@ -22,16 +22,16 @@ from importlib import import_module
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from acx4lib.calibration.flight_mounting import calibrate
     from acx4lib.flight.reader import read
     from acx4lib.georeferencing.direct import georeference
     from acx4lib.georeferencing.validation import validate
     from acx4lib.production.flight_images import render_flight as render
+    from acx4lib.stages.mounting import calibrate
 
 __all__ = ["calibrate", "georeference", "read", "render", "validate"]
 
 _STANDS_IN = {
-    "calibrate": ("calibration.flight_mounting", "calibrate"),
+    "calibrate": ("stages.mounting", "calibrate"),
     "georeference": ("georeferencing.direct", "georeference"),
     "read": ("flight.reader", "read"),
     "render": ("production.flight_images", "render_flight"),

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-import flights_simulated as simulated
-import machine
 from acx4lib.calibration import mounting
 from acx4lib.georeferencing import validation
+from benchmarks import machine
+from support.flights import simulated
 
-OUT = Path(__file__).parents[2] / "data" / "benchmarks"
+OUT = machine.ROOT / "data" / "benchmarks"
 DESIGN = "acx4"
 SEEDS = range(1, 201)
 VALIDATED = ("two_step", "single_step")

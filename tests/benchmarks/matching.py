@@ -1,7 +1,7 @@
 """Tie points of one overlap: corners and least-squares matching against SIFT, in one run.
 
-``python tests/benchmarks/matching.py [REDUCE]`` simulates two heads of an exposure and writes one
-JSON object a line; `measure` gives the same as a list.
+``PYTHONPATH=tests python -m benchmarks.matching [REDUCE]`` simulates two heads of an exposure and
+writes one JSON object a line; `measure` gives the same as a list.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-import printed_camera
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
@@ -25,7 +24,8 @@ from acx4sim.designs import acx4_plan
 from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, reduced, station
 from acx4sim.pictures.photography import landscape
 from acx4sim.pictures.pictures import Tiles, camera_image
-from measure import timed
+from benchmarks.measure import timed
+from support.pictures import printed_camera
 
 EXPOSURE, HEADS, SEED = "H3-04", ("CAM1", "CAM2"), 1
 KEY_POINTS, RATIO, CONSENSUS_PX = 20_000, 0.8, 1.0

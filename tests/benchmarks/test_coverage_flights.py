@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import coverage_flights
-import flights_simulated as simulated
+from benchmarks import coverage_flights
+from support.flights import simulated
 
 
 @pytest.fixture(scope="module")

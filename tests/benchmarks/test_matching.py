@@ -2,7 +2,7 @@
 
 import pytest
 
-import matching
+from benchmarks import matching
 
 
 @pytest.fixture(scope="module")

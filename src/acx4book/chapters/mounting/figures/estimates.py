@@ -1,0 +1,147 @@
+"""Figures of the mounting calibration: eqs (12)-(13) by image, and the lever arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from acx4book.typesetting.style import (
+    BLUE,
+    INK,
+    ORANGE,
+    SOFT,
+    WIDTH,
+    colour,
+    legend_below,
+    nothing,
+    plain,
+    style,
+)
+from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.frames import Pose, log
+
+
+def mounting_per_image(
+    mountings: Mountings, method: str, *, boresight_sigma_deg: Array | None = None
+) -> Figure:
+    """Draw what every image says of boresight and lever arm, eqs (12) and (13), less their mean.
+
+    Parameters
+    ----------
+    mountings : Mountings
+    method : str
+        One of the two-step methods.
+    boresight_sigma_deg : ndarray, shape (3,), optional
+        Of the trajectory's attitude, drawn as a band.
+
+    Raises
+    ------
+    ValueError
+        For a method that has no mounting per image.
+    """
+    if method not in mountings.methods:
+        return nothing(f"{method} was left out: {mountings.failures.get(method, '')}")
+    mounting = mountings[method]
+    if mounting.per_image is None or mounting.averaged is None:
+        msg = f"{method} has no mounting per image"
+        raise ValueError(msg)
+    with style():
+        fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 3.9), sharex=True, sharey="row")
+        _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
+        for axis, name in enumerate(("x", "y", "z")):
+            axes[0, axis].set_title(f"about and along {name}")
+            if boresight_sigma_deg is not None:
+                s = float(boresight_sigma_deg[axis])
+                axes[0, axis].axhspan(-s, s, color=SOFT, alpha=0.12, lw=0, zorder=0)
+            for ax in axes[:, axis]:
+                ax.axhline(0, color=INK, lw=0.7)
+            axes[1, axis].set_xlabel("image number")
+        axes[0, 0].set_ylabel("boresight less mean (°)")
+        axes[1, 0].set_ylabel("lever arm less mean (m)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        if any(labels):
+            legend_below(fig, handles, ncols=6)
+    return fig
+
+
+def _draw_per_image(axes: Any, mounting: Mounting, T_b_c: Pose, averaged: Mask) -> None:
+    """Draw the boresights and lever arms of every camera's images, less their mean."""
+    block = mounting.bundle.network.block
+    for k, camera in enumerate(mounting.calibration.cameras):
+        own = np.flatnonzero(averaged & (block.images.camera_idx == k))
+        seen = T_b_c[own]
+        turn = np.degrees(log(seen.R @ camera.T_b_c.R.T))
+        shift = seen.r - seen.r.mean(axis=0)
+        strips = [block.images.strips[i] for i in own]
+        for axis in range(3):
+            _by_strip(axes[0, axis], own, turn[:, axis], strips)
+            _by_strip(axes[1, axis], own, shift[:, axis], strips)
+
+
+def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None:
+    """Draw values over image numbers, a colour for every strip."""
+    for i, strip in enumerate(dict.fromkeys(strips)):
+        own = np.array([s == strip for s in strips])
+        ax.plot(
+            *(number[own] + 1, values[own], "o"),
+            ms=2.8,
+            color=colour(i),
+            label=f"strip {plain(strip)}" if strip else "",
+        )
+
+
+def lever_arm_seen(table: pd.DataFrame) -> Figure:
+    """Draw the lever arm that the two-step interior orientation took up beside the true one.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `variants.lever_arm_seen` returns it.
+    """
+    if table.empty:
+        return nothing("One of the two methods gave no result.")
+    labels = {
+        "xp": "$x$: from the shift of $x_p$",
+        "yp": "$y$: from the shift of $y_p$",
+        "f": "$z$: from the shift of $f$",
+    }
+    several = len(set(table["camera"])) > 1
+    names = [
+        f"{plain(camera)} {labels[str(key)]}" if several else labels[str(key)]
+        for camera, key in zip(table["camera"], table["parameter"], strict=True)
+    ]
+    rows = np.arange(len(table))
+    with style():
+        fig, ax = plt.subplots(figsize=(WIDTH, 1.1 + 0.4 * len(table)))
+        for offset, value, sigma, name, tint in (
+            (
+                -0.13,
+                "lever_seen_m",
+                "sigma_seen_m",
+                "from interior orientations",
+                ORANGE,
+            ),
+            (0.13, "lever_estimated_m", "sigma_estimated_m", "estimated by the single step", BLUE),
+        ):
+            ax.errorbar(
+                *(table[value], rows + offset),
+                xerr=2 * table[sigma],
+                fmt="o",
+                color=tint,
+                capsize=2.5,
+                lw=1.2,
+                ms=5,
+                label=f"{name}, ±2σ",
+            )
+        ax.axvline(0, color=INK, lw=0.7)
+        ax.set_yticks(rows, names)
+        ax.set_ylim(len(rows) - 0.5, -0.5)
+        ax.set_xlabel("lever arm, axes of the camera (m)")
+        legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
+    return fig

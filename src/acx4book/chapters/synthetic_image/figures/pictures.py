@@ -1,0 +1,301 @@
+"""Figures of the heads' pixels: as they were taken, tied to each other, and put together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from acx4book.typesetting.pictures import (
+    ALL_LEVELS,
+    HALO,
+    NO_PICTURES,
+    OUTLINED,
+    Stretch,
+    Window,
+    common_stretch,
+    displayed,
+    extent_mm,
+    factor_for,
+    frameless,
+    in_mm,
+    middle_xy,
+    smaller,
+)
+from acx4book.typesetting.style import (
+    INK,
+    PAPER,
+    SOFT,
+    WIDTH,
+    bare,
+    colour,
+    heading,
+    nothing,
+    plain,
+    scale_bar,
+    style,
+)
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index, Raster
+from acx4lib.geometry.camera import Camera, inside
+from acx4lib.stages.pictures import Pictures
+from acx4lib.synthetic_image.frame import footprint, head_from_synthetic, reduced_camera
+
+FRAMES_WIDTH = 5.1
+"""Of the heads' pictures beside each other, inches: larger ones would weigh too much."""
+
+IMAGE_WIDTH = 3.5
+"""Of the synthetic image, inches."""
+
+CROP_PX = 170
+"""Side of what `synthetic_picture` shows enlarged, pixels."""
+
+EDGE_PX = 5
+"""Means of so many pixels tell a town, which has many edges, from a field with a fine pattern."""
+
+
+# --- as they were taken ----------------------------------------------------------------------
+
+
+def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -> Figure:
+    """Draw the images of all heads as they were taken, where each lies in the synthetic image.
+
+    One stretch for all heads and bands: what gain and falloff do is seen.
+
+    Parameters
+    ----------
+    pictures : Pictures or None
+        The exposure in the middle is drawn.
+    orientation : RelativeOrientation
+        Of the full-size heads; says where flight goes, and where the middle of the synthetic
+        image lies.
+
+    Returns
+    -------
+    Figure
+        A sentence where there are no pictures.
+    """
+    if pictures is None:
+        return nothing(NO_PICTURES)
+    one = pictures.middle
+    grid = _places(orientation)
+    n_rows, n_cols = grid.shape
+    wide = FRAMES_WIDTH / n_cols - 0.2
+    small = [smaller(image, factor_for(image.shape[1], wide)) for image in one.images]
+    stretch = common_stretch(small)
+    first = orientation.heads[0]
+    tall = n_rows * (wide * first.height_px / first.width_px + 0.3) + 0.1
+    with style():
+        fig = plt.figure(figsize=(WIDTH, tall))
+        ratios = [FRAMES_WIDTH / n_cols] * n_cols + [WIDTH - FRAMES_WIDTH]
+        cells = fig.add_gridspec(n_rows, n_cols + 1, width_ratios=ratios)
+        for k, image in enumerate(small):
+            row, col = np.argwhere(grid == k)[0]
+            ax = fig.add_subplot(cells[row, col])
+            _draw_head(ax, displayed(image, stretch), orientation, k)
+            _draw_directions(ax, orientation, k, pictures.synthetic)
+        _draw_scheme(fig.add_subplot(cells[:, -1]), orientation, pictures.synthetic)
+    return fig
+
+
+def _places(orientation: RelativeOrientation) -> Index:
+    """Return the heads in rows and columns as they lie in the synthetic image, -1 for none."""
+    middle = np.array([middle_xy(orientation, k) for k in range(len(orientation.heads))])
+    n = len(middle)
+    n_cols = int(np.ceil(np.sqrt(n)))
+    grid = np.full((-(-n // n_cols), n_cols), -1)
+    downwards = np.argsort(-middle[:, 1], kind="stable")
+    for row, start in enumerate(range(0, n, n_cols)):
+        own = downwards[start : start + n_cols]
+        grid[row, : len(own)] = own[np.argsort(middle[own, 0], kind="stable")]
+    return grid
+
+
+def _draw_head(ax: Axes, image: Array, orientation: RelativeOrientation, k: int) -> None:
+    """Draw a head's picture in full-size pixels, rows down."""
+    camera = orientation.heads[k]
+    w, h = camera.width_px, camera.height_px
+    extent: Any = (-0.5, w - 0.5, h - 0.5, -0.5)
+    ax.imshow(image, extent=extent, interpolation="nearest")
+    frameless(ax)
+    ax.set_title(plain(camera.name), color=colour(k), pad=4)
+
+
+def _draw_directions(ax: Axes, orientation: RelativeOrientation, k: int, synthetic: Camera) -> None:
+    """Draw where the flight goes, and where the middle of the synthetic image is."""
+    camera = orientation.heads[k]
+    ends = _flight_arrow(synthetic, 0.13 * camera.width_px * camera.pixel_mm)
+    tail, tip = head_from_synthetic(orientation, k, middle_xy(orientation, k) + ends)
+    arrow = {"arrowstyle": "->", "color": "white", "lw": 1.6, "mutation_scale": 11}
+    style_of = arrow | {"path_effects": OUTLINED}
+    ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=style_of)
+    middle = head_from_synthetic(orientation, k, np.zeros((1, 2)))[0]
+    if inside(camera, middle):
+        ax.plot(*middle, "o", ms=6, mfc="none", mec="white", mew=1.5, path_effects=OUTLINED)
+
+
+def _flight_arrow(synthetic: Camera, length: float) -> Array:
+    """Return tail and tip of an arrow in the direction of flight, shape (2, 2), mm."""
+    forward = synthetic.T_b_c.R.T[:2, 0]
+    return length * np.array([-0.5, 0.5])[:, None] * forward
+
+
+def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) -> None:
+    """Draw the heads in the frame of the synthetic image, with the marks of the pictures."""
+    left, right, bottom, top = extent_mm(synthetic)
+    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fc=PAPER, ec=INK, lw=1))
+    for k, camera in enumerate(orientation.heads):
+        ax.plot(*footprint(orientation, k, per_side=20).T, color=colour(k), lw=0.8)
+        ax.annotate(
+            plain(camera.name),
+            tuple(middle_xy(orientation, k)),
+            ha="center",
+            va="center",
+            color=colour(k),
+            weight="bold",
+            fontsize=7,
+        )
+    ax.plot(0, 0, "o", ms=6, mfc="none", mec=INK, mew=1.3)
+    tail, tip = _flight_arrow(synthetic, 0.4 * (right - left)) + np.array([0, 1.2 * bottom])
+    arrow = {"arrowstyle": "->", "color": INK, "lw": 1.4, "mutation_scale": 11}
+    ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
+    said: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 7.5, "color": SOFT}
+    ax.text(0, 1.27 * bottom, "arrow: flight\nring: middle of the image", **said)
+    bare(ax)
+    ax.set(xticks=[], yticks=[], xlim=(1.35 * left, 1.35 * right), aspect="equal")
+    ax.set_ylim(1.5 * bottom, 1.25 * top)
+    heading(ax, "where they lie", "in the synthetic image")
+
+
+# --- put together ----------------------------------------------------------------------------
+
+
+def synthetic_picture(
+    image: Raster | None,
+    pictures: Pictures | None,
+    orientation: RelativeOrientation,
+    *,
+    height_m: float | None = None,
+) -> Figure:
+    """Draw the synthetic image, the outlines of its heads, and two places of it enlarged.
+
+    Parameters
+    ----------
+    image : ndarray or None, shape (rows, cols, bands)
+    pictures : Pictures or None
+        That it was rendered from.
+    orientation : RelativeOrientation
+    height_m : float, optional
+        Flying height over ground; the scale bar is one on the ground then, in the image else.
+
+    Returns
+    -------
+    Figure
+        A sentence where there is no image.
+    """
+    if image is None or pictures is None:
+        return nothing(NO_PICTURES)
+    synthetic, wide = pictures.synthetic, IMAGE_WIDTH
+    k = factor_for(image.shape[1], wide)
+    small = smaller(image, k)
+    stretch = common_stretch([small])
+    places = _busiest(image)
+    tall = wide * synthetic.height_px / synthetic.width_px
+    with style():
+        fig = plt.figure(figsize=(WIDTH, tall + 0.45))
+        grid = fig.add_gridspec(len(places), 2, width_ratios=[wide, tall / len(places)])
+        ax = fig.add_subplot(grid[:, 0])
+        in_mm(ax, displayed(small, stretch), reduced_camera(synthetic, k))
+        _draw_heads(ax, orientation, synthetic)
+        left, right, bottom, top = extent_mm(synthetic)
+        ax.set(xlim=(left, right), ylim=(bottom, top))
+        _draw_scale(ax, synthetic, height_m)
+        for number, window in enumerate(places):
+            _mark(ax, synthetic, window, "AB"[number])
+            _draw_crop(fig.add_subplot(grid[number, 1]), image, stretch, window, "AB"[number])
+        frameless(ax)
+        size = (
+            f"{synthetic.width_px} x {synthetic.height_px} px of {1000 * synthetic.pixel_mm:g} µm"
+        )
+        heading(ax, "synthetic image", size)
+    return fig
+
+
+def _draw_heads(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) -> None:
+    """Draw outlines, and names at the border of the image."""
+    left, right, bottom, top = extent_mm(synthetic)
+    border = np.array([right - left, top - bottom]) / 2
+    for k in range(len(orientation.heads)):
+        outline = footprint(orientation, k, per_side=30)
+        ax.plot(*outline.T, color="white", lw=1.6, alpha=0.35, zorder=3)
+        ax.plot(*outline.T, color=colour(k), lw=0.8, alpha=0.9, zorder=4)
+        side = np.sign(np.round(middle_xy(orientation, k), 3))
+        ax.annotate(
+            orientation.heads[k].name,
+            tuple(side * (border - 0.02 * border.min())),
+            ha=("left", "center", "right")[int(side[0]) + 1],
+            va=("bottom", "center", "top")[int(side[1]) + 1],
+            color=colour(k),
+            weight="bold",
+            path_effects=HALO,
+            zorder=6,
+        )
+
+
+def _draw_scale(ax: Axes, synthetic: Camera, height_m: float | None) -> None:
+    """Draw a scale bar under the picture."""
+    f = synthetic.interior.f
+    per_mm, unit = (1.0, "mm") if height_m is None else (height_m / f, "m")
+    scale_bar(ax, per_axis_unit=per_mm, unit=unit, at=(0.0, -0.055))
+
+
+def _busiest(image: Raster) -> list[Window]:
+    """Return the two windows with most edges, at least a third of the image apart."""
+    side = min(CROP_PX, *image.shape[:2])
+    rows, cols = image.shape[0] // side, image.shape[1] // side
+    score = np.zeros((rows, cols))
+    for i in range(rows):
+        line = np.sqrt(smaller(image[i * side : (i + 1) * side], min(EDGE_PX, side)))
+        edges = np.abs(np.diff(line, axis=1)).mean(axis=(0, 2))
+        parts = np.array_split(edges, cols)
+        score[i] = [part.mean() if part.size else 0.0 for part in parts]
+    inner = score[1:-1, 1:-1] if min(rows, cols) > 4 else score  # names stand at the border
+    offset = (rows - inner.shape[0]) // 2
+    place = np.moveaxis(np.indices(inner.shape), 0, -1)
+    first = place[np.unravel_index(np.argmax(inner), inner.shape)]
+    far = np.hypot(*np.moveaxis(place - first, -1, 0)) >= max(rows, cols) / 3
+    second = place[np.unravel_index(np.argmax(np.where(far, inner, -1)), inner.shape)]
+    found = sorted({(int(i) + offset, int(j) + offset) for i, j in (first, second)})
+    return [(i * side, (i + 1) * side, j * side, (j + 1) * side) for i, j in found]
+
+
+def _mark(ax: Axes, synthetic: Camera, window: Window, letter: str) -> None:
+    """Draw where an enlarged part is."""
+    left, right, bottom, top = extent_mm(synthetic, window)
+    for width, ink in ((2.4, INK), (1.2, "white")):
+        ax.add_patch(
+            Rectangle((left, bottom), right - left, top - bottom, fc="none", ec=ink, lw=width)
+        ).set_zorder(7)
+    ax.annotate(
+        letter,
+        (right, top),
+        xytext=(3, 0),
+        textcoords="offset points",
+        va="top",
+        weight="bold",
+        path_effects=HALO,
+        zorder=8,
+    )
+
+
+def _draw_crop(ax: Axes, image: Raster, stretch: Stretch, window: Window, letter: str) -> None:
+    """Draw pixels as squares."""
+    top, bottom, left, right = window
+    part = displayed(image[top:bottom, left:right], stretch, levels=ALL_LEVELS)
+    ax.imshow(part, interpolation="nearest")
+    frameless(ax)
+    heading(ax, letter, f"{right - left} x {bottom - top} px at column {left}, row {top}")

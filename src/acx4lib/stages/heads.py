@@ -1,0 +1,125 @@
+"""Calibration and relative orientation of the heads (sections 2.1 and 4.1, Table 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration.correlations import interior_exterior, largest_pairs
+from acx4lib.calibration.estimates import from_bundle, not_determined
+from acx4lib.calibration.heads import (
+    Heads,
+    RelativeOrientation,
+    calibrate_heads,
+    relative_orientation,
+)
+from acx4lib.errors import AdjustmentError
+from acx4lib.flight.reader import Flight
+from acx4lib.results.adjustments import (
+    Record,
+    of_bundle,
+    of_failure,
+    of_left_out,
+    of_relative_orientation,
+    write,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeadsStage:
+    """The heads, calibrated each by itself and oriented to each other.
+
+    Attributes
+    ----------
+    heads : Heads
+    orientation : RelativeOrientation or None
+    left_out : str
+        Why there is no relative orientation; empty where there is one.
+    """
+
+    heads: Heads
+    orientation: RelativeOrientation | None
+    left_out: str = ""
+
+
+def run(flight: Flight, results_path: str | Path) -> HeadsStage:
+    """Calibrate the heads, orient them to each other, and write the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    results_path : path
+    """
+    stage = orient(flight, calibrate(flight))
+    write(results_path, "heads", records(stage))
+    return stage
+
+
+def calibrate(flight: Flight) -> Heads:
+    """Adjust every head of a flight by itself.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    """
+    return calibrate_heads(
+        flight.blocks["heads"],
+        flight.head_names,
+        free=flight.estimate_heads,
+        refraction=flight.refraction,
+    )
+
+
+def orient(flight: Flight, heads: Heads) -> HeadsStage:
+    """Orient the heads of a flight in the frame of its synthetic image, where that is possible.
+
+    Parameters
+    ----------
+    flight : Flight
+    heads : Heads
+    """
+    left_out, synthetic = _why_not(flight, heads), flight.synthetic_camera
+    if left_out or synthetic is None:
+        return HeadsStage(heads=heads, orientation=None, left_out=left_out)
+    try:
+        orientation = relative_orientation(heads.bundles, synthetic)
+    except AdjustmentError as error:
+        return HeadsStage(heads=heads, orientation=None, left_out=str(error))
+    return HeadsStage(heads=heads, orientation=orientation)
+
+
+def _why_not(flight: Flight, heads: Heads) -> str:
+    """Return what stands against a relative orientation; empty where nothing does."""
+    if flight.synthetic is None:
+        return "flight.toml has no table [synthetic]"
+    missing = [name for name in flight.synthetic.heads if name not in heads.bundles]
+    if missing:
+        return f"{', '.join(missing)} could not be adjusted"
+    weak = [name for name, fit in heads.bundles.items() if not_determined(from_bundle(fit))]
+    if weak:
+        return f"the interior orientation of {', '.join(weak)} is not determined"
+    return ""
+
+
+def records(stage: HeadsStage) -> list[Record]:
+    """Return what the stage leaves in a results folder, failures included."""
+    out = [_record(name, fit) for name, fit in stage.heads.bundles.items()]
+    for name, reason in stage.heads.failures.items():
+        key = f"heads/bundle/{name}"
+        out.append(of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key))
+    if stage.orientation is None:
+        out.append(of_left_out("heads", "relative_orientation", stage.left_out))
+    else:
+        out.append(of_relative_orientation("heads", "relative_orientation", stage.orientation))
+    return out
+
+
+def _record(name: str, fit: Bundle) -> Record:
+    """Return the record of a head, with its largest correlations in the summary."""
+    key = f"heads/bundle/{name}"
+    record = of_bundle("heads", "bundle", fit, summary_key=key)
+    largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
+    return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

@@ -1,0 +1,199 @@
+"""The heads' pictures in stage synthetic, and the tie points that are found in them (2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Raster
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import Camera
+from acx4lib.production.flight_response import spread
+from acx4lib.production.head_images import head_files, read_heads
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.tie_points.overlap_check import check_overlaps
+from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
+from acx4lib.tie_points.ties import TiePoints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exposed:
+    """The pictures of all heads at one exposure.
+
+    Attributes
+    ----------
+    exposure : str
+    exposure_idx : int
+    images : tuple of ndarray, shape (rows, cols, bands)
+        In the order of the heads.
+    """
+
+    exposure: str
+    exposure_idx: int
+    images: tuple[Raster, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pictures:
+    """What is looked at of a flight's pixels, and the cameras that fit their size.
+
+    Attributes
+    ----------
+    exposed : tuple of Exposed
+        At least one.
+    reduction : int
+        Pixels are so many times as large as those of the cameras.
+    synthetic : Camera
+        With pixels as much larger.
+    n_complete : int
+        Exposures of the flight with files of all heads.
+    """
+
+    exposed: tuple[Exposed, ...]
+    reduction: int
+    synthetic: Camera
+    n_complete: int
+
+    @property
+    def middle(self) -> Exposed:
+        """Exposure in the middle, which the figures show."""
+        return self.exposed[len(self.exposed) // 2]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundTies:
+    """Tie points between heads, from their pixels.
+
+    Attributes
+    ----------
+    ties : TiePoints
+        In pixels of the full-size heads.
+    overlaps : tuple of OverlapTies
+        What became of each overlap's corners, exposure by exposure.
+    exposures : tuple of str
+        Of each of `overlaps`.
+    """
+
+    ties: TiePoints
+    overlaps: tuple[OverlapTies, ...]
+    exposures: tuple[str, ...]
+
+
+def read_pictures(
+    flight: Flight, orientation: RelativeOrientation, *, reduce: int = 1
+) -> Pictures | None:
+    """Read the pictures of a few exposures; None where the flight names no files.
+
+    Parameters
+    ----------
+    flight : Flight
+    orientation : RelativeOrientation
+    reduce : int
+        So many pixels in each direction are averaged first.
+
+    Raises
+    ------
+    FlightError
+        With a sentence for every file that cannot be used, and for every picture that does not
+        show what its neighbours show.
+    """
+    synthetic = flight.synthetic_camera
+    if flight.heads is None or synthetic is None or not any(flight.image_files["heads"]):
+        return None
+    names = [camera.name for camera in orientation.heads]
+    cameras = [flight.cameras[name] for name in names]
+    complete, incomplete = head_files(flight, names)
+    if not complete:
+        raise FlightError(list(incomplete.values()))
+    chosen = spread(list(complete.values()))
+    read = [read_heads(one.paths, cameras) for one in chosen]
+    first = read[0].reduction
+    exposed = tuple(
+        Exposed(
+            exposure=files.exposure,
+            exposure_idx=flight.heads.trajectory.exposures.index(files.exposure),
+            images=tuple(_averaged(image, reduce) for image in one.images),
+        )
+        for files, one in zip(chosen, read, strict=True)
+        if one.reduction == first
+    )
+    pictures = Pictures(
+        exposed=exposed,
+        reduction=first * reduce,
+        synthetic=reduced_camera(synthetic, first * reduce),
+        n_complete=len(complete),
+    )
+    _check(pictures, orientation)
+    return pictures
+
+
+def _averaged(image: Raster, k: int) -> Raster:
+    """Return means of k x k pixels around the middle of an image."""
+    if k == 1:
+        return image
+    rows, cols = image.shape[0] // k, image.shape[1] // k
+    top, left = ((n - k * m) // 2 for n, m in zip(image.shape, (rows, cols), strict=False))
+    cut = image[top : top + k * rows, left : left + k * cols]
+    means = cut.reshape(rows, k, cols, k, -1).mean(axis=(1, 3))
+    return np.rint(means).astype(image.dtype)
+
+
+def _check(pictures: Pictures, orientation: RelativeOrientation) -> None:
+    """Raise where a picture cannot be that of its head."""
+    heads = reduced_heads(orientation, pictures.reduction)
+    problems = [
+        f"exposure {one.exposure}: {sentence}"
+        for one in pictures.exposed
+        for sentence in check_overlaps(one.images, heads, pictures.synthetic)
+    ]
+    if problems:
+        raise FlightError(problems)
+
+
+def find(pictures: Pictures, orientation: RelativeOrientation) -> FoundTies:
+    """Find tie points in the overlaps of all pictures.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    orientation : RelativeOrientation
+        Of the full-size heads.
+    """
+    heads = reduced_heads(orientation, pictures.reduction)
+    found = [
+        find_ties(one.images, heads, pictures.synthetic, exposure=one.exposure_idx)
+        for one in pictures.exposed
+    ]
+    return FoundTies(
+        ties=_joined(found, orientation, pictures.reduction),
+        overlaps=tuple(overlap for one in found for overlap in one.overlaps),
+        exposures=tuple(
+            taken.exposure
+            for taken, one in zip(pictures.exposed, found, strict=True)
+            for _ in one.overlaps
+        ),
+    )
+
+
+def _joined(found: Sequence[ImageTies], orientation: RelativeOrientation, k: int) -> TiePoints:
+    """Return the tie points of all exposures, in pixels of the full-size heads."""
+    parts = [one.ties for one in found]
+    names = ("head_a", "head_b", "exposure_idx", "colrow_a", "colrow_b", "sigma_px")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    joined["point_idx"] = np.arange(len(joined["head_a"]))
+    for side in ("a", "b"):
+        joined[f"colrow_{side}"] = full_size(
+            joined[f"colrow_{side}"], joined[f"head_{side}"], orientation, k
+        )
+    joined["sigma_px"] = k * joined["sigma_px"]
+    return TiePoints(**joined)
+
+
+def full_size(colrow: Array, head: Array, orientation: RelativeOrientation, k: int) -> Array:
+    """Return full-size pixels of those of images at 1/k of the size, shape (n, 2)."""
+    size = np.array([[h.width_px, h.height_px] for h in orientation.heads])
+    return k * (colrow - 0.5 * (size // k - 1)[head]) + 0.5 * (size - 1)[head]

@@ -1,0 +1,219 @@
+"""Time the adjustment against others that solve the same problem (``make bench``).
+
+Every run is a process of its own, which reads the problem from a file before its clock starts;
+the solvers take turns. The results replace those in data/benchmarks when all are there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4lib.geometry.frames import log, rotation_from_opk
+from benchmarks import machine
+from benchmarks.adjusting import bench_blocks, ceres_solver, problem_file
+
+HERE = Path(__file__).parent
+OUT = machine.ROOT / "data" / "benchmarks"
+CERES = tuple(
+    f"ceres_{derivatives}_{schur}_{threads}"
+    for derivatives in ("automatic", "analytic")
+    for schur in ("dense", "sparse")
+    for threads in (1, 2)
+)
+"""Ways to solve with Ceres; of those with the same derivatives the best counts."""
+
+SCIPY_ON = ("a500",)
+COVARIANCE_ON = ("a500", "a5k")
+SWEEP = (500, 1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000)
+"""Numbers of tie points on 52 images."""
+
+SLOWER = 1.2
+"""A way to solve with Ceres that takes this many times as long as another is tried once only."""
+
+COLUMNS = (
+    *("problem", "images", "points", "image_points", "observations", "unknowns", "solver", "run"),
+    *("wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "converged", "cost"),
+)
+Row = dict[str, Any]
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    sizes = list(bench_blocks.DESIGNS)
+    parser.add_argument("--sizes", nargs="*", choices=sizes, default=sizes, metavar="SIZE")
+    parser.add_argument("--repeat", type=int, default=5, help="runs of each solver (5)")
+    parser.add_argument("--sweep", type=int, nargs="*", default=list(SWEEP), metavar="TIES")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
+    options = parser.parse_args()
+    try:
+        ceres: Path | None = ceres_solver.build()
+    except ceres_solver.NoCeres as why:
+        ceres = None
+        sys.stderr.write(f"{why}\n")
+    designs = {name: bench_blocks.DESIGNS[name] for name in options.sizes}
+    designs |= {
+        f"sweep-{ties}": bench_blocks.Design(layout="52", ties=ties) for ties in options.sweep
+    }
+    rows, agreement = [], []
+    for name, design in designs.items():
+        found, agreed = measure(name, design, ceres=ceres, repeat=options.repeat)
+        rows += found
+        agreement += agreed
+    write(options.out, rows, {**machine.described(ceres), "agreement": agreement})
+
+
+def measure(
+    name: str, design: bench_blocks.Design, *, ceres: Path | None, repeat: int
+) -> tuple[list[Row], list[Row]]:
+    """Return the runs of all solvers on one problem, and how their answers agree."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "problem"
+        size = prepare(design, path)
+        run = runner(path, ceres)
+        run("ours")  # compiles what is not compiled yet
+        rows, last = [], {}
+        for number, solver in turns(solvers(name, ceres), repeat, rows):
+            found = run(solver)
+            last[solver] = found
+            rows.append({"problem": name, **size, **found, "solver": solver, "run": number})
+            progress(rows[-1])
+        if ceres is None or name.startswith("sweep"):
+            return fill(rows, last["ours"]), []
+        exact = last.get("ceres_covariance") or run("ceres_exact")
+    return fill(rows, last["ours"]), [
+        agreed(name, last["ours"], last["ceres_automatic_sparse_1"], exact)
+    ]
+
+
+def prepare(design: bench_blocks.Design, path: Path) -> Row:
+    """Write a problem and return its size."""
+    network = bench_blocks.network(bench_blocks.make(design))
+    problem_file.write(network, path)
+    return {
+        "images": len(network.block.images),
+        "points": network.n_points,
+        "image_points": len(network.image_points),
+    }
+
+
+def solvers(name: str, ceres: Path | None) -> tuple[str, ...]:
+    """Return which solvers run on a problem, in the order of their turns."""
+    if ceres is None:
+        return ("ours",)
+    if name.startswith("sweep"):
+        return ("ours", "ceres_automatic_dense_1")
+    extra = ("ceres_covariance",) if name in COVARIANCE_ON else ()
+    return ("ours", *CERES, *extra, *(("scipy",) if name in SCIPY_ON else ()))
+
+
+def turns(names: Sequence[str], repeat: int, rows: Sequence[Row]) -> Iterator[tuple[int, str]]:
+    """Yield whose turn it is; `rows` holds the runs so far, and says who was too slow."""
+    for number in range(1, repeat + 1):
+        first = {row["solver"]: row for row in rows if row["run"] == 1}
+        for solver in names:
+            if number == 1 or not (solver == "scipy" or outrun(solver, first)):
+                yield number, solver
+
+
+def outrun(solver: str, first: dict[str, Row]) -> bool:
+    """Tell whether another way to solve with Ceres was clearly faster, in wall and CPU seconds."""
+    if solver not in CERES:
+        return False
+    derivatives = solver.split("_")[1]
+    rivals = [row for name, row in first.items() if name.startswith(f"ceres_{derivatives}_")]
+    return all(
+        first[solver][key] > SLOWER * min(row[key] for row in rivals) for key in ("wall_s", "cpu_s")
+    )
+
+
+def runner(problem: Path, ceres: Path | None) -> Callable[[str], Row]:
+    """Return what runs a solver on a problem in a fresh process."""
+
+    def run(solver: str) -> Row:
+        scripts = {"ours": "ours.py", "scipy": "scipy_solver.py"}
+        if solver in scripts:
+            command = [sys.executable, str(HERE / scripts[solver]), str(problem)]
+        else:
+            command = ceres_solver.command(ceres, problem, solver)
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | machine.ENVIRONMENT,
+        )
+        if done.returncode:
+            message = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            sys.exit(f"{solver} failed: {message}")
+        found = json.loads(done.stdout)
+        if solver == "ceres_covariance":  # its own time; the solution before it is not counted
+            found |= {key: found[f"covariance_{key}"] for key in ("wall_s", "cpu_s", "peak_mb")}
+        return found
+
+    return run
+
+
+def progress(row: Row) -> None:
+    """Write a line on what was measured."""
+    sys.stderr.write(
+        f"{row['problem']:>12} {row['run']:2d} {row['solver']:26s} {row['wall_s']:9.3f} s wall "
+        f"{row['cpu_s']:9.3f} s CPU {row['peak_mb']:7.0f} MB {row['steps']:4d} steps\n"
+    )
+
+
+def fill(rows: list[Row], ours: Row) -> list[Row]:
+    """Return the rows with the numbers of observations and unknowns."""
+    size = {key: ours[key] for key in ("observations", "unknowns")}
+    return [row | size for row in rows]
+
+
+def agreed(name: str, ours: Row, timed: Row, exact: Row) -> Row:
+    """Return how our answer agrees with that of Ceres: relative cost, parameters in sigma."""
+    sigma = np.array(ours["sigma"])
+    apart = np.concatenate([np.subtract(exact[k], ours[k]) for k in ("interior", "lever")])
+    R_ours, R_exact = (rotation_from_opk(np.array(x["boresight_opk"])) for x in (ours, exact))
+    largest = np.abs(np.append(apart, log(R_ours.T @ R_exact)) / sigma).max()
+    out = {
+        "problem": name,
+        "cost_timed": timed["cost"] / ours["cost"] - 1,
+        "cost": exact["cost"] / ours["cost"] - 1,
+        "parameters_sigma": largest,
+    }
+    if "sigma" in exact:  # angles of the boresight are not its rotation vector
+        straight = np.r_[0:8, 11:14]
+        theirs = np.array(exact["sigma"])[straight]
+        out["sigma"] = np.abs(theirs / sigma[:11] - 1).max()
+    return out
+
+
+def write(folder: Path, rows: Sequence[Row], about: dict[str, Any]) -> None:
+    """Write both files, and only then put them in the place of older ones."""
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {"date": datetime.now(UTC).date().isoformat(), **about}
+    with tempfile.TemporaryDirectory(dir=folder) as fresh:
+        table, text = Path(fresh) / "adjustment.csv", Path(fresh) / "adjustment.json"
+        with table.open("w", newline="", encoding="utf-8") as file:
+            lines = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
+            lines.writeheader()
+            lines.writerows(rows)
+        text.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        for made in (table, text):
+            made.replace(folder / made.name)
+    sys.stderr.write(f"{folder / 'adjustment.csv'}\n")
+
+
+if __name__ == "__main__":
+    main()

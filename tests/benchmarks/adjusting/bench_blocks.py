@@ -1,0 +1,281 @@
+"""Blocks of the paper's camera with known truth, made in memory, up to half a million points.
+
+The library's own projection makes them: they serve to time an adjustment and to compare solvers,
+not to test signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.bundle import uses
+from acx4lib.bundle.network import Network
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+
+FREE = INTERIOR[:8]
+"""All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2."""
+
+FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
+GROUND_M = 900.0
+START_F_MM = 74.0
+START_TIES_M = 3.0
+"""Start values of tie points lie this far from the truth at most, along each axis."""
+
+TRUTH = Camera(  # Table 3, single-step method
+    name="SYN",
+    width_px=12000,
+    height_px=16200,
+    pixel_mm=0.0056,
+    interior=Interior(
+        f=74.4404,
+        xp=0.0569,
+        yp=0.0063,
+        k1=2.42e-7,
+        k2=-9.30e-11,
+        k3=2.06e-14,
+        p1=1.70e-6,
+        p2=2.03e-7,
+    ),
+    T_b_c=Pose(
+        R=rotation_from_opk(np.radians([0.49665, -1.59457, 0.07984])),
+        r=np.array([0.223, -0.399, -0.201]),
+    ),
+)
+SIGMA_PX = 0.003 / 5.6e-3  # 3 micrometres
+SIGMA_CONTROL_M = np.array([0.01, 0.01, 0.02])
+SIGMA_POSITION_M = np.array([0.05, 0.05, 0.10])
+SIGMA_ATTITUDE = np.radians([0.005, 0.005, 0.008])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strip:
+    """A strip along the x axis: number of images, height over ground, base and place aside, m."""
+
+    n: int
+    height_m: float
+    base_m: float
+    aside_m: float = 0.0
+    turned: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """A block to make.
+
+    Attributes
+    ----------
+    layout : str
+        Key of `LAYOUTS`.
+    ties : int
+        Number of tie points, each in two images at least.
+    """
+
+    layout: str
+    ties: int
+
+
+_LOW = Strip(n=10, height_m=1000.0, base_m=181.0)
+_HIGH = Strip(n=11, height_m=1500.0, base_m=271.0)
+
+
+def _parallel(counts: list[int]) -> tuple[Strip, ...]:
+    """Return strips with overlaps of 60 and 30 %, flown to and fro."""
+    middle = (len(counts) - 1) / 2
+    return tuple(
+        Strip(n=n, height_m=1300.0, base_m=469.0, aside_m=1109.0 * (i - middle), turned=i % 2 == 1)
+        for i, n in enumerate(counts)
+    )
+
+
+LAYOUTS = {
+    # the paper's calibration block: two heights, both directions, overlaps of 80 and 50 %
+    "52": (
+        replace(_LOW, aside_m=609.0),
+        replace(_LOW, turned=True),
+        replace(_LOW, aside_m=-609.0),
+        replace(_HIGH, turned=True),
+        _HIGH,
+    ),
+    # the paper's validation block
+    "268": _parallel([14 if i % 5 in (0, 2) else 13 for i in range(20)]),
+    "1000": _parallel([40] * 25),
+}
+CONTROL = {"52": (8, 7), "268": (6, 6), "1000": (6, 6)}
+"""Rows and columns of the control points."""
+
+DESIGNS = {
+    "a500": Design(layout="52", ties=500),
+    "a5k": Design(layout="52", ties=5_000),
+    "a50k": Design(layout="52", ties=50_000),
+    "c100k": Design(layout="268", ties=100_000),
+    "d500k": Design(layout="1000", ties=500_000),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Made:
+    """A block as a calibration meets it, and the truth.
+
+    Attributes
+    ----------
+    block : Block
+        Noisy, with the approximate camera.
+    x_m : ndarray, shape (n_points, 3)
+        True points, m; control points first.
+    """
+
+    block: Block
+    x_m: np.ndarray
+
+
+def make(design: Design, *, seed: int = 1) -> Made:
+    """Return a block; the same seed gives the same block."""
+    rng = np.random.default_rng(seed)
+    strips = LAYOUTS[design.layout]
+    T_m_b = _fly(strips, rng)
+    control = _control(strips, CONTROL[design.layout], rng)
+    x_m = np.concatenate([control, _strew(strips, 2 * design.ties + 100, rng)])
+    image_idx, point_idx, colrow = _look(T_m_b, x_m)
+    rays = np.bincount(point_idx, minlength=len(x_m))
+    kept = rays >= 2
+    kept[: len(control)] = True
+    kept &= np.cumsum(kept) <= len(control) + design.ties
+    number = np.cumsum(kept) - 1
+    rows = kept[point_idx]
+    x_m = x_m[kept]
+    points = ImagePoints(
+        image_idx=image_idx[rows],
+        point_idx=number[point_idx[rows]],
+        colrow=colrow[rows] + SIGMA_PX * rng.standard_normal((int(rows.sum()), 2)),
+        sigma_px=np.full(int(rows.sum()), SIGMA_PX),
+    )
+    return Made(block=_block(T_m_b, x_m, points, n_control=len(control), rng=rng), x_m=x_m)
+
+
+def network(made: Made, *, seed: int = 2) -> Network:
+    """Return the single step of a block, with start values that lie off the truth."""
+    ready = uses.mounted_orientation(made.block, free=FREE)
+    rng = np.random.default_rng(seed)
+    x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
+    x_m[made.block.control.point_idx] = made.block.control.x_m
+    return replace(ready, start=replace(ready.start, x_m=x_m))
+
+
+def _fly(strips: tuple[Strip, ...], rng: np.random.Generator) -> Pose:
+    """Return true body poses: planned, with some wind."""
+    R, r = [], []
+    for strip in strips:
+        forward = -1.0 if strip.turned else 1.0
+        along = forward * strip.base_m * (np.arange(strip.n) - (strip.n - 1) / 2)
+        places = np.column_stack([along, np.full_like(along, strip.aside_m), np.zeros(strip.n)])
+        places[:, 2] = GROUND_M + strip.height_m
+        r.append(places + np.clip(rng.standard_normal(places.shape), -2, 2) * [6.0, 8.0, 5.0])
+        heading = rotation_from_opk(np.array([0.0, 0.0, np.pi if strip.turned else 0.0]))
+        R.append(heading @ exp(np.radians(np.clip(rng.standard_normal((strip.n, 3)), -2, 2))))
+    return Pose(R=np.concatenate(R), r=np.concatenate(r))
+
+
+def _half_extent(strips: tuple[Strip, ...]) -> np.ndarray:
+    """Return half the length and width of what the images' centres span, m."""
+    along = max(strip.base_m * (strip.n - 1) / 2 for strip in strips)
+    return np.array([along, max(abs(strip.aside_m) for strip in strips)])
+
+
+def _strew(strips: tuple[Strip, ...], n: int, rng: np.random.Generator) -> np.ndarray:
+    half = _half_extent(strips) + 400.0
+    return _on_ground(half * rng.uniform(-1, 1, (n, 2)), rng)
+
+
+def _control(
+    strips: tuple[Strip, ...], shape: tuple[int, int], rng: np.random.Generator
+) -> np.ndarray:
+    x, y = (
+        share * np.linspace(-1, 1, n) for share, n in zip(_half_extent(strips), shape, strict=True)
+    )
+    return _on_ground(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), rng)
+
+
+def _on_ground(xy: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return points on waves of 30 m with 2 m of roughness."""
+    height = 30 * np.sin(xy[:, 0] / 300) * np.cos(xy[:, 1] / 400)
+    return np.column_stack([xy, GROUND_M + height + 2 * rng.standard_normal(len(xy))])
+
+
+def _look(T_m_b: Pose, x_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which image sees which point where, without noise, image by image."""
+    T_m_c = T_m_b @ TRUTH.T_b_c
+    parts = [
+        (np.full(len(points), image), points, colrow)
+        for image, (points, colrow) in enumerate(_seen(T_m_c, x_m))
+    ]
+    image_idx, point_idx, colrow = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return image_idx, point_idx, colrow
+
+
+def _seen(T_m_c: Pose, x_m: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    by_y = np.argsort(x_m[:, 1])
+    y = x_m[by_y, 1]
+    for T in (T_m_c[i] for i in range(len(T_m_c))):
+        reach = 0.9 * (T.r[2] - GROUND_M)  # half an image's diagonal on the ground, with tilt
+        near = by_y[np.searchsorted(y, T.r[1] - reach) : np.searchsorted(y, T.r[1] + reach)]
+        near = np.sort(near[np.abs(x_m[near, 0] - T.r[0]) < reach])
+        poses = Pose(R=np.broadcast_to(T.R, (len(near), 3, 3)), r=T.r[None])
+        colrow = project(TRUTH, poses, x_m[near])
+        on = inside(TRUTH, np.nan_to_num(colrow, nan=-1e9))
+        yield near[on], colrow[on]
+
+
+def _block(
+    T_m_b: Pose, x_m: np.ndarray, points: ImagePoints, *, n_control: int, rng: np.random.Generator
+) -> Block:
+    n = len(T_m_b)
+    exposures = tuple(f"E{i}" for i in range(n))
+    return Block(
+        name="calibration",
+        frame=FRAME,
+        cameras=(
+            replace(TRUTH, interior=Interior(f=START_F_MM), T_b_c=Pose(R=np.eye(3), r=np.zeros(3))),
+        ),
+        images=Images(
+            names=exposures,
+            camera_idx=np.zeros(n, dtype=np.intp),
+            exposure_idx=np.arange(n),
+            strips=("",) * n,
+        ),
+        points=tuple(f"P{i}" for i in range(len(x_m))),
+        image_points=points,
+        control=_surveyed(x_m[:n_control], rng),
+        check=_surveyed(np.zeros((0, 3)), rng),
+        trajectory=_recorded(T_m_b, exposures, rng),
+    )
+
+
+def _surveyed(x_m: np.ndarray, rng: np.random.Generator) -> SurveyedPoints:
+    R_g_m = FRAME.grid_axes(x_m).reshape(-1, 3, 3)
+    noise = SIGMA_CONTROL_M * rng.standard_normal(x_m.shape)
+    return SurveyedPoints(
+        point_idx=np.arange(len(x_m)),
+        x_m=x_m + transform(np.swapaxes(R_g_m, 1, 2), noise),
+        R_g_m=R_g_m,
+        sigma_m=np.tile(SIGMA_CONTROL_M, (len(x_m), 1)),
+    )
+
+
+def _recorded(T_m_b: Pose, exposures: tuple[str, ...], rng: np.random.Generator) -> Trajectory:
+    R_g_m = FRAME.grid_axes(T_m_b.r)
+    shift = SIGMA_POSITION_M * rng.standard_normal((len(T_m_b), 3))
+    turn = SIGMA_ATTITUDE * rng.standard_normal((len(T_m_b), 3))
+    return Trajectory(
+        exposures=exposures,
+        T_m_b=Pose(R=T_m_b.R @ exp(turn), r=T_m_b.r + transform(np.swapaxes(R_g_m, 1, 2), shift)),
+        R_g_m=R_g_m,
+        sigma_position=np.tile(SIGMA_POSITION_M, (len(T_m_b), 1)),
+        sigma_attitude=np.tile(SIGMA_ATTITUDE, (len(T_m_b), 1)),
+    )

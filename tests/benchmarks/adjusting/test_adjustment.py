@@ -1,0 +1,307 @@
+"""The benchmark measures one problem: solvable, read alike by all, with one cost for all."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from acx4lib.bundle import adjust
+from acx4lib.geometry.frames import exp, log
+from benchmarks import machine
+from benchmarks.adjusting import adjustment, bench_blocks, ceres_solver, problem_file, scipy_solver
+from support.helpers import numeric_jacobian
+
+SMALL = bench_blocks.Design(layout="52", ties=60)
+
+
+@pytest.fixture(scope="module")
+def made():
+    return bench_blocks.make(bench_blocks.DESIGNS["a500"])
+
+
+@pytest.fixture(scope="module")
+def network(made):
+    return bench_blocks.network(made)
+
+
+@pytest.fixture(scope="module")
+def adjusted(network):
+    return adjust.adjust(network)
+
+
+@pytest.fixture(scope="module")
+def small():
+    return bench_blocks.network(bench_blocks.make(SMALL))
+
+
+@pytest.fixture(scope="module")
+def problem(network, tmp_path_factory):
+    path = tmp_path_factory.mktemp("problem") / "a500"
+    problem_file.write(network, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def ceres(problem):
+    """Solve the problem with Ceres in one of its ways."""
+    try:
+        program = ceres_solver.build()
+    except ceres_solver.NoCeres as why:
+        pytest.skip(str(why))
+
+    def solve(solver):
+        command = ceres_solver.command(program, problem, solver)
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return json.loads(done.stdout)
+
+    return solve
+
+
+# --- the blocks ------------------------------------------------------------------------------
+
+
+def test_the_truth_of_a_block_is_recovered(made, adjusted):
+    """14 parameters, normal errors: their chi-square of 14 is below 36.1 in 99.9 % of seeds."""
+    truth, found = bench_blocks.TRUTH, adjusted.cameras[0]
+    error = np.concatenate(
+        [
+            (found.interior.to_array() - truth.interior.to_array())[:8],
+            found.T_b_c.r - truth.T_b_c.r,
+            log(truth.T_b_c.R.T @ found.T_b_c.R),
+        ]
+    )
+    cov = adjusted.solution.cov[:14, :14]
+    assert error @ np.linalg.solve(cov, error) < 36.1
+    assert adjusted.solution.chi_square_p > 1e-3
+
+
+def test_points_are_recovered_within_their_covariances(made, adjusted):
+    """Normalised squares of three coordinates have mean 3, here to 10 % over 556 points."""
+    error = adjusted.state.x_m - made.x_m
+    weights = np.linalg.inv(adjusted.solution.cov_points)
+    assert_allclose(np.mean(np.einsum("pi,pij,pj->p", error, weights, error)), 3.0, rtol=0.1)
+
+
+@pytest.mark.parametrize(("name", "images"), [("52", 52), ("268", 268), ("1000", 1000)])
+def test_layouts_have_their_number_of_images(name, images):
+    assert sum(strip.n for strip in bench_blocks.LAYOUTS[name]) == images
+
+
+def test_the_forward_overlaps_are_those_of_the_papers_blocks(made):
+    camera = bench_blocks.TRUTH
+    forward_m = camera.width_px * camera.pixel_mm / camera.interior.f
+    overlap = {
+        name: {round(1 - s.base_m / (s.height_m * forward_m), 2) for s in strips}
+        for name, strips in bench_blocks.LAYOUTS.items()
+    }
+    assert overlap == {"52": {0.80}, "268": {0.60}, "1000": {0.60}}
+
+
+def test_there_are_as_many_tie_points_as_asked_and_each_has_two_rays(made):
+    assert len(made.block.points) - len(made.block.control) == 500
+    assert made.block.rays[len(made.block.control) :].min() >= 2
+
+
+def test_start_values_lie_off_the_truth_as_stated(made, network):
+    ties = np.arange(len(made.block.control), network.n_points)
+    off = np.abs(network.start.x_m - made.x_m)[ties].max(axis=0)
+    # the largest of 500 uniform ones lies within 2 % of the bound in all but e-5 of seeds
+    assert_allclose(off, bench_blocks.START_TIES_M, rtol=0.02)
+    assert network.start.interiors[0].to_array().tolist() == [74.0] + 8 * [0.0]
+    assert_array_equal(network.start.T_b_c.R[0], np.eye(3))
+    assert_array_equal(network.start.T_b_c.r[0], np.zeros(3))
+    assert network.left_out == {}
+
+
+def test_the_same_seed_gives_the_same_block(made):
+    again = bench_blocks.make(bench_blocks.DESIGNS["a500"])
+    assert_array_equal(again.block.image_points.colrow, made.block.image_points.colrow)
+
+
+# --- the file --------------------------------------------------------------------------------
+
+
+def test_a_network_comes_back_from_its_file(network, problem):
+    read = problem_file.read(problem)
+    for ours, theirs in zip(
+        network.residuals(network.start), read.residuals(read.start), strict=True
+    ):
+        assert_array_equal(theirs[0], ours[0])
+        assert_array_equal(theirs[1], ours[1])
+    assert_array_equal(read.layout.pose, network.layout.pose)
+    assert_array_equal(read.layout.mount, network.layout.mount)
+    assert_array_equal(read.layout.interior, network.layout.interior)
+
+
+def test_a_network_with_images_that_share_poses_has_no_file(small, tmp_path):
+    shared = replace(small, pose_idx=np.zeros_like(small.pose_idx))
+    with pytest.raises(ValueError, match="one image per exposure"):
+        problem_file.write(shared, tmp_path / "problem")
+
+
+# --- Ceres and scipy -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", adjustment.CERES)
+def test_ceres_has_our_cost_at_the_start_and_at_the_end(network, adjusted, ceres, solver):
+    found = ceres(solver)
+    start = sum(np.sum((v / s) ** 2) for v, s in network.residuals(network.start))
+    assert_allclose(found["start_cost"], start, rtol=1e-12)  # rounding of 14 000 terms
+    assert_allclose(found["cost"], adjusted.solution.cost, rtol=1e-10)  # its stopping criterion
+    assert found["converged"]
+
+
+def test_ceres_finds_our_parameters_and_standard_deviations(adjusted, ceres):
+    found = ceres("ceres_covariance")
+    sigma = np.sqrt(np.diagonal(adjusted.solution.cov)[:14])
+    ours = {
+        "interior": adjusted.state.interiors[0].to_array()[:8].tolist(),
+        "lever": adjusted.state.T_b_c.r[0].tolist(),
+        "cost": adjusted.solution.cost,
+        "boresight_opk": adjusted.state.T_b_c.opk[0].tolist(),
+        "sigma": sigma.tolist(),
+    }
+    agreed = adjustment.agreed("a500", ours, found, found)
+    assert agreed["parameters_sigma"] < 1e-4
+    assert agreed["sigma"] < 1e-8
+    # positions, which only Ceres reports in full
+    position = np.reshape(found["position"], (-1, 3)) - adjusted.state.T_m_b.r
+    sigma_position = np.sqrt(np.diagonal(adjusted.solution.cov)[14:]).reshape(-1, 6)[:, :3]
+    assert np.abs(position / sigma_position).max() < 1e-4
+
+
+def test_a_difference_of_parameters_is_told_in_sigma():
+    ours = {
+        "interior": [74.0] + 7 * [0.0],
+        "lever": [0.0, 0.0, 0.0],
+        "boresight_opk": [0.0, 0.0, 0.0],
+        "sigma": 8 * [0.1] + 3 * [0.01] + 3 * [1e-4],
+        "cost": 100.0,
+    }
+    exact = {**ours, "boresight_opk": [0.0, 0.0, 5e-4], "lever": [0.0, 0.03, 0.0]}
+    exact["sigma"] = 8 * [0.1] + 3 * [9.0] + [0.01, 0.01, 0.011]  # angles, then the lever arm
+    found = adjustment.agreed("a500", ours, {"cost": 101.0}, exact)
+    assert_allclose(found["parameters_sigma"], 5.0)
+    assert_allclose(found["cost_timed"], 0.01)
+    assert_allclose(found["sigma"], 0.1)
+
+
+def test_the_jacobian_given_to_scipy_is_that_of_its_residuals(small, rng):
+    n, n_unknowns = small.n_columns, small.n_columns + 3 * small.n_points
+    x = np.zeros(n_unknowns)
+    x[:n] = 1e-3 * rng.standard_normal(n)  # also turns away from the start, a thousandth of a rad
+    x[3:8] *= [1e-4, 1e-8, 1e-11, 1e-3, 1e-3]
+    columns = np.concatenate([np.arange(20), np.arange(n, n + 3)])
+    sizes = np.concatenate([small_steps(), np.full(3, 1e-2)])
+
+    def at(part):
+        moved = x.copy()
+        moved[columns] += part
+        return scipy_solver.residuals(small, moved)
+
+    numeric = numeric_jacobian(at, np.zeros(len(columns)), step=sizes)
+    analytic = scipy_solver.jacobian(small, x)[:, columns].toarray()
+    scale = np.abs(analytic).max(axis=0)
+    # 2e-6 of a column: rounding of residuals of 1e5 sigma over steps that change them by 1
+    assert_allclose(analytic / scale, numeric / scale, atol=2e-6)
+
+
+def small_steps():
+    """Steps of f to p2, lever arm, boresight, and one pose that move image points by a pixel."""
+    return np.array(
+        [1e-2, 1e-2, 1e-2, 1e-7, 1e-10, 1e-13, 1e-6, 1e-6]
+        + 3 * [1e-1]
+        + 3 * [1e-4]
+        + 3 * [1e-1]
+        + 3 * [1e-4]
+    )
+
+
+# --- the measuring ---------------------------------------------------------------------------
+
+
+def test_solvers_take_turns_and_what_is_slower_in_all_respects_has_only_one():
+    seconds = {
+        "ours": (0.1, 0.1),
+        "ceres_automatic_dense_1": (1.0, 1.0),
+        "ceres_automatic_dense_2": (0.5, 1.3),  # takes less time, though more of the processor
+        "ceres_automatic_sparse_1": (1.3, 1.3),
+        "ceres_analytic_sparse_1": (1.3, 1.3),  # the only one with its derivatives
+    }
+    rows, order = [], []
+    for number, solver in adjustment.turns(tuple(seconds), 2, rows):
+        wall_s, cpu_s = seconds[solver]
+        order.append((number, solver))
+        rows.append({"solver": solver, "run": number, "wall_s": wall_s, "cpu_s": cpu_s})
+    again = [solver for solver in seconds if solver != "ceres_automatic_sparse_1"]
+    assert order == [(1, solver) for solver in seconds] + [(2, solver) for solver in again]
+
+
+def test_all_ways_of_ceres_run_on_every_size_and_none_where_it_is_missing():
+    for name in bench_blocks.DESIGNS:
+        assert set(adjustment.CERES) <= set(adjustment.solvers(name, Path("program")))
+    assert adjustment.solvers("a500", None) == ("ours",)
+
+
+def test_scipy_has_one_turn():
+    assert list(adjustment.turns(("ours", "scipy"), 2, [])) == [
+        (1, "ours"),
+        (1, "scipy"),
+        (2, "ours"),
+    ]
+
+
+def test_results_are_replaced_whole_or_not_at_all(tmp_path):
+    row = dict.fromkeys(adjustment.COLUMNS, 1)
+    adjustment.write(tmp_path, [row], {"commit": "old"})
+    before = (tmp_path / "adjustment.csv").read_text()
+    with pytest.raises(TypeError):
+        adjustment.write(tmp_path, [row, row], {"commit": object()})  # cannot be written
+    assert (tmp_path / "adjustment.csv").read_text() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["adjustment.csv", "adjustment.json"]
+
+
+def test_our_process_reports_time_and_the_memory_of_the_adjustment(problem, adjusted):
+    script = Path(adjustment.HERE, "ours.py")
+    done = subprocess.run(
+        [sys.executable, str(script), str(problem)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | machine.ENVIRONMENT,
+    )
+    found = json.loads(done.stdout)
+    assert_allclose(found["cost"], adjusted.solution.cost, rtol=1e-12)
+    assert 0 < found["growth_mb"] < found["peak_mb"]
+    assert 0 < found["wall_s"] < 60
+
+
+@pytest.mark.slow
+def test_a_whole_benchmark_leaves_both_files(tmp_path):
+    script = Path(adjustment.HERE, "adjustment.py")
+    options = ["--sizes", "--sweep", "30", "--repeat", "2", "--out", str(tmp_path)]
+    env = os.environ | machine.ENVIRONMENT
+    command = [sys.executable, str(script), *options]
+    subprocess.run(command, check=True, capture_output=True, env=env)
+    with (tmp_path / "adjustment.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    ours = [row for row in rows if row["solver"] == "ours"]
+    assert [row["run"] for row in ours] == ["1", "2"]
+    assert ours[0]["points"] == "86"
+    assert json.loads((tmp_path / "adjustment.json").read_text())["agreement"] == []
+
+
+def test_rotations_of_the_file_turn_as_in_the_library(adjusted, ceres):
+    """Attitudes of Ceres, in angles, are ours: compared as rotations."""
+    found = ceres("ceres_analytic_dense_1")
+    from_angles = bench_blocks.rotation_from_opk(np.reshape(found["attitude_opk"], (-1, 3)))
+    apart = log(np.swapaxes(adjusted.state.T_m_b.R, 1, 2) @ from_angles)
+    assert np.abs(apart).max() < 1e-8  # 1e-4 of sigma, which is 1e-4 rad
+    assert_allclose(exp(apart), np.tile(np.eye(3), (len(apart), 1, 1)), atol=1e-8)

@@ -1,0 +1,80 @@
+"""Figures of the frame: footprints and refinements."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.quiver import Quiver
+
+from acx4book.chapters.synthetic_image.figures import footprints, refinements
+from acx4book.chapters.synthetic_image.wrong_heads import transposed
+from support.figures import (
+    assert_labelled,
+    assert_texts_apart,
+    drawn,
+    legend,
+    panels,
+    sentence,
+    title,
+)
+from support.pictures import printed_camera, taken
+from support.pictures.tied import NAMES, refined, tied
+
+
+def test_footprints_show_the_frame_and_every_head(orientation):
+    readings = [orientation, transposed(orientation)]
+    fig = drawn(footprints(readings, printed_camera.synthetic(), ["one", "two"]))
+    assert_labelled(fig)
+    assert_texts_apart(fig)
+    for ax in panels(fig):
+        assert len(ax.lines) == 4
+        (frame,) = ax.patches
+        assert (frame.get_width(), abs(frame.get_height())) == pytest.approx((67.2, 90.72))
+    assert [text.get_text() for text in panels(fig)[0].texts[:4]] == NAMES
+    assert "47." in panels(fig)[1].texts[-1].get_text()  # per cent uncovered
+    assert legend(fig)[:5] == [*NAMES, "no head"]
+
+
+def test_a_figure_is_the_same_every_time(orientation):
+    synthetic = printed_camera.synthetic()
+    one, two = (
+        np.asarray(drawn(footprints([orientation], synthetic, ["a"])).canvas.buffer_rgba())
+        for _ in range(2)
+    )
+    assert np.array_equal(one, two)
+
+
+def ways(orientation, n=4):
+    """Orientations that leave 2, 1 and no pixels between heads 1 and 2."""
+    ties, _ = tied(orientation, (0, 1), 300)
+    shifted = []
+    for px in (2.0, 1.0, 0.0):
+        xyz = orientation.xyz_mm.copy()
+        xyz[1, 0] += px * 0.0056
+        shifted.append(replace(orientation, xyz_mm=xyz))
+    names = ("as calibrated", "mean differences", "three rotations", "rotations and places")
+    return refined(orientation, ties, **dict(zip(names[:n], [*shifted, orientation], strict=False)))
+
+
+def test_refinements_stand_beside_each_other_in_one_scale(orientation):
+    fig = drawn(refinements(ways(orientation), taken.synthetic(1)))
+    assert [title(ax) for ax in fig.axes] == [
+        "as calibrated",
+        "mean differences",
+        "three rotations",
+    ]
+    said = [ax.texts[0].get_text() for ax in fig.axes]
+    # 2 px in x and none in y; no noise
+    assert said[0].startswith("rms 1.41, largest 2.00")
+    assert said[1].startswith("rms 0.71, largest 1.00")
+    assert said[2].startswith("rms 0.000, largest 0.00")
+    arrows = [next(c for c in ax.get_children() if isinstance(c, Quiver)) for ax in fig.axes]
+    lengths = [np.hypot(a.U, a.V).mean() for a in arrows]
+    assert lengths[0] == pytest.approx(2 * lengths[1], rel=1e-6)
+
+
+def test_ways_that_are_missing_are_left_out(orientation):
+    fig = drawn(refinements(ways(orientation, 1), taken.synthetic(1)))
+    assert [title(ax) for ax in fig.axes] == ["as calibrated"]
+    none = refined(orientation, ways(orientation).kept[:0])
+    assert "No two heads" in sentence(refinements(none, taken.synthetic(1)))

@@ -1,0 +1,192 @@
+"""`acx4 render` as its user meets it: lines, statuses, and what a stopped command leaves."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import tifffile
+
+from acx4book.command.acx4 import main
+from acx4lib.results.own_folder.marks import MARK
+from support.flights import pictured
+from support.helpers import hears_interrupts
+
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
+WHOLE = {"E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv", MARK}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    flight = pictured.write_flight(folder / "flight")
+    return flight, pictured.write_results(folder / "results", flight)
+
+
+@pytest.fixture
+def own(made, tmp_path):
+    """Return the same flight, to be spoilt."""
+    return shutil.copytree(made[0], tmp_path / "flight"), made[1]
+
+
+@pytest.fixture
+def acx4(capsys, tmp_path):
+    """Run the command into a folder; return status, standard output and standard error."""
+
+    def run(flight, *options):
+        with pytest.raises(SystemExit) as end:
+            main(["render", str(flight[0]), *arguments(flight, tmp_path / "out"), *options])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return end.value.code, captured.out.splitlines(), captured.err.splitlines()
+
+    return run
+
+
+def arguments(flight, out):
+    return ["--results", str(flight[1]), "--out", str(out)]
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def test_a_flight_is_rendered_with_a_line_for_each_image(acx4, made, tmp_path):
+    status, out, err = acx4(made)
+    assert (status, err) == (0, [])
+    assert out[:3] == [
+        "E0: done",
+        "E1: done",
+        f"heads as {made[1]} has them, heads/relative_orientation",
+    ]
+    assert out[3].startswith("response of the heads from E0, E1: overlaps disagree by at most 0.")
+    assert out[4:] == [
+        "E0, E1: head images at 1/8 of the size, so the synthetic image has 500 x 375 px",
+        f"2 images rendered, in {tmp_path / 'out'}",
+    ]
+    assert names(tmp_path / "out") == WHOLE
+    status, out, err = acx4(made)
+    assert (status, err) == (0, [])
+    assert out[-1] == f"0 images rendered, 2 there already, in {tmp_path / 'out'}"
+
+
+def test_options_reach_the_image(acx4, made, tmp_path):
+    status, _, err = acx4(
+        *(made, "--exposures", "E1", "--blend", "seam", "--compression", "deflate"),
+        *("--equalise", "none"),
+    )
+    assert (status, err) == (0, [])
+    assert names(tmp_path / "out") == {"E1.tif", "E1_preview.jpg", "images.csv", MARK}
+    with tifffile.TiffFile(tmp_path / "out" / "E1.tif") as tiff:
+        assert tiff.pages.first.compression.name == "ADOBE_DEFLATE"
+        assert '"blend": "seam"' in tiff.pages.first.description
+        assert '"response": null' in tiff.pages.first.description
+
+
+def test_one_bad_exposure_is_status_2_and_the_others_are_there(acx4, own, tmp_path):
+    path = pictured.head_path(own[0], "E0", "LEFT")
+    path.write_bytes(b"no image")
+    status, out, err = acx4(own)
+    assert status == 2
+    assert out[-1] == f"1 image rendered, in {tmp_path / 'out'}"
+    assert err == [
+        f"E0: {path}: is no TIFF, or its header is damaged; head images are read from TIFF "
+        "(16 or 8 bit)"
+    ]
+    assert names(tmp_path / "out") == {"E1.tif", "E1_preview.jpg", "images.csv", MARK}
+
+
+def test_no_pixels_at_all_is_said_with_the_cure(acx4, own, tmp_path):
+    table = own[0] / "heads" / "images.csv"
+    lines = [line.rpartition(",")[0] for line in table.read_text().splitlines()]
+    table.write_text("\n".join(lines) + "\n")
+    status, out, err = acx4(own)
+    assert (status, out) == (2, [])
+    assert err == [
+        f"{table}: names no files of head images; give heads/images.csv a column 'file' with the "
+        "TIFF of every head's image, relative to heads/"
+    ]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--blend", "multiband", "--blend 'multiband': must be one of feather, seam"),
+        ("--interpolation", "x", "--interpolation 'x': must be one of bilinear, cubic"),
+        ("--equalise", "x", "--equalise 'x': must be one of flight, image, none"),
+        ("--refine", "x", "--refine 'x': must be one of flight, image"),
+        ("--compression", "jpeg", "must be one of none, deflate, zstd, lzw"),
+        ("--exposures", "E9", "no files of an exposure E9; complete are E0, E1"),
+        ("--exposures", "", "name at least one exposure"),
+        ("--jobs", "0", "Invalid value for '--jobs'"),
+    ],
+)
+def test_a_wrong_option_is_said_and_nothing_is_made(acx4, made, tmp_path, option, value, says):
+    status, out, err = acx4(made, option, value)
+    assert (status, out) == (2, [])
+    assert says in " ".join(err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_out_that_is_a_file_is_a_line(acx4, made, tmp_path):
+    (tmp_path / "out").write_text("a file")
+    status, _, err = acx4(made)
+    assert status == 2
+    assert err == [f"{tmp_path / 'out'}: is no folder; choose another name"]
+
+
+def limited():
+    """Let no file grow beyond what one image needs, as if the disk were full."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (800_000, 800_000))
+
+
+def test_a_full_disk_is_a_line_for_each_image_and_leaves_none(acx4, made, tmp_path):
+    """In a process of its own, whose files may not grow; what is compiled was kept before."""
+    assert acx4(made)[0] == 0
+    shutil.rmtree(tmp_path / "out")
+    done = subprocess.run(
+        [*COMMAND, "render", str(made[0]), *arguments(made, tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        preexec_fn=limited,
+    )
+    assert done.returncode == 2
+    err = done.stderr.splitlines()
+    assert [line.partition(": cannot be written")[0] for line in err] == [
+        f"{name}: {tmp_path / 'out' / name}.tif" for name in ("E0", "E1")
+    ]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("jobs", "number"), [("1", signal.SIGINT), ("2", signal.SIGTERM)])
+def test_a_stopped_command_leaves_no_half_image(tmp_path, number, jobs):
+    """Stopped as soon as an image is begun; what is whole stays, and is taken up again."""
+    flight = pictured.write_flight(tmp_path / "flight", tuple(f"E{i}" for i in range(6)))
+    results = pictured.write_results(tmp_path / "results", flight)
+    whole = [*COMMAND, "render", str(flight), *arguments((flight, results), tmp_path / "out")]
+    how = {"stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    how |= {"stdout": subprocess.DEVNULL, "preexec_fn": hears_interrupts}
+    command = subprocess.Popen([*whole, "--jobs", jobs], **how)
+    for _ in range(3000):
+        if (tmp_path / "out").is_dir() and any((tmp_path / "out").glob(".*.part")):
+            break
+        time.sleep(0.02)
+    os.killpg(command.pid, number)
+    _, err = command.communicate(timeout=60)
+    assert command.returncode == 128 + number
+    assert err.splitlines() == [{15: "terminated", 2: "interrupted"}[number]]
+    left = names(tmp_path / "out") if (tmp_path / "out").exists() else set()
+    assert len(left) < 14
+    assert {name for name in left if name.startswith(".")} <= {MARK}
+    done = subprocess.run(whole, capture_output=True, text=True, timeout=120, check=True)
+    assert len(names(tmp_path / "out")) == 14
+    assert "images rendered" in done.stdout

@@ -1,0 +1,142 @@
+"""One small notebook through papermill; a kernel takes one to two seconds to start."""
+
+import base64
+import os
+
+import nbformat
+import pytest
+
+from acx4book.notebooks import execute as notebooks
+from acx4lib.errors import AdjustmentError, FlightError
+from support.small_notebooks import write
+
+PARAMETERS = (
+    "flight_path = 'a flight'\nresults_path = ''\nseed: int = 1  # any whole number\nnoise = 1e-7"
+)
+
+
+def execute(notebook, executed, **given):
+    values = notebooks.with_defaults(notebook, given)
+    steps = []
+    try:
+        notebooks.execute(
+            notebook, executed, parameters=values, on_cell=lambda *step: steps.append(step)
+        )
+    finally:
+        notebooks.scrub(executed, hidden="nothing")
+    return nbformat.read(executed, as_version=4), steps
+
+
+def test_defaults_are_values_and_given_ones_go_before(tmp_path):
+    notebook = write(tmp_path / "a.ipynb", PARAMETERS)
+    values = notebooks.with_defaults(notebook, {"seed": 3, "noise": 2, "of_another_notebook": 1})
+    assert values == {"flight_path": "a flight", "results_path": "", "seed": 3, "noise": 2}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"noise": "1e-7"}, "a: noise is float, got '1e-7'"),
+        ({"seed": 1.5}, "a: seed is int, got 1.5"),
+        ({"seed": True}, "a: seed is int, got True"),
+        ({"flight_path": 7}, "a: flight_path is str, got 7"),
+    ],
+)
+def test_a_value_of_another_type_is_refused(tmp_path, given, said):
+    notebook = write(tmp_path / "a.ipynb", PARAMETERS)
+    with pytest.raises(ValueError, match=said):
+        notebooks.with_defaults(notebook, given)
+
+
+@pytest.mark.parametrize("text", ["", "{", None])
+def test_a_notebook_that_cannot_be_read_is_named(tmp_path, text):
+    notebook = write(tmp_path / "a.ipynb", "seed = int('3')")
+    if text is not None:
+        notebook.write_text(text)
+    with pytest.raises(notebooks.NotebookError, match="notebook a, cell 1: no readable parameters"):
+        notebooks.with_defaults(notebook, {})
+
+
+@pytest.mark.slow
+def test_the_kernel_is_this_interpreter_alone(tmp_path, monkeypatch):
+    (tmp_path / "statistics.py").write_text("raise ImportError('from the current folder')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    notebook = write(
+        tmp_path / "{a} \u00e9.ipynb",
+        PARAMETERS,
+        "import os, statistics, sys\n[sys.executable, os.environ['OMP_NUM_THREADS'], os.getcwd()]",
+        "import matplotlib.pyplot as plt\nplt.plot([1, 2]);",
+        "flight_path",
+    )
+    executed, steps = execute(notebook, tmp_path / "out" / "{}.ipynb", flight_path="{b} \u00e9")
+    found = executed.cells[1].outputs[0].data["text/plain"]
+    assert str([os.sys.executable, "1", str(tmp_path)]) == found.replace("\n", "").replace(
+        ",  ", ", "
+    )
+    picture = executed.cells[2].outputs[0].data["image/png"]
+    assert base64.b64decode(picture).startswith(b"\x89PNG")
+    assert executed.cells[3].outputs[0].data["text/plain"] == "'{b} \u00e9'"
+    assert steps == [(done, 5) for done in range(6)]
+
+
+@pytest.mark.slow
+def test_two_runs_are_equal_byte_for_byte_and_show_the_parameters_once(tmp_path):
+    notebook = write(
+        tmp_path / "a.ipynb",
+        PARAMETERS,
+        "import warnings\nwarnings.warn('hm')",
+        "print({'b', 'a', 'c'})\nresults_path",
+    )
+    for run in ("one", "two"):
+        out = tmp_path / run / ".running-x7" / "a.ipynb"
+        out.parent.mkdir(parents=True)
+        values = {"seed": 4, "results_path": f"results/.running-{run}"}
+        notebooks.execute(notebook, out, parameters=values, on_cell=lambda *_: None)
+        notebooks.scrub(out, hidden=f".running-{run}")
+    one, two = ((tmp_path / run / ".running-x7" / "a.ipynb").read_bytes() for run in ("one", "two"))
+    assert one == two
+    executed = nbformat.reads(one.decode(), as_version=4)
+    assert [cell.execution_count for cell in executed.cells] == [1, 2, 3]
+    assert executed.cells[0].source == '# Parameters\nseed = 4\nresults_path = "results"\n'
+    assert executed.cells[0].metadata.tags == ["injected-parameters", "hide-input"]
+    assert executed.cells[2].outputs[1].data["text/plain"] == "'results'"
+    assert b"papermill" not in one
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("raise ValueError('first\\nlast')", "notebook a, cell 2: ValueError: last"),
+        ("x = ((", "notebook a, cell 2: SyntaxError: incomplete input (line 1)"),
+        ("raise KeyError", "notebook a, cell 2: KeyError"),
+        ("import os; os._exit(3)", "notebook a, cell 2: Kernel died"),
+    ],
+)
+def test_a_failing_cell_is_named_with_the_last_line_of_its_error(tmp_path, cell, said):
+    notebook = write(tmp_path / "a.ipynb", PARAMETERS, cell, "'never'")
+    with pytest.raises(notebooks.NotebookError) as caught:
+        execute(notebook, tmp_path / "out" / "a.ipynb")
+    assert str(caught.value) == said
+    assert caught.value.cell == 2
+    last = nbformat.read(tmp_path / "out" / "a.ipynb", as_version=4).cells[-1]
+    assert last.source == "'never'"
+    assert last.execution_count is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "argument", "said"),
+    [
+        (FlightError, "['a.csv:1: x: bad', 'b.csv:2: y: bad']", "a.csv:1: x: bad\nb.csv:2: y: bad"),
+        (AdjustmentError, "'lever_z_m of SYN: not determined'", "lever_z_m of SYN: not determined"),
+    ],
+)
+def test_an_error_of_the_library_stays_what_it_is(tmp_path, kind, argument, said):
+    cell = f"from acx4lib.errors import {kind.__name__}\nraise {kind.__name__}({argument})"
+    notebook = write(tmp_path / "a.ipynb", PARAMETERS, cell)
+    with pytest.raises(kind) as caught:
+        execute(notebook, tmp_path / "out" / "a.ipynb")
+    assert str(caught.value) == said

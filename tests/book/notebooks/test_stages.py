@@ -1,0 +1,251 @@
+"""The stages, with notebooks of two cells on a simulated flight that has no heads."""
+
+import shutil
+
+import pandas as pd
+import pytest
+
+import acx4sim
+from acx4book.notebooks import stages
+from acx4book.notebooks.execute import NotebookError
+from acx4lib.errors import OutputError
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.marks import MARK, SCRATCH
+from support.flights import written
+from support.small_notebooks import write
+
+PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
+KEEP = """
+import pandas
+from acx4lib.results import folder
+row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm")
+frame = pandas.DataFrame([row], columns=folder.COLUMNS["parameters"])
+summary = {{"{stage}/{method}": {extra}}}
+folder.replace(
+    results_path, ["{stage}"], tables={{"parameters": frame}}, summary=summary
+)
+"""
+
+
+@pytest.fixture(scope="session")
+def flight_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("simulated") / "flight"
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
+    return path
+
+
+def keep(stage, method, extra="{}"):
+    return KEEP.format(stage=stage, method=method, extra=extra)
+
+
+@pytest.fixture
+def notebooks_path(tmp_path):
+    folder = tmp_path / "notebooks"
+    write(folder / "00-flight.ipynb", PARAMETERS, "import os\nassert os.path.isdir(flight_path)")
+    for stage, method in (("mounting", "single_step"), ("validation", "single_step")):
+        write(folder / f"{stages.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
+    return folder
+
+
+def contents(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.mark.slow
+def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
+    tmp_path, flight_path, notebooks_path
+):
+    told = []
+    for name in ("one", "two"):
+        folder = tmp_path / name / "results"
+        with claims.claim(folder, command=stages.COMMAND) as own:
+            own.expect(results.FILES)
+            results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
+            own.seal()
+        report = stages.run(
+            flight_path, folder, notebooks_path=notebooks_path, tell=lambda *step: told.append(step)
+        )
+    one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
+    assert sorted(one) == sorted(
+        [f"results/{name}" for name in (*results.FILES, provenance.FILE, MARK)]
+        + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
+        + [f"results/notebooks/{stages.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
+    )
+    # The folder's own name stands in the cell of the parameters, and so in its checksum.
+    del one[f"results/{MARK}"], two[f"results/{MARK}"]
+    assert one == {k: v.replace(b"/two/", b"/one/") for k, v in two.items()}
+    assert report.ran == ("mounting", "validation")
+    assert report.skipped == (
+        "heads: skipped, the flight has no block heads",
+        "synthetic: skipped, the flight has no block heads",
+    )
+    assert set(results.read(folder).summary) == {"mounting/single_step", "validation/single_step"}
+    assert [stage for stage, done, total in told if done == total] == 2 * [
+        "flight",
+        "mounting",
+        "validation",
+    ]
+
+
+@pytest.mark.slow
+def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
+    stages.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    stages.run(
+        flight_path,
+        tmp_path / "results",
+        stages=["validation"],
+        parameters={"seed": 5},
+        notebooks_path=notebooks_path,
+    )
+    assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
+
+
+@pytest.mark.slow
+def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
+    tmp_path, flight_path, notebooks_path
+):
+    folder = tmp_path / "results"
+    mounting = notebooks_path / "03-mounting-calibration.ipynb"
+    undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
+    write(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
+    stages.run(flight_path, folder, notebooks_path=notebooks_path)
+    before = contents(folder)
+    name = "04-validation.ipynb"
+    good = (notebooks_path / name).read_bytes()
+    write(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
+    with pytest.raises(NotebookError) as caught:
+        stages.run(flight_path, folder, notebooks_path=notebooks_path)
+    assert (
+        str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
+    )
+    assert caught.value.__notes__ == undetermined["not_determined"]
+    after = contents(folder)
+    assert b"division by zero" in after.pop(f"failed/{name}")
+    assert after.pop(MARK) != before[MARK]
+    assert after == {name: content for name, content in before.items() if name != MARK}
+    (notebooks_path / name).write_bytes(good)
+    report = stages.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
+    assert contents(folder) == before
+    assert report.not_determined == ()
+
+
+@pytest.mark.slow
+def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
+    tmp_path, flight_path, notebooks_path
+):
+    extra = {"not_determined": ["lever_z_m"], "left_out": ["two_step needs control"]}
+    mounting = notebooks_path / "03-mounting-calibration.ipynb"
+    write(mounting, PARAMETERS, keep("mounting", "single_step", extra))
+    validation = notebooks_path / "04-validation.ipynb"
+    write(validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]}))
+    report = stages.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    assert report.not_determined == ("lever_z_m",)
+    assert report.left_out == ("two_step needs control",)
+
+
+def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
+    folder = tmp_path / "results"
+
+    def run(**arguments):
+        stages.run(flight_path, folder, **{"notebooks_path": notebooks_path, **arguments})
+
+    with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
+        run(stages=["mountain"])
+    with pytest.raises(ValueError, match="no notebook has a parameter sed; known: seed"):
+        run(parameters={"sed": 3})
+    with pytest.raises(ValueError, match="no notebook has a parameter results_path"):
+        run(parameters={"results_path": "elsewhere"})
+    with pytest.raises(ValueError, match="00-flight: seed is int, got '3'"):
+        run(parameters={"seed": "3"})
+    with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
+        run(notebooks_path=tmp_path)
+    assert not folder.exists()
+
+
+def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, notebooks_path):
+    folder = tmp_path / "results"
+    folder.mkdir()
+    pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
+    before = contents(folder)
+    with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
+        stages.run(flight_path, folder, notebooks_path=notebooks_path)
+    assert contents(folder) == before
+
+
+@pytest.mark.slow
+def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
+    flight = tmp_path / "flight"
+    acx4sim.write(acx4sim.DESIGNS["acx4"](seed=1), flight)
+    folder = tmp_path / "notebooks"
+    write(folder / "00-flight.ipynb", PARAMETERS, "seed")
+    for stage in results.STAGES:
+        write(folder / f"{stages.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
+    of_rig = keep("mounting", "rig").replace('["mounting"]', '["mounting/rig"]')
+    write(folder / f"{stages.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
+    write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
+    report = stages.run(flight, tmp_path / "results", notebooks_path=folder)
+    assert report.not_determined == ("no heads",)
+    found = results.read(tmp_path / "results").parameters
+    assert list(found["stage"]) == ["heads", "mounting", "mounting", "validation"]
+    assert list(found["method"]) == ["method", "method", "rig", "method"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("heads", [1, 2])
+def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path, heads):
+    path = written.write_flight(tmp_path / "flight", blocks=("heads",))
+    if heads == 1:
+        toml = (
+            (path / "flight.toml")
+            .read_text()
+            .replace('heads = ["LEFT", "RIGHT"]', 'heads = ["LEFT"]')
+        )
+        (path / "flight.toml").write_text(toml)
+        for name in ("images.csv", "image_points.csv"):
+            table = pd.read_csv(path / "heads" / name, dtype=str)
+            table[table["image"].str.endswith("LEFT")].to_csv(path / "heads" / name, index=False)
+    left_out = keep("mounting", "rig", {"left_out": ["mounting/rig: no"], "notes": ["hm"]})
+    of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
+    write(notebooks_path / f"{stages.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    report = stages.run(
+        path, tmp_path / "results", stages=["mounting"], notebooks_path=notebooks_path
+    )
+    no_block = "mounting: skipped, the flight has no block calibration"
+    if heads == 1:
+        assert report.ran == ()
+        assert report.skipped == (no_block, "rig: skipped, block heads has one camera only")
+    else:
+        assert report.ran == ("rig",)
+        assert report.skipped == (no_block,)
+        assert report.left_out == ("mounting/rig: no",)
+        assert report.notes == ("hm",)
+        assert report.not_determined == ()
+
+
+def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
+    (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
+    stages.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {
+        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
+    }
+
+
+def test_a_validation_without_a_point_in_two_images_is_skipped(
+    tmp_path, flight_path, notebooks_path
+):
+    alone = tmp_path / "flight"
+    shutil.copytree(flight_path, alone)
+    points = pd.read_csv(alone / "validation" / "image_points.csv", dtype=str)
+    points.drop_duplicates("point").to_csv(alone / "validation" / "image_points.csv", index=False)
+    report = stages.run(
+        alone, tmp_path / "results", stages=["validation"], notebooks_path=notebooks_path
+    )
+    reason = "no check point of block validation is measured in two images"
+    assert report.skipped == (f"validation: skipped, {reason}",)

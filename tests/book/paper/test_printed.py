@@ -1,0 +1,137 @@
+"""The transcription of the paper: complete, and equal to what is printed."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4book.paper import printed
+
+TABLES = (1, 2, 3, 4)
+NUMBER = r"(-?\d*\.?\d+(?:E[+-]\d+)?)(?:\^(-?)(\d+))?"
+
+
+def printed_numbers(text: str) -> list[float]:
+    """Read a printed cell anew: mantissa^exponent, the exponent's minus sign restored."""
+    found = re.findall(NUMBER, re.sub(r"\s*[\[x].*", "", text))
+    return [float(f"{mantissa}e-{power}" if power else mantissa) for mantissa, _, power in found]
+
+
+@pytest.mark.parametrize("number", TABLES)
+def test_values_are_what_is_printed(number):
+    rows = printed.table(number)
+    rows = rows[~rows["note"].str.contains("in brackets")]
+    for row in rows.itertuples():
+        expected = [] if row.as_printed == "ND" else printed_numbers(row.as_printed)
+        got = [x for x in (row.value, row.sigma) if not np.isnan(x)]
+        assert got == pytest.approx(expected, rel=1e-12), row
+
+
+def test_numbers_in_brackets_are_what_is_printed():
+    rows = printed.table(4)
+    rows = rows[rows["note"].str.contains("in brackets")]
+    assert len(rows) == 2 * 6
+    for row in rows.itertuples():
+        assert float(re.search(r"\[([\d.]+)", row.as_printed)[1]) == row.value
+
+
+@pytest.mark.parametrize(
+    ("number", "columns", "rows"),
+    [(1, printed.HEADS, 15), (2, ("SYN",), 6), (3, printed.METHODS, 15), (4, printed.METHODS, 12)],
+)
+def test_every_printed_row_has_every_column(number, columns, rows):
+    table = printed.table(number)
+    assert set(table["table"]) == {number}
+    assert table["row"].nunique() == rows
+    assert not table.duplicated(["parameter", "column"]).any()
+    assert (table.groupby("parameter")["column"].apply(tuple) == columns).all()
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_only_what_was_not_determined_or_fixed_has_no_sigma(number):
+    table = printed.table(number)
+    nothing = table["value"].isna()
+    assert (nothing == (table["as_printed"] == "ND")).all()
+    without = set(table.loc[table["sigma"].isna() & ~nothing, "parameter"])
+    fixed = {"f_mm", "Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg"}
+    assert without == {"sigma0_squared"} | (fixed if number == 1 else set())
+
+
+def test_single_values():
+    assert printed.value(1, "kappa_deg", "CAM2") == -93.408507
+    assert printed.value(1, "xp_mm", "CAM3") == 0.2619
+    assert printed.printed(1, "xp_mm", "CAM3").startswith(".2619")
+    assert (printed.value(3, "k3", "single_step"), printed.sigma(3, "k3", "single_step")) == (
+        2.06e-14,
+        3.19e-15,
+    )
+    assert np.isnan(printed.value(3, "lever_x_m", "two_step"))
+    assert printed.sigma(4, "mean_height_m", "single_step") == 0.52
+
+
+def test_changing_a_returned_table_changes_nothing():
+    table = printed.table(1)
+    table.loc[:, "value"] = 0.0
+    assert printed.value(1, "f_mm", "CAM1") == 74.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("head_border_distortion_px", 15),
+        ("head_megapixels", 60.5),
+        ("head_width_px", 8984),
+        ("head_f_nominal_mm", 72),
+        ("block_1_images", 31),
+        ("block_2_images", 52),
+        ("block_3_images", 268),
+        ("block_3_strips", 20),
+        ("check_points", 36),
+        ("synthetic_quality_px", 0.5),
+        ("field_points", 56),
+        ("field_vertical_m", 0.02),
+        ("max_correlation", 0.1),
+    ],
+)
+def test_statements_of_the_text(name, value):
+    assert printed.statement(name) == value
+
+
+def test_statements_are_their_print_in_other_units():
+    """Every statement's number stands in its print, apart from the unit."""
+    words = {"One": 1, "Two": 2, "Three": 3, "three": 3, "four": 4, "twenty": 20, "same": 1}
+    words |= {"1/2": 0.5, "I": 1}
+    for row in printed.statements().itertuples():
+        numbers = [float(n) for n in re.findall(r"\d*\.?\d+", row.as_printed)]
+        numbers += [words[w] for w in re.findall(r"[\w/]+", row.as_printed) if w in words]
+        scales = {"m": (1, 0.01), "1": (1, 0.01)}.get(row.unit, (1,))
+        assert any(np.isclose(n * s, row.value) for n in numbers for s in scales), row
+
+
+def test_interior_orientation_takes_undetermined_coefficients_as_zero():
+    head, synthetic = printed.interior(1, "CAM4"), printed.interior(3, "two_step")
+    assert (head.f, head.xp, head.k1, head.k2, head.p2) == (74.0, -0.1785, 2.15e-6, 0.0, 2.4e-6)
+    assert (synthetic.f, synthetic.k3, synthetic.p1) == (74.4511, 2.28e-14, 1.73e-6)
+
+
+def test_formats():
+    """Table 2's size in mm follows from its pixels, and a head is 53.9 x 40.4 mm."""
+    assert_allclose(printed.corners("SYN")[0], [67.20 / 2, 90.72 / 2], atol=1e-9)
+    assert_allclose(printed.corners("CAM1")[2], [-26.952, -20.196], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda: printed.table(5),
+        lambda: printed.value(1, "k4", "CAM1"),
+        lambda: printed.value(3, "f_mm", "CAM1"),
+        lambda: printed.statement("n_moons"),
+    ],
+)
+def test_what_the_paper_does_not_have_is_an_error(ask):
+    with pytest.raises(ValueError, match=r"Table|statement"):
+        ask()

@@ -1,0 +1,140 @@
+"""Two adjustments by another program, reproduced digit by digit."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acx4book.reference.dbat import blocks, comparison, files, printed, statements
+from acx4book.reference.dbat.table import results
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from support.reference_files import needs
+
+PROJECTS = [
+    pytest.param(blocks.camcal, id="camcal", marks=needs("dbat-camcal")),
+    pytest.param(blocks.sxb, id="sxb", marks=needs("dbat-sxb")),
+]
+
+
+@pytest.fixture(scope="module", params=PROJECTS)
+def project(request):
+    return request.param()
+
+
+@pytest.fixture(scope="module")
+def table(project):
+    return results(project)
+
+
+def test_every_printed_number_is_reproduced_to_one_unit_of_its_last_digit(table):
+    wrong = table[~table["agrees"]]
+    assert wrong.empty, wrong[["quantity", "printed", "ours"]].to_string()
+
+
+def test_no_decimal_number_of_the_report_is_left_out(project, table):
+    """Counted in the raw text, by another pattern than the reader's."""
+    decimal = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e-\d+)?(?![\w.]*\.\d)")
+    in_text = Counter(decimal.findall(project.report.read_text()))
+    left_out = in_text - Counter(table["printed"])
+    course = [  # of the other program's computation
+        number
+        for place, line in printed.read(project.report).items()
+        if not statements.is_result(place)
+        for number in line.numbers
+    ]
+    assert left_out == Counter(number for number in course if "." in number)
+
+
+def test_all_exterior_orientations_and_their_sigma_are_compared(project, table):
+    photos = len(project.bundle.network.block.images)
+    assert (table["kind"] == "exterior orientation").sum() == 6 * photos
+    of_photos = table["quantity"].str.contains("Photo ")
+    assert table.loc[of_photos, "quantity"].str.endswith("> Deviation").sum() == 6 * photos
+
+
+def test_most_numbers_round_to_the_printed_digits(table):
+    """One unit is what may be asked for; nearly all agree to the half that rounding leaves."""
+    assert (table["units"].abs() <= 0.5).mean() > 0.95
+
+
+def test_a_digit_changed_by_two_units_is_noticed(project, table, tmp_path):
+    text = project.report.read_text()
+    place = text.index("Overall point RMS: ") + len("Overall point RMS: ")
+    number = text[place : place + 5]
+    changed = f"{float(number) + 0.002:.3f}"
+    report = tmp_path / "report.txt"
+    report.write_text(text[:place] + changed + text[place + 5 :])
+    again = results(replace(project, report=report))
+    wrong = again[~again["agrees"]]
+    assert wrong["quantity"].tolist() == ["Quality > Point Marking Residuals > Overall point RMS"]
+    assert len(again) == len(table)
+
+
+def test_a_line_that_only_one_side_has_does_not_agree(project, tmp_path):
+    text = project.report.read_text()
+    start = text.index("      Point Marking Residuals")
+    report = tmp_path / "report.txt"
+    report.write_text(text[:start] + text[text.index("      Point Precision") :])
+    again = results(replace(project, report=report))
+    wrong = again.loc[~again["agrees"], "quantity"]
+    assert len(wrong) == 6
+    assert wrong.str.startswith("Quality > Point Marking Residuals").all()
+
+
+def test_the_start_values_are_not_the_results(project):
+    """They come from resection on the control points; the reference is not read for them."""
+    start, end = project.bundle.network.start, project.bundle.state
+    assert np.linalg.norm(start.T_m_b.r - end.T_m_b.r, axis=1).min() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("printed", "unit"), [("1.6148", 1e-4), ("-3.40", 0.01), ("2.21e-05", 1e-7), ("21", 1.0)]
+)
+def test_unit_of_the_last_digit(printed, unit):
+    assert comparison.last_digit(printed) == pytest.approx(unit)
+
+
+def test_conventions_are_converted_as_the_reference_states_them():
+    """The formulas of the data set's description, written out in its own terms."""
+    camera = Camera(
+        name="c",
+        width_px=2272,
+        height_px=1704,
+        pixel_mm=0.0032,
+        interior=Interior(
+            f=7.4, xp=0.1, yp=-0.2, k1=4e-3, k2=-4e-5, k3=-2e-6, p1=6e-5, p2=4e-5, b1=4e-4
+        ),
+    )
+    values, _ = files.interior_to_dbat(camera, np.zeros((9, 9)))
+    _, px, py, aspect, k1, k2, k3, p1, p2 = values
+    xy_px = np.array([[12.0, 1500.0], [1100.0, 30.5], [2200.0, 900.0]])
+    x = (xy_px[:, 0] * 0.0032 - px) * (1 + aspect)
+    y = -(xy_px[:, 1] * 0.0032 - py)
+    r2 = x**2 + y**2
+    radial = k1 * r2 + k2 * r2**2 + k3 * r2**3
+    x_c = x + x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * x * y
+    y_c = y + y * radial + p2 * (r2 + 2 * y**2) + 2 * p1 * x * y
+    read = files.Measurements(
+        image=np.ones(3, dtype=int), point=np.arange(3), xy_px=xy_px, sigma_px=np.ones(3)
+    )
+    ours = correct(camera.interior, xy_from_colrow(camera, read.colrow))
+    np.testing.assert_allclose(ours, np.column_stack([x_c, y_c]), atol=1e-12)
+
+
+def test_covariance_of_the_converted_interior_is_propagated():
+    camera = Camera(
+        name="c",
+        width_px=2272,
+        height_px=1704,
+        pixel_mm=0.0032,
+        interior=Interior(f=7.4, xp=0.8, b1=0.1),
+    )
+    cov = np.diag([0.0, 4e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9e-6])
+    _, got = files.interior_to_dbat(camera, cov)
+    # the principal point is xp over one plus b1, and a constant
+    assert got[1, 1] == pytest.approx(4e-6 / 1.1**2 + 9e-6 * 0.8**2 / 1.1**4)
+    assert got[1, 3] == pytest.approx(-9e-6 * 0.8 / 1.1**2)

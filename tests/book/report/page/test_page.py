@@ -1,0 +1,83 @@
+"""The report is one file, or a line says why there is none."""
+
+import re
+import shutil
+
+import pytest
+
+from acx4book.command.acx4 import main
+from acx4book.report.material import image_residuals, read
+from acx4lib.errors import FlightError
+from support.run_results import SINGLE, edit
+
+
+@pytest.fixture
+def acx4(capsys):
+    def command(*arguments):
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return end.value.code, captured.out, captured.err
+
+    return command
+
+
+@pytest.mark.slow
+def test_the_report_is_one_file_that_asks_for_nothing(acx4, made, run, tmp_path):
+    out = tmp_path / "report.html"
+    status, said, err = acx4("report", made[1], "--out", out)
+    assert (status, err) == (0, "")
+    assert said.splitlines() == ["report: done", str(out)]
+    text = out.read_text(encoding="utf-8")
+    assert not re.search(r"<script|<link|src=\"(?!data:)|url\(|@import", text)
+    assert text.count("data:image/svg+xml;base64,") >= 6
+    assert "<code class" not in text
+    assert "import acx4lib" not in text
+    assert run.flight.name in text
+    assert "<b>Table 1.</b> What holds and what does not" in text
+    assert not re.search(r"\{(numref|eq|doc)\}|\\varphi|\$", re.sub(r"<style>.*</style>", "", text))
+    again = tmp_path / "again.html"
+    acx4("report", made[1], "--out", again)
+    assert again.read_text(encoding="utf-8") == text
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "again.html"}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (shutil.rmtree, "no such folder"),
+        (lambda f: (f / "residuals.csv").unlink(), "not complete, without residuals.csv"),
+        (lambda f: (f / "summary.json").write_text("{}"), "no stage left results"),
+        (lambda f: (f / "summary.json").write_text("{"), "summary.json: not JSON"),
+        (lambda f: shutil.rmtree(f / "flight"), "not complete, without flight/flight.toml"),
+        (lambda f: [p.unlink() for p in f.glob("*.*")], "no results of a run"),
+    ],
+)
+def test_bad_results_are_one_line_and_leave_an_older_report_alone(acx4, folder, spoil, says):
+    spoil(folder)
+    out = folder.parent / "report.html"
+    out.write_text("older")
+    status, said, err = acx4("report", folder, "--out", out)
+    assert (status, said) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert says in err
+    assert str(folder) in err
+    assert out.read_text() == "older"
+
+
+def test_a_place_that_cannot_be_written_is_one_line_before_anything_runs(acx4, made, tmp_path):
+    for out, says in ((tmp_path, "is a folder"), (tmp_path / "no" / "x.html", "no such folder")):
+        status, _, err = acx4("report", made[1], "--out", out)
+        assert status == 2
+        assert len(err.splitlines()) == 1
+        assert says in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_residuals_of_another_flight_are_refused(folder):
+    def rename(table):
+        table["point"] = table["point"].str.replace("T0", "X0")
+
+    edit(folder, "residuals", rename)
+    with pytest.raises(FlightError, match="not of the flight kept beside it"):
+        image_residuals(read(folder), SINGLE)

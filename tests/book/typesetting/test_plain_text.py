@@ -1,0 +1,192 @@
+"""Names on their way to a reader: shown as they are, in every medium."""
+
+from __future__ import annotations
+
+import html
+import io
+from xml.etree import ElementTree as ET
+
+import matplotlib.pyplot as plt
+import pytest
+import yaml
+from bs4 import BeautifulSoup
+from hypothesis import example, given
+from hypothesis import strategies as st
+from markdown_it.renderer import RendererHTML
+from myst_parser.config.main import MdParserConfig
+from myst_parser.parsers.mdit import create_md_parser
+
+from acx4book.command import terminal
+from acx4book.report.page.markdown import Document, to_html
+from acx4book.typesetting import myst
+from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
+from acx4book.typesetting.style import LONGEST, plain, style
+from support.flights import payloads
+from support.helpers import ROOT
+
+CONFIG = yaml.safe_load((ROOT / "book" / "_config.yml").read_text("utf-8"))
+EXTENSIONS = set(CONFIG["parse"]["myst_enable_extensions"])
+
+every_name = pytest.mark.parametrize("name", payloads.NAMES.values(), ids=payloads.NAMES)
+SIGNS = "`*_{}[]()<>#+-.!|$~:^%&=;,'\"\\/@ a1"
+ANY = st.text(st.sampled_from(SIGNS), min_size=1, max_size=12) | st.text(
+    st.characters(exclude_categories=("C", "Zl", "Zp")), min_size=1, max_size=8
+)
+
+
+def same(text: str) -> str:
+    """Return text without the marks around what runs from right to left."""
+    while text.startswith(ISOLATE) and text.endswith(POP):
+        text = text[1:-1]
+    return text
+
+
+def book(markdown: str) -> BeautifulSoup:
+    """Render MyST as the book does."""
+    parser = create_md_parser(MdParserConfig(enable_extensions=EXTENSIONS), RendererHTML)
+    return BeautifulSoup(parser.render(markdown), "html.parser")
+
+
+def printed(markdown: str) -> BeautifulSoup:
+    """Render MyST as the printable report does."""
+    return BeautifulSoup(to_html(markdown, Document()), "html.parser")
+
+
+PLACES = {
+    "a line": ("{}", "p", ["p"]),
+    "a sentence": ("of *{}*, and", "em", ["p", "em"]),
+    "an item": ("- {}", "li", ["ul", "li"]),
+    "a quotation": ("> {}", "p", ["blockquote", "p"]),
+}
+"""How a name is put there, the element that holds it, and all elements."""
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("rendered", [book, printed])
+@every_name
+def test_a_name_is_text_on_a_page(name, rendered, place):
+    pattern, holder, elements = PLACES[place]
+    soup = rendered(pattern.format(shown(name)))
+    assert [element.name for element in soup.find_all(True)] == elements
+    assert same(soup.find(holder).get_text().strip("\n")) == name
+    assert all(not element.attrs for element in soup.find_all(True))
+
+
+@given(name=ANY)
+@example(name="a:b")
+@example(name="&#36;")
+def test_any_signs_are_text_on_a_page(name):
+    for pattern, holder, elements in PLACES.values():
+        soup = book(pattern.format(shown(name)))
+        assert [element.name for element in soup.find_all(True)] == elements
+        assert same(soup.find(holder).get_text().strip("\n")) == name
+
+
+@given(name=ANY)
+def test_any_signs_are_text_in_a_table_its_head_and_its_caption(name):
+    table = myst.pd.DataFrame({name: [name], "n": [1]})
+    soup = printed(myst.myst_table(table, name, name="tab-x"))
+    cells = [same(cell.get_text()) for cell in soup.select("th, td")]
+    assert cells == [name, "n", name, "1"]
+    assert soup.caption.get_text() == f"Table 1. {soup.th.get_text()}"
+    tags = {element.name for element in soup.find_all(True)}
+    assert tags == {"table", "caption", "b", "thead", "tbody", "tr", "th", "td"}
+
+
+@every_name
+def test_a_name_is_text_in_html(name):
+    soup = BeautifulSoup(f"<p>{shown(name, 'html')}</p>", "html.parser")
+    assert [element.name for element in soup.find_all(True)] == ["p"]
+    assert same(soup.p.get_text()) == name
+    quoted = BeautifulSoup(f'<p title="{shown(name, "html")}">x</p>', "html.parser")
+    assert same(quoted.p["title"]) == name
+
+
+def labels(fig) -> list[str]:
+    """Return the labels of a figure; of mathematics what is drawn, part by part."""
+    buffer = io.StringIO()
+    with plt.rc_context({"svg.fonttype": "none"}):
+        fig.savefig(buffer, format="svg")
+    found = ET.fromstring(buffer.getvalue()).iter("{http://www.w3.org/2000/svg}text")
+    return ["\n".join(part for part in text.itertext() if part.strip()) for text in found]
+
+
+@every_name
+def test_a_name_is_drawn_as_it_is(name):
+    with style():
+        fig, ax = plt.subplots()
+        ax.set(xticks=[], yticks=[])
+        ax.set_title(f"{plain(name)} and {plain(name)}")
+        ax.plot([0, 1], label=plain(name))
+        ax.legend()
+        title, label = labels(fig)
+    if name.isprintable() and name.isascii() and len(name) <= LONGEST and name[0] != "_":
+        assert " ".join(title.split()) == " ".join(f"{name} and {name}".split())
+        assert " ".join(label.split()) == " ".join(name.split())
+    assert "\n" not in title or name[0] == "_"  # one piece: no mathematics
+
+
+def test_labels_keep_their_own_mathematics_beside_a_name():
+    with style():
+        fig, ax = plt.subplots()
+        ax.set(xticks=[], yticks=[], title=f"{plain('a $x_p$ b')} $x_p$")
+        assert "".join(labels(fig)[0].split()) == "a$x_p$bxp"
+
+
+def test_a_long_name_and_one_without_shapes_fit_a_figure():
+    assert plain(50 * "a" + 50 * "b") == 12 * "a" + "…" + 12 * "b"
+    assert plain("\u6771 1") == r"\u6771 1"
+
+
+@every_name
+def test_a_terminal_obeys_no_name(name):
+    line = shown(name, "terminal")
+    assert line == name or not line.isascii() or "\\u" in line
+    assert not set("\N{RIGHT-TO-LEFT OVERRIDE}\N{POP DIRECTIONAL ISOLATE}\x1b\r\n\a") & set(line)
+
+
+def test_commands_say_a_name_in_its_line(capsys):
+    terminal.show("a\x1b[31m\rb\nc [red]")
+    terminal.say("a\x1b]0;b\a", "c\nd")
+    said = capsys.readouterr()
+    assert said.out.splitlines() == [r"a\x1b[31m\rb", "c [red]"]
+    assert said.err.splitlines() == [r"a\x1b]0;b\x07", r"c\nd"]
+
+
+@pytest.mark.parametrize("medium", ["myst", "html", "tex", "terminal"])
+@pytest.mark.parametrize(
+    ("name", "seen"),
+    [
+        ("a\nb", r"a\nb"),
+        ("\x1b[31m", r"\x1b[31m"),
+        ("a\x9bb", r"a\x9bb"),
+        ("\ud83d", r"\ud83d"),
+        ("a\N{LINE SEPARATOR}b", r"a\u2028b"),
+        ("a\uffff", r"a\uffff"),
+        ("a\N{RIGHT-TO-LEFT OVERRIDE}b", r"a\u202eb"),
+    ],
+)
+def test_what_nothing_shows_is_an_escape(medium, name, seen):
+    text = shown(name, medium)
+    assert (html.unescape(text) if medium in ("myst", "html") else text) == seen
+
+
+def test_a_name_that_runs_from_right_to_left_leaves_its_neighbours_alone():
+    assert html.unescape(shown("(שלום) 7")) == f"{ISOLATE}(שלום) 7{POP}"
+    assert shown("CAM1") == shown("CAM1", "html") == "CAM1"
+
+
+def test_markup_is_left_alone_and_what_is_shown_is_markup():
+    assert shown(Markup("$x$")) == "$x$"
+    assert shown(shown("$x$")) == shown("$x$") == "&#36;x&#36;"
+    assert shown(7) == "7"
+
+
+def test_clean_names_are_written_as_they_are():
+    for name in ("CAM1", "H3-04_CAM1", "PhaseOne 150MP/50mm", "Straße 1, 7.5"):
+        assert shown(name) == shown(name, "tex") == shown(name, "terminal") == name
+
+
+def test_paths_are_code_and_others_are_shown():
+    assert code("flight/heads/images.csv") == "`flight/heads/images.csv`"
+    assert code("flight/`{{x}}`.csv") == shown("flight/`{{x}}`.csv")

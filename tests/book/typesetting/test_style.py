@@ -1,0 +1,76 @@
+"""The style of figures: colours that all tell apart, nothing left behind."""
+
+import itertools
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from acx4book.typesetting import style
+from support.figures import drawn
+
+
+def test_the_style_leaves_pyplot_as_it_found_it():
+    before = dict(mpl.rcParams), plt.get_fignums()
+    with style.style():
+        fig, ax = plt.subplots()
+        assert not ax.spines["top"].get_visible()
+    assert (dict(mpl.rcParams), plt.get_fignums()) == before
+    assert fig.dpi == 150
+    assert fig.get_facecolor() == (1, 1, 1, 1)
+
+
+def test_the_style_closes_its_figures_also_after_an_error():
+    before = plt.get_fignums()
+    with pytest.raises(ValueError, match="FixedLocator"), style.style():
+        plt.subplots(subplot_kw={"xlim": (0, 1)}, figsize=(2, 2))[1].set_xticks([9], ["9", "9"])
+    assert plt.get_fignums() == before
+
+
+# Linear RGB as full protanopes, deuteranopes and tritanopes see it.
+VISIONS = {
+    "all": np.eye(3),
+    "protan": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deutan": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritan": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+
+
+def lab(colour, seen):
+    """Return CIE L*a*b* of a colour as a kind of colour vision sees it."""
+    rgb = np.array(mpl.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(seen) @ linear, 0, 1)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    xyz = np.array(to_xyz) @ linear / [0.9505, 1.0, 1.089]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_every_colour_vision_tells_the_palette_apart(vision):
+    seen = [lab(colour, VISIONS[vision]) for colour in style.PALETTE]
+    apart = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
+    assert min(apart) > 20  # two are told apart side by side from about 2, in a legend from 10
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+@pytest.mark.parametrize("colours", [style.SEQUENCE, style.DIVERGING], ids=lambda c: c.name)
+def test_colour_scales_run_one_way_in_lightness(colours, vision):
+    seen = [lab(colours(x), VISIONS[vision])[0] for x in np.linspace(0, 1, 21)]
+    middle = 0 if colours is style.SEQUENCE else 10
+    assert np.all(np.diff(seen[middle:]) < 0)
+    assert np.all(np.diff(seen[: middle + 1]) > 0)
+
+
+@pytest.mark.parametrize(
+    ("longest", "length"), [(1.0, 1.0), (1.9, 1.0), (4.99, 2.0), (730.0, 500.0), (0.1, 0.1)]
+)
+def test_scale_bars_have_round_lengths(longest, length):
+    assert style.round_length(longest) == pytest.approx(length)
+
+
+def test_a_figure_that_has_nothing_to_show_says_so():
+    fig = drawn(style.nothing("There is nothing."))
+    assert [text.get_text() for text in fig.axes[0].texts] == ["There is nothing."]

@@ -1,0 +1,76 @@
+"""The built book, and what its tests need; where it is missing they are skipped and say why.
+
+`.ci/run` sets ACX4_REQUIRE_BOOK and ACX4_REQUIRE_BROWSER: there, what is missing is an error.
+"""
+
+import os
+import shutil
+
+import pytest
+from bs4 import BeautifulSoup
+
+from support.helpers import ROOT
+
+HTML = ROOT / "book" / "_build" / "html"
+
+
+def give_up(reason, variable):
+    if os.environ.get(variable):
+        pytest.fail(f"{reason} ({variable} is set)")
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def html():
+    """The folder of the built book."""
+    if not (HTML / "index.html").is_file():
+        give_up("the book is not built: make book", "ACX4_REQUIRE_BOOK")
+    return HTML
+
+
+@pytest.fixture(scope="session")
+def pages(html):
+    """Every page, parsed, by its path inside the book."""
+    return {
+        path.relative_to(html).as_posix(): BeautifulSoup(
+            path.read_text(encoding="utf-8"), "html.parser"
+        )
+        for path in sorted(html.rglob("*.html"))
+        if "_static" not in path.parts
+    }
+
+
+@pytest.fixture(scope="session")
+def chapters(pages):
+    """The pages that somebody wrote: no index, no search, no listings of source code."""
+    made = ("genindex.html", "py-modindex.html", "search.html", "index.html")
+    return {
+        name: page
+        for name, page in pages.items()
+        if name not in made and not name.startswith("_modules/")
+    }
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A browser that reaches no network."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        give_up("chromium is not installed", "ACX4_REQUIRE_BROWSER")
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--no-first-run",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+    ]
+    try:
+        from playwright.sync_api import sync_playwright  # noqa: PLC0415  may be missing
+    except ImportError:
+        give_up("playwright is not installed", "ACX4_REQUIRE_BROWSER")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+        yield browser
+        browser.close()

@@ -1,0 +1,136 @@
+"""The built book as files: links, images, equations; nothing left over, nothing from outside."""
+
+import re
+from itertools import pairwise
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from support.helpers import ROOT
+
+OUTSIDE = re.compile(r"^(https?:)?//", re.IGNORECASE)
+
+
+def article(page):
+    """The text of a chapter, without the navigation around it."""
+    return page.select_one("article") or page
+
+
+def test_every_executed_notebook_is_a_page(html):
+    # a stage that the flight does not have has a page in Markdown that says so
+    executed = {path.stem for path in (ROOT / "book" / "_executed").glob("[!.]*.*")}
+    assert executed
+    assert {path.stem for path in (html / "_executed").glob("*.html")} == executed
+
+
+def test_internal_links_and_anchors_resolve(html, pages):
+    anchors = {name: {e["id"] for e in page.select("[id]")} for name, page in pages.items()}
+    broken = []
+    for name, page in pages.items():
+        for link in page.select("a[href]"):
+            url = urlsplit(link["href"])
+            if url.scheme or url.netloc:
+                continue
+            folder = (html / name).parent
+            target = (folder / unquote(url.path)).resolve() if url.path else html / name
+            inside = target.relative_to(html).as_posix() if target.is_relative_to(html) else ""
+            here = anchors.get(inside, set()) | {""}
+            if not target.is_file() or (inside in anchors and unquote(url.fragment) not in here):
+                broken.append(f"{name}: {link['href']}")
+    assert broken == []
+
+
+def test_every_image_says_what_it_shows(pages):
+    silent = [
+        f"{name}: {image.get('src')}: {alt!r}"
+        for name, page in pages.items()
+        for image in page.select("img")
+        if len((alt := image.get("alt", "")).split()) < 3 or re.search(r"<Figure|\.(svg|png)$", alt)
+    ]
+    assert silent == []
+
+
+def test_nothing_is_asked_of_another_host(html, pages):
+    asked = [
+        f"{name}: {url}"
+        for name, page in pages.items()
+        for element in page.select("script, link, img, iframe, source, video, audio, object, embed")
+        for key in ("src", "href", "data", "srcset")
+        if OUTSIDE.match(url := element.get(key, "")) and "canonical" not in element.get("rel", [])
+    ]
+    for sheet in html.rglob("*.css"):
+        found = re.findall(r"(?:url\(|@import\s+)['\"]?((?:https?:)?//[^'\")]+)", sheet.read_text())
+        asked += [f"{sheet.name}: {url}" for url in found]
+    assert asked == []
+
+
+def test_only_the_part_of_mathjax_that_pages_load_is_left(html):
+    mathjax = html / "_static" / "mathjax"
+    assert {path.name for path in mathjax.iterdir()} == {"tex-chtml.js", "input", "output"}
+    assert any((mathjax / "output" / "chtml" / "fonts").rglob("*.woff"))
+
+
+LEFT_OVER = {
+    "a role": r"\{[a-z:]+\}`",
+    "a reference": r"\{(numref|eq|ref|doc|cite|func|class|term)\b",
+    "an unresolved number": r"\?\?",
+    "display math": r"\$\$",
+    "an option": r"(^|\s):(name|label|alt|width|header-rows):\s",
+    "a substitution": r"\{\{|\}\}",
+}
+
+
+@pytest.mark.parametrize("what", LEFT_OVER)
+def test_no_markup_is_left_over(chapters, what):
+    pattern = re.compile(LEFT_OVER[what])
+    found = []
+    for name, page in chapters.items():
+        for text in article(page).find_all(string=pattern):
+            if not text.find_parent(["pre", "code", "script", "style"]) and not text.find_parent(
+                class_="math"
+            ):
+                found.append(f"{name}: {text.strip()[:80]}")
+    assert found == []
+
+
+def test_no_directive_is_shown_as_code(chapters):
+    shown = [name for name, page in chapters.items() if "```{" in article(page).get_text()]
+    assert shown == []
+
+
+def test_no_notebook_shows_an_error_or_a_warning(chapters):
+    bad = ".output.traceback, .output.stderr, #papermill-error-cell"
+    assert [name for name, page in chapters.items() if page.select(bad)] == []
+
+
+def test_headings_descend_one_level_at_a_time(chapters):
+    wrong = []
+    for name, page in chapters.items():
+        levels = [int(h.name[1]) for h in article(page).select("h1, h2, h3, h4, h5, h6")]
+        if levels[:1] != [1] or levels.count(1) != 1 or any(b > a + 1 for a, b in pairwise(levels)):
+            wrong.append(f"{name}: {levels}")
+    assert wrong == []
+
+
+def test_pages_have_a_title_and_a_language(chapters):
+    nameless = [
+        name
+        for name, page in chapters.items()
+        if not page.title or len(page.title.get_text().strip()) < 4 or page.html.get("lang") != "en"
+    ]
+    assert nameless == []
+
+
+def test_equations_bear_the_papers_numbers(chapters):
+    labelled = {
+        (name, equation["id"]): equation.select_one(".eqno").get_text()
+        for name, page in chapters.items()
+        for equation in page.select("div.math[id^=equation-]")
+    }
+    expected = {("frames-and-notation.html", f"equation-eq-{n}"): f"({n})" for n in range(1, 15)}
+    assert {key: text.rstrip("#¶") for key, text in labelled.items()} == expected
+
+
+def test_no_page_names_a_folder_of_the_machine_that_built_it(html):
+    told = [path.name for path in html.rglob("*.html") if str(ROOT) in path.read_text("utf-8")]
+    assert told == []

@@ -1,0 +1,219 @@
+"""A flight whose every name is a payload goes through all commands and comes out as text.
+
+Searched are the pages of the book, built as `make book` builds them from the pages of the flight
+alone, and the report: first as files, then in the browser.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+import pytest
+from bs4 import BeautifulSoup, Comment
+
+from acx4lib import flight
+from acx4lib.flight.problems import QUOTED
+from acx4lib.results import folder as results
+from support.flights import of_payloads, payloads
+from support.helpers import ROOT
+
+pytestmark = pytest.mark.slow
+
+BIN = Path(sys.executable).parent
+PAGES = """
+import os
+import sys
+from pathlib import Path
+
+from acx4book.pages import build
+
+build.ALWAYS = ("06-errata", "07-report")
+flight, results, book, copy = map(Path, sys.argv[1:5])
+os.chdir(copy)
+build.fill(flight, results, book)
+"""
+CHAPTERS = (
+    *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
+    *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
+    *("_executed/07-report", "_executed/08-rig", "reproducibility", "frames-and-notation"),
+    *("bibliography", "your-own-flight", "_executed/05-reference-data"),
+)
+"""The pages that show something of a flight, and those that they refer to."""
+
+SHOWN = ("flight", "camera", "strip")
+"""What has its name on some page in any case."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """What the commands left of the flight."""
+
+    flight: of_payloads.Written
+    results: Path
+    report: Path
+    images: Path
+    html: Path
+    said: str
+
+
+def call(folder, *command, status=0):
+    """Run a program in a folder and return what it says."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src"), "PYTHONUTF8": "1"}
+    done = subprocess.run(
+        [*map(str, command)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == status, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("payloads")
+    written = of_payloads.write(folder)
+    found, images = (folder / f"{what} {{x}} <i>zq71</i>" for what in ("results", "images"))
+    report, acx4 = folder / "report.html", BIN / "acx4"
+    said = call(folder, acx4, "check", written.path)
+    said += call(folder, acx4, "run", written.path, "--results", found)
+    said += call(folder, acx4, "report", found, "--out", report)
+    said += call(folder, acx4, "render", written.path, "--results", found, "--out", images)
+    html = build_book(folder, written.path, found)
+    return Made(flight=written, results=found, report=report, images=images, html=html, said=said)
+
+
+def build_book(folder, flown, found):
+    """Build the pages of a flight as the Makefile does, warnings being errors."""
+    book = folder / "book"
+    without = shutil.ignore_patterns("_build", "_executed", "_generated")
+    shutil.copytree(ROOT / "book", book, ignore=without)
+    for name in ("_executed", "_generated"):
+        (book / name).mkdir()
+    (book / "intro.md").write_text("# The flight\n\n```{include} _generated/scorecard.md\n```\n")
+    (book / "_executed" / "05-reference-data.md").write_text("# Left out\n")
+    chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
+    (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
+    call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT)
+    call(folder, BIN / "jupyter-book", "build", book, "--quiet", "-W", "--keep-going")
+    return book / "_build" / "html"
+
+
+@pytest.fixture(scope="module")
+def documents(made):
+    """The pages and the report, parsed, by their names."""
+    files = [path for path in made.html.rglob("*.html") if "_static" not in path.parts]
+    return {
+        path.name: BeautifulSoup(path.read_text("utf-8"), "html.parser")
+        for path in [*files, made.report]
+    }
+
+
+def test_all_pages_are_there(documents):
+    assert {f"{Path(name).name}.html" for name in CHAPTERS} < set(documents)
+
+
+def test_nothing_was_executed(made):
+    folder = made.html.parents[2]
+    assert list(folder.rglob("*PWNED*")) == []
+    assert list(Path.cwd().glob("*PWNED*")) == []
+
+
+def test_no_part_of_a_name_is_alive(documents):
+    alive = []
+    for page, soup in documents.items():
+        for element in soup.find_all(True):
+            inside = element.get_text() if element.name in ("script", "style", "math") else ""
+            inside += element.get_text() if "math" in element.get("class", []) else ""
+            if payloads.marks(f"{element.attrs} {inside}"):
+                alive.append((page, str(element)[:200]))
+        alive += [
+            (page, c) for c in soup.find_all(string=Comment.__instancecheck__) if payloads.marks(c)
+        ]
+    assert alive == []
+
+
+def test_every_name_is_found_again_as_text(made, documents):
+    names = made.flight.names
+    every = {*payloads.NAMES.values(), of_payloads.FOLDER, "<i>zq71</i>"}
+    found, left = set(), []
+    for page, soup in documents.items():
+        text = soup.get_text()
+        for name in sorted(every, key=len, reverse=True):
+            # a note quotes the beginning of what is long
+            for said in {name, repr(name)[1:-1], re.sub(r"\s+", " ", name), name[:QUOTED]}:
+                found |= {name} if said in text else set()
+                text = text.replace(said, "")
+        left += [(page, m, text[max(0, text.index(m) - 80) :][:160]) for m in payloads.marks(text)]
+    assert left == []
+    shown = {of_payloads.FLIGHT, of_payloads.FILE.replace("/", " ")}
+    shown |= {*names["camera"].values(), *names["strip"].values(), *made.flight.columns}
+    shown |= {names["exposure"]["E0"], names["exposure"]["E1"]}
+    assert shown - found == set()
+
+
+def test_no_notebook_warns(made):
+    folders = (made.results / "notebooks", made.html.parents[1] / "_executed")
+    files = [path for folder in folders for path in folder.glob("*.ipynb")]
+    assert len(files) >= 12
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cells = [(p.name, c) for p in files for c in nbformat.read(p, as_version=4).cells]
+    streams = [(name, o.text) for name, c in cells for o in c.get("outputs", ()) if "text" in o]
+    assert streams == []
+
+
+def test_results_have_the_names_as_they_are(made):
+    found, flown = results.read(made.results), flight.read(made.flight.path)
+    names = {column: set(own.values()) for column, own in made.flight.names.items()}
+    assert set(found.parameters["camera"]) == {"", *names["camera"]}
+    assert set(flown.cameras) == names["camera"]
+    assert set(found.residuals["image_or_exposure"]) - {""} <= names["image"] | names["exposure"]
+    assert set(found.check_points["point"]) == names["point"]
+    assert {f"heads/bundle/{name}" for name in names["camera"] - {flown.synthetic.camera}} <= set(
+        found.summary
+    )
+
+
+def test_commands_say_names_without_control_characters(made):
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", made.said)
+    assert made.flight.names["exposure"]["E0"] + ": done" in made.said
+
+
+def test_images_are_rendered_into_their_folder(made):
+    assert {path.parent for path in made.images.rglob("*")} == {made.images}
+    assert len(list(made.images.glob("*.tif"))) == 2
+
+
+def test_nothing_happens_in_the_browser(browser, made):
+    page = browser.new_page()
+    happened = []
+    page.on("dialog", lambda dialog: (happened.append(dialog.message), dialog.dismiss()))
+    page.on("pageerror", lambda error: happened.append(str(error)))
+    page.on(
+        "request",
+        lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else happened.append(r.url),
+    )
+    for path in [
+        *made.html.glob("_executed/*.html"),
+        made.html / "intro.html",
+        made.html / "reproducibility.html",
+        made.report,
+    ]:
+        page.goto(path.as_uri(), wait_until="load")
+        page.evaluate("async () => { await window.MathJax?.startup?.promise; }")
+        seen = page.evaluate(
+            "() => [typeof window.pwned, document.querySelectorAll('mjx-merror').length]"
+        )
+        if seen != ["undefined", 0]:
+            happened.append((path.name, seen))
+    page.close()
+    assert happened == []

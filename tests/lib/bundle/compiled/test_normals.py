@@ -1,0 +1,214 @@
+"""The compiled normal equations against the plain ones, for every kind of bundle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import acx4sim
+from acx4lib.bundle import uses
+from acx4lib.bundle.compiled import normals, packing
+from acx4lib.bundle.observations import PoseObservations
+from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares import adjustment
+from acx4lib.least_squares.banded import BandedInverse
+from acx4lib.least_squares.normal_equations import PlainNormals
+from support.flights.simulated import read_back
+
+ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
+SIGMAS = 1e-10  # of a step and of covariances, in standard deviations: the issue's bound
+
+
+@pytest.fixture(scope="module")
+def flight():
+    options = acx4sim.Options(
+        tie_points={"heads": 60, "calibration": 150}, blocks=("heads", "calibration")
+    )
+    return read_back(acx4sim.acx4(options=options)).flight
+
+
+def with_positions(block):
+    n = len(block.images)
+    observed = PoseObservations(
+        T_m_b=block.T_m_b_images,
+        R_g_m=block.trajectory.R_g_m[block.images.exposure_idx],
+        sigma_position=block.trajectory.sigma_position[block.images.exposure_idx],
+        sigma_attitude=np.full((n, 3), np.inf),
+    )
+    return uses.free_orientation(block, free=("f", "xp"), positions=observed)
+
+
+def with_held_control(block):
+    sigma_m = block.control.sigma_m.copy()
+    sigma_m[::3] = 0.0  # error-free
+    sigma_m[1, 2] = np.inf  # a height that was taken out
+    held = replace(block, control=replace(block.control, sigma_m=sigma_m))
+    return uses.free_orientation(held, free=ALL[:5])
+
+
+NETWORKS = {
+    "single step": lambda f: uses.mounted_orientation(f.calibration, free=ALL[:8]),
+    "all interior": lambda f: uses.mounted_orientation(f.calibration, free=ALL),
+    "boresight only": lambda f: uses.mounted_orientation(
+        f.calibration, free=(), free_mount=("boresight_x", "boresight_z")
+    ),
+    "refraction": lambda f: uses.mounted_orientation(
+        f.calibration, free=("f",), refraction="standard"
+    ),
+    "a rig of four heads": lambda f: uses.mounted_orientation(
+        f.heads, free=("f", "xp", "yp", "k1")
+    ),
+    "free exteriors": lambda f: uses.free_orientation(f.calibration, free=ALL[:3]),
+    "positions observed": lambda f: with_positions(f.calibration),
+    "held control": lambda f: with_held_control(f.calibration),
+    "a shift and drifts of GNSS positions": lambda f: uses.mounted_orientation(
+        f.calibration, free=ALL[:3], gnss=("shift", "drift")
+    ),
+    "a shift in height of a rig": lambda f: uses.mounted_orientation(
+        f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
+    ),
+}
+
+
+def plain(net, state, damping=0.0):
+    return PlainNormals(
+        n_columns=net.n_columns,
+        free_points=net.free_points,
+        equations=net.equations(state),
+        damping=damping,
+    )
+
+
+@pytest.fixture(params=["dense", "banded"])
+def form(request, monkeypatch):
+    if request.param == "banded":
+        monkeypatch.setattr(packing, "DENSE_COLUMNS", 0)
+        monkeypatch.setattr(packing, "DENSE_SHARE", 2.0)
+    return request.param
+
+
+@pytest.fixture(params=[1, 3], ids=["one part", "three parts"])
+def parts(request, monkeypatch):
+    monkeypatch.setattr(packing, "RAYS_PER_PART", 1 if request.param > 1 else 10**9)
+    monkeypatch.setattr(packing, "MOST_PARTS", request.param)
+
+
+def assert_equal_normals(net, state, *, damping):
+    compiled, oracle = net.normals(state, damping), plain(net, state, damping)
+    assert isinstance(compiled, normals.NetworkNormals)
+    assert compiled.n_observations == oracle.n_observations
+    assert compiled.cost == pytest.approx(oracle.cost, rel=1e-13)
+    (dx, dp, decrement), (dx_0, dp_0, decrement_0) = compiled.step(), oracle.step()
+    # steps in units of the step: far from the minimum they are many sigma
+    sigma = np.sqrt(np.diag(oracle.precision().inverse.dense))
+    assert_allclose(dx / sigma, dx_0 / sigma, atol=1e-9 * np.abs(dx_0 / sigma).max())
+    assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
+    assert decrement == pytest.approx(decrement_0, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_step_is_the_plain_one(flight, name, damping, form):
+    net = NETWORKS[name](flight)
+    assert_equal_normals(net, net.start, damping=damping)
+
+
+def test_parts_change_nothing(flight, form, parts):
+    net = NETWORKS["a rig of four heads"](flight)
+    assert_equal_normals(net, net.start, damping=0.0)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_covariances_and_tests_are_the_plain_ones(flight, name, form):
+    net = NETWORKS[name](flight)
+    state, _ = adjustment.solve(net, net.start)
+    found, expected = net.normals(state).precision(), plain(net, state).precision()
+    assert isinstance(found.inverse, BandedInverse) == (form == "banded")
+    sigma = np.sqrt(np.diag(expected.inverse.dense))
+    assert_allclose(
+        found.inverse.dense / np.outer(sigma, sigma),
+        expected.inverse.dense / np.outer(sigma, sigma),
+        atol=SIGMAS,
+    )
+    sigma = np.sqrt(np.maximum(np.einsum("pii->pi", expected.cov_points), 1e-30))
+    scale = sigma[:, :, None] * sigma[:, None, :]
+    assert_allclose(found.cov_points / scale, expected.cov_points / scale, atol=SIGMAS)
+    for group, oracle in zip(found.groups, expected.groups, strict=True):
+        assert group.kind == oracle.kind
+        assert_allclose(group.v, oracle.v, atol=1e-9)  # px, m, rad
+        assert_allclose(group.sigma, oracle.sigma, rtol=1e-15)
+        assert_allclose(group.redundancy, oracle.redundancy, atol=1e-10)
+
+
+def test_a_point_measured_twice_in_one_image_counts_twice(flight):
+    block = flight.calibration
+    again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
+    doubled = replace(block, image_points=block.image_points[again])
+    net = uses.mounted_orientation(doubled, free=("f",))
+    assert_equal_normals(net, net.start, damping=0.0)
+
+
+def test_a_point_behind_a_camera_costs_infinitely_much(flight):
+    net = NETWORKS["single step"](flight)
+    turned = replace(net.start.T_m_b, R=net.start.T_m_b.R @ np.diag([1.0, -1.0, -1.0]))
+    state = replace(net.start, T_m_b=turned)
+    assert net.normals(state).cost == np.inf
+    assert plain(net, state).cost == np.inf
+
+
+def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
+    net = NETWORKS["single step"](flight)
+    state, solution = adjustment.solve(net, net.start)
+    monkeypatch.setattr("acx4lib.bundle.network.COMPILED", False)
+    assert isinstance(net.normals(net.start), PlainNormals)
+    state_0, solution_0 = adjustment.solve(net, net.start)
+    assert solution.cost == pytest.approx(solution_0.cost, rel=1e-12)
+    sigma = np.sqrt(np.diag(solution_0.cov))
+    interior = np.array([i.to_array() for i in state.interiors])[0, :8]
+    assert_allclose(
+        interior / sigma[:8], state_0.interiors[0].to_array()[:8] / sigma[:8], atol=1e-5
+    )
+
+
+def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
+    net = NETWORKS["single step"](flight)
+    first = net.normals(net.start).step()
+    monkeypatch.setattr(normals, "_cores", lambda: 1)
+    second = net.normals(net.start).step()
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_large_singular_blocks_are_refused_in_words(flight, monkeypatch):
+    monkeypatch.setattr(packing, "DENSE_COLUMNS", 0)
+    monkeypatch.setattr(packing, "DENSE_SHARE", 2.0)
+    monkeypatch.setattr(normals, "LARGEST_DENSE", 10)
+    block = flight.calibration
+    without = replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
+    net = uses.free_orientation(without, free=("f",))
+    with pytest.raises(adjustment.AdjustmentError, match="singular and too large"):
+        net.normals(net.start).step()
+
+
+def test_poses_along_a_strip_make_a_narrow_band(rng):
+    """Twenty poses in random order, each sharing points with its two neighbours only."""
+    along = rng.permutation(20)
+    point = np.repeat(np.arange(19), 2)
+    pose = along[np.stack([np.arange(19), np.arange(1, 20)], axis=1).ravel()]
+    order = packing.ordered(point, pose, 20)
+    place = np.argsort(order)
+    assert np.abs(np.diff(place[along])).max() == 1
+
+
+def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
+    net = NETWORKS["a rig of four heads"](flight)
+    order = rng.permutation(len(net.image_points))
+    mixed = replace(net, image_points=net.image_points[order])
+    (dx, dp, _), (dx_0, dp_0, _) = mixed.normals(net.start).step(), net.normals(net.start).step()
+    assert_allclose(dx, dx_0, rtol=1e-6, atol=1e-9 * np.abs(dx_0).max())
+    assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
+    found, expected = mixed.normals(net.start).precision(), net.normals(net.start).precision()
+    for name in ("v", "redundancy"):  # in the order in which they were given
+        there = getattr(found.groups[0], name)
+        assert_allclose(there, getattr(expected.groups[0], name)[order], atol=1e-9)

@@ -1,0 +1,29 @@
+"""What was rejected is taken out of a block, and nothing else."""
+
+import numpy as np
+
+from acx4lib.bundle.gross_errors.rejections import Rejection, without
+from support import blocks
+
+
+def test_rejected_observations_are_taken_out_of_the_block(exact_block):
+    rejected = [
+        Rejection(kind="image_point", row=3, component=-1, statistic=9.0),
+        Rejection(kind="control_point", row=2, component=1, statistic=9.0),
+        Rejection(kind="gnss", row=4, component=-1, statistic=9.0),
+        Rejection(kind="attitude", row=5, component=-1, statistic=9.0),
+    ]
+    cleaned = without(exact_block, rejected)
+    for kind, sigma in blocks.observed_sigmas(cleaned).items():
+        row = {"image_point": 3, "control_point": 2, "gnss": 4, "attitude": 5}[kind]
+        out = np.isinf(sigma)
+        assert np.flatnonzero(out.any(axis=1)).tolist() == [row]
+        assert out[row].sum() == {"image_point": 2, "control_point": 1}.get(kind, 3)
+        assert np.isfinite(blocks.observed_sigmas(exact_block)[kind]).all()  # unharmed
+
+
+def test_a_control_point_without_a_component_goes_as_a_whole(exact_block):
+    whole = Rejection(kind="control_point", row=2, component=-1, statistic=9.0)
+    out = np.isinf(without(exact_block, [whole]).control.sigma_m)
+    assert np.flatnonzero(out.any(axis=1)).tolist() == [2]
+    assert out[2].all()

@@ -1,0 +1,138 @@
+"""Reliability against closed forms, against the adjustment of changed observations, and bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.reliability import gains, noncentrality, parameter_effects, reliability
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.least_squares.dense import Dense
+from acx4lib.least_squares.normal_equations import Equations, Group
+from support import blocks
+
+FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+STEP = 0.02  # of sigma: effects of second order are then 1e-4 of those of first order
+
+
+def columns_of(bundle):
+    """Return the columns of interior orientation and mounting."""
+    layout = bundle.network.layout
+    columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])
+    return columns[columns >= 0]
+
+
+def parameters(bundle):
+    """Return the estimates in the order of `FREE`, then the lever arm."""
+    interior = bundle.state.interiors[0]
+    return np.append([getattr(interior, name) for name in FREE], bundle.state.T_b_c.r[0])
+
+
+def with_redundancy(r, sigma):
+    r = np.atleast_2d(r).T
+    return Group(kind="y", v=np.zeros_like(r), sigma=np.full_like(r, sigma), redundancy=r)
+
+
+def test_delta_0_of_text_books():
+    assert noncentrality(critical=3.29, power=0.8) == pytest.approx(4.13, abs=0.005)  # Baarda
+    assert noncentrality() == pytest.approx(3.9 + 0.8416, abs=1e-4)
+
+
+@pytest.mark.parametrize("n", [3, 8])
+def test_a_levelling_loop_of_equal_lines(n):
+    """One condition, the sum is zero: every line has 1/n of its redundancy."""
+    found = reliability(with_redundancy(np.full(n, 1 / n), 0.002), critical=3.29)
+    assert_allclose(found.detectable, 4.1316 * 0.002 * np.sqrt(n), rtol=1e-4)
+    assert_allclose(found.external, 4.1316 * np.sqrt(n - 1), rtol=1e-4)
+
+
+def test_what_nothing_controls_hides_errors_of_any_size():
+    found = reliability(with_redundancy([0.0, 1.0], 0.5))
+    assert_allclose(found.detectable[:, 0], [np.inf, noncentrality() * 0.5])
+    assert_allclose(found.external[:, 0], [np.inf, 0.0])
+
+
+def test_what_takes_no_part_has_no_reliability():
+    found = reliability(with_redundancy([np.nan, np.nan], np.inf))
+    assert np.isnan(found.detectable).all()
+    assert np.isnan(found.external).all()
+
+
+def test_what_a_straight_line_takes_over_from_a_point():
+    """The slope changes by (x - mean) / sum (x - mean)^2, the value at the mean by 1/n."""
+    x = np.array([0.0, 1.0, 2.0, 5.0, 9.0])
+    design = np.column_stack([np.ones(5), x - x.mean()])
+    N = design.T @ design / 0.3**2
+    line = Equations(
+        kind="y",
+        v=np.zeros((5, 1)),
+        sigma=np.full((5, 1), 0.3),
+        A=design[:, None, :],
+        columns=np.array([[0, 1]]),
+        unit=np.zeros(5, dtype=int),
+    )
+    inverse = Dense(N=N, diagonal=np.diagonal(N)).inverse()
+    (found,) = gains([line], inverse, np.zeros(0, dtype=bool), np.array([1, 0]))
+    spread = x - x.mean()
+    assert_allclose(found[:, 0, 0], spread / np.sum(spread**2), rtol=1e-12)
+    assert_allclose(found[:, 0, 1], 1 / 5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "row", "component"),
+    [("image_point", 100, 1), ("control_point", 5, 2), ("gnss", 7, 0), ("attitude", 4, 1)],
+)
+def test_gains_are_what_changed_observations_do(exact_block, kind, row, component):
+    sigma = blocks.observed_sigmas(exact_block)[kind]
+    by = np.zeros_like(sigma)
+    by[row, component] = STEP * sigma[row, component]
+
+    def adjusted(sign):
+        spoilt = blocks.changed(exact_block, kind, sign * by)
+        return adjust(mounted_orientation(spoilt, free=FREE))
+
+    exact, ahead, behind = (adjusted(sign) for sign in (0.0, 1.0, -1.0))
+    network, columns = exact.network, columns_of(exact)[: len(FREE) + 3]  # and the lever arm
+    found = gains(
+        network.equations(exact.state), exact.solution.inverse, network.free_points, columns
+    )
+    number = [g.kind for g in exact.solution.groups].index(kind)
+    at = np.flatnonzero(network.rows == row)[0] if kind == "image_point" else row
+    numeric = (parameters(ahead) - parameters(behind)) / (2 * by[row, component])
+    # count in sigmas of the parameters for one sigma of the observation
+    unit = sigma[row, component] / np.sqrt(np.diag(exact.solution.cov))[columns]
+    # a corrected image point moves by up to 0.3 % more or less than a measured one
+    assert_allclose(unit * numeric, unit * found[number][at, component], atol=1e-4)
+    assert np.max(np.abs(unit * numeric)) > 0.01  # or there would be nothing to see
+
+
+def test_no_parameter_is_moved_by_more_than_baardas_bound(mounted):
+    effects = parameter_effects(mounted, columns_of(mounted))
+    for group, effect in zip(mounted.solution.groups, effects, strict=True):
+        bound = reliability(group).external
+        assert np.all(np.abs(effect).max(axis=2) <= bound * (1 + 1e-9))
+    # a position's error along the flight is mostly the lever arm's
+    assert max(np.abs(effect).max() for effect in effects) > 0.5
+
+
+def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block):
+    """With control in plan and one position's height, that height is what all others hang on."""
+    trajectory, control = exact_block.trajectory, exact_block.control
+    position = np.full_like(trajectory.sigma_position, np.inf)
+    position[5, 2] = 0.02
+    in_plan = control.sigma_m * [1, 1, np.inf]
+    block = replace(
+        exact_block,
+        trajectory=replace(trajectory, sigma_position=position),
+        control=replace(control, sigma_m=in_plan),
+    )
+    fit = adjust(mounted_orientation(block, free=("xp",), free_mount=()))
+    xp, height = 0, fit.network.layout.pose[8, 2]
+    number = [g.kind for g in fit.solution.groups].index("gnss")
+    effect = parameter_effects(fit, np.array([xp, height]))[number]
+    assert np.isinf(reliability(fit.solution.groups[number]).detectable[5, 2])
+    assert effect[5, 2, 1] == np.inf
+    assert effect[5, 2, 0] == 0  # the principal point does not hang on it
+    assert np.all(effect[:5] == 0)

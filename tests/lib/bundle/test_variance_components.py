@@ -1,0 +1,261 @@
+"""Variance components: a closed form, brute force, and simulated flights of known noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import acx4sim
+from acx4lib.bundle import variance_components
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.calibration import weights
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose
+from acx4lib.least_squares.adjustment import solve
+from support import blocks
+from support.flights import simulated as flown
+
+FREE = ("f", "xp", "yp", "k1")
+PLAIN = Camera(
+    name="CAM",
+    width_px=4000,
+    height_px=3000,
+    pixel_mm=0.01,
+    interior=Interior(f=50.0),
+    T_b_c=Pose(R=np.eye(3), r=np.zeros(3)),
+)
+
+
+def component(found, group):
+    return next(c for c in found if c.group == group)
+
+
+def of_block(block, **options):
+    return variance_components.components(adjust(mounted_orientation(block, free=FREE)), **options)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return blocks.balanced()
+
+
+# --- closed form -----------------------------------------------------------------------------
+
+
+def means(*, n_points=12, n_images=3, noise_px=0.9, noise_m=0.08):
+    """Return a block in which every point is a weighted mean of survey and vertical images.
+
+    All poses are held by tiny sigma, and every point is seen straight from above only.
+    """
+    rng = np.random.default_rng(11)
+    x_m = np.column_stack([3000.0 * np.arange(n_points), np.zeros(n_points), np.zeros(n_points)])
+    above = np.repeat(x_m, n_images, axis=0) + np.array([0.0, 0.0, 1000.0])
+    poses = Pose(R=np.tile(np.eye(3), (len(above), 1, 1)), r=above)
+    exact = blocks.simulate(poses, cameras=(PLAIN,), control=x_m)
+    survey = noise_m * rng.normal(size=(n_points, 3)) * [1, 1, 0]
+    measured = noise_px * rng.normal(size=(len(exact.image_points), 2))
+    noisy = blocks.changed(blocks.changed(exact, "control_point", survey), "image_point", measured)
+    held = replace(
+        noisy.trajectory,
+        sigma_position=np.full((len(above), 3), 1e-4),
+        sigma_attitude=np.full((len(above), 3), 1e-7),
+    )
+    # 0.2 m on the ground is a pixel; rows count downward
+    in_images = (0.2 * measured * [1, -1]).reshape(n_points, n_images, 2)
+    on_ground = blocks.transform(noisy.control.R_g_m.swapaxes(1, 2), survey)[:, :2]
+    return replace(noisy, trajectory=held), on_ground, in_images
+
+
+@pytest.mark.parametrize("wrong", [1.0, 4.0])
+def test_of_weighted_means_it_is_the_analysis_of_variance(wrong):
+    """In a balanced design Helmert's estimates are those within and between points.
+
+    Whatever the weights: the images' spread about their mean tells their variance, and the
+    survey's about that mean its own and a third of theirs.
+    """
+    block, survey, images = means()
+    block = weights.scaled(block, {"control plan": wrong})
+    found = variance_components.components(
+        adjust(mounted_orientation(block, free=(), free_mount=()))
+    )
+    n_points, n_images, _ = images.shape
+    mean = images.mean(axis=1, keepdims=True)
+    within = np.sum((images - mean) ** 2) / (2 * n_points * (n_images - 1))
+    between = np.mean((survey - mean[:, 0]) ** 2) - within / n_images
+    expected = {
+        "image points": np.sqrt(within) / (0.5 * 0.2),
+        "control plan": np.sqrt(between) / (0.01 * wrong),
+    }
+    for group, factor in expected.items():
+        assert component(found, group).factor == pytest.approx(factor, rel=1e-4)
+
+
+def test_of_weighted_means_the_effective_redundancy_is_that_of_the_spread_within():
+    """2 n (m - 1) for the images, to which the survey adds what little it can."""
+    block, _, images = means()
+    # a survey ten times worse than the images' mean says nothing of them
+    block = weights.scaled(block, {"control plan": 60.0})
+    found = variance_components.components(
+        adjust(mounted_orientation(block, free=(), free_mount=()))
+    )
+    n_points, n_images, _ = images.shape
+    within = 2 * n_points * (n_images - 1)
+    assert component(found, "image points").effective == pytest.approx(within, rel=0.01)
+    assert component(found, "control plan").effective == pytest.approx(2 * n_points, rel=0.03)
+    assert component(found, "control height").redundancy == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(component(found, "control height").factor)
+
+
+# --- brute force -----------------------------------------------------------------------------
+
+
+def test_factors_and_effective_redundancies_are_those_of_the_whole_dense_problem(block):
+    network = mounted_orientation(block, free=FREE)
+    state, _ = solve(network, network.start)
+    n, n_points = network.n_columns, network.n_points
+    rows, v, owner = [], [], []
+    for e in network.equations(state):
+        for i, d in np.argwhere(np.isfinite(e.sigma)):
+            row = np.zeros(n + 1 + 3 * n_points)
+            row[e.columns[e.unit[i]]] = e.A[i, d]
+            row[n] = 0.0  # what is held
+            if e.B is not None:
+                row[n + 1 + 3 * e.point[i] : n + 4 + 3 * e.point[i]] = e.B[i, d]
+            rows.append(row / e.sigma[i, d])
+            v.append(e.v[i, d] / e.sigma[i, d])
+            owner.append(_group_of(e.kind, d))
+    q, _ = np.linalg.qr(np.array(rows)[:, np.any(rows, axis=0)])
+    W = np.eye(len(q)) - q @ q.T
+    names = list(dict.fromkeys(owner))
+    member = np.array([[name == o for o in owner] for name in names], dtype=float)
+    h = member @ W**2 @ member.T
+    variance = np.linalg.solve(h, member @ np.square(v))
+    found = of_block(block)
+    for name, s_sq, inverse in zip(names, variance, np.diag(np.linalg.inv(h)), strict=True):
+        c = component(found, name)
+        assert c.factor == pytest.approx(np.sqrt(max(s_sq, 0.0)), rel=1e-6)
+        assert c.effective == pytest.approx(1 / inverse, rel=1e-6)
+        assert c.n == owner.count(name)
+
+
+def _group_of(kind, d):
+    return {
+        "image_point": "image points",
+        "control_point": "control height" if d == 2 else "control plan",
+        "gnss": "GNSS",
+        "attitude": "heading" if d == 2 else "roll, pitch",
+    }[kind]
+
+
+# --- what it means ---------------------------------------------------------------------------
+
+
+def test_redundancies_sum_to_that_of_the_adjustment(block):
+    bundle = adjust(mounted_orientation(block, free=FREE))
+    found = variance_components.components(bundle)
+    assert sum(c.redundancy for c in found) == pytest.approx(bundle.solution.redundancy, rel=1e-9)
+    assert sum(c.n for c in found) == bundle.solution.n_observations
+
+
+def test_sigma_all_wrong_by_one_factor_show_it_in_every_group(block):
+    groups = [c.group for c in of_block(block)]
+    twice = of_block(weights.scaled(block, dict.fromkeys(groups, 2.0)))
+    for a, b in zip(of_block(block), twice, strict=True):
+        assert b.factor == pytest.approx(a.factor / 2, rel=1e-5)
+        assert b.effective == pytest.approx(a.effective, rel=1e-5)
+
+
+def test_every_camera_is_a_group_of_its_own(block):
+    other = replace(blocks.CAMERA, name="CAM2")
+    two = blocks.simulate(
+        blocks.fly(),
+        cameras=(blocks.CAMERA, other),
+        ties=blocks.terrain(40),
+        control=blocks.crosses(),
+    )
+    camera_idx = two.images.camera_idx[two.image_points.image_idx]
+    noise = np.random.default_rng(4).normal(size=(len(camera_idx), 2)) * 0.5
+    noise[camera_idx == 1] *= 3
+    spoilt = blocks.changed(two, "image_point", noise)
+    assert component(of_block(spoilt), "image points CAM2").is_significant
+    factors = weights.estimated(spoilt, lambda b: adjust(mounted_orientation(b, free=FREE)))
+    found = of_block(weights.scaled(spoilt, factors), applied=factors)
+    for name, true in (("CAM", 1.0), ("CAM2", 3.0)):
+        c = component(found, f"image points {name}")
+        assert abs(c.factor - true) < 3.3 * c.sigma
+        assert c.effective > 500
+
+
+def test_what_is_no_observation_is_no_group(block):
+    bundle = adjust(free_orientation(block, free=("xp",)))
+    groups = [c.group for c in variance_components.components(bundle)]
+    assert groups == ["image points", "control plan", "control height"]
+
+
+def test_a_wrong_sigma_is_said_with_its_direction(block):
+    for group, wrong, direction in (
+        ("heading", 0.4, "optimistic"),
+        ("image points", 3.0, "pessimistic"),
+    ):
+        found = of_block(weights.scaled(block, {group: wrong}))
+        factor = component(found, group).factor
+        assert factor == pytest.approx(1 / wrong, rel=0.25)
+        assert variance_components.sentences(found) == [
+            f"the sigma of {group} are {max(factor, 1 / factor):.1f} times too {direction}"
+        ]
+    assert variance_components.sentences(of_block(block)) == []
+
+
+def test_what_was_applied_is_part_of_the_factor_and_said(block):
+    applied = {"GNSS": 2.0}
+    plain, after = of_block(block), of_block(weights.scaled(block, applied), applied=applied)
+    # the same data: the same answer but for the weights, which move it by one of its sigma
+    c = component(after, "GNSS")
+    assert abs(c.factor - component(plain, "GNSS").factor) < c.sigma
+    assert "the sigma were multiplied by 2.00 ± " in variance_components.sentences(after)[0]
+    told = variance_components.as_json(after)["GNSS"]
+    assert told["applied"] == 2.0
+    assert told["factor"] == component(after, "GNSS").factor
+
+
+def test_very_large_blocks_are_judged_by_their_redundancy_alone(block, monkeypatch):
+    monkeypatch.setattr(variance_components, "MOST_ROWS", 10)
+    for c in of_block(block):
+        assert c.effective == pytest.approx(c.redundancy, rel=1e-9)
+
+
+# --- simulated flights -----------------------------------------------------------------------
+
+LITTLE = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
+
+
+def fly(seed, **options):
+    """Simulate noise that the flight's sigma do not know."""
+    true = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE, **options))
+    told = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE))
+    return flown.read_back(replace(true, toml=told.toml)).flight
+
+
+@pytest.mark.slow
+def test_components_are_free_of_bias_and_scatter_as_they_say():
+    """25 flights whose GNSS is 2.5 times worse than stated; variances in units of the true ones.
+
+    Bounds are 3.3 standard deviations of the mean, and chi-square's 0.1 % of the spread, taken
+    twice as wide since estimates from few observations are not normal. Only where the group's own
+    sigma is right does the component know its own scatter.
+    """
+    n, ratios, scatter = 25, {}, {}
+    for seed in range(1, n + 1):
+        flight = fly(seed, gnss_noise=2.5)
+        network = mounted_orientation(flight.calibration, free=flight.estimate_mounting)
+        for c in variance_components.components(adjust(network)):
+            true = 2.5 if c.group == "GNSS" else 1.0
+            ratios.setdefault(c.group, []).append((c.factor / true) ** 2)
+            scatter.setdefault(c.group, []).append(np.sqrt(2 / c.effective))
+    for group in ("image points", "GNSS", "roll, pitch", "heading"):
+        ratio = np.array(ratios[group])
+        assert abs(ratio.mean() - 1) < 3.3 * ratio.std(ddof=1) / np.sqrt(n), group
+    for group in ("image points", "roll, pitch", "heading"):
+        z = (np.array(ratios[group]) - 1) / scatter[group]
+        assert 0.5 < z.std(ddof=1) < 1.65, group

@@ -1,0 +1,104 @@
+"""What an adjustment determines least is found and called by the names of results."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.calibration.determination import (
+    SHARE,
+    STRONG,
+    as_json,
+    strong_correlations,
+    weakest_combination,
+)
+from acx4lib.calibration.estimates import from_bundle, given, parameters, reported_covariance
+from support import blocks
+
+
+@pytest.fixture(scope="module")
+def on_control():
+    """A bundle over nearly flat ground, on control points alone, that estimates f."""
+    flat = blocks.crosses() * [1, 1, 0] + [0, 0, blocks.GROUND_M]
+    block = blocks.simulate(
+        blocks.fly(), ties=blocks.terrain(40, relief_m=5.0), control=flat, cameras=(blocks.CAMERA,)
+    )
+    return adjust(free_orientation(block, free=("f", "xp", "yp")))
+
+
+def test_f_goes_with_the_height_of_all_positions(on_control):
+    """Over flat ground only the ratio of the two is known: half of the combination is each."""
+    parts = weakest_combination(on_control)
+    assert {part.unknown for part in parts[:2]} == {"CAM/f_mm", "height of all positions"}
+    assert [part.share for part in parts[:2]] == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_shares_are_of_the_eigenvector_of_the_smallest_eigenvalue(mounted):
+    """The inverse of the covariance is the normal matrix that was reduced by the points."""
+    N = np.linalg.inv(mounted.solution.cov)
+    scale = 1 / np.sqrt(np.diag(N))
+    _, vectors = linalg.eigh(N * scale[:, None] * scale)
+    squares = vectors[:, 0] ** 2
+    pose = mounted.network.layout.pose
+    names = mounted.network.column_names()
+    own = {n: squares[i] for i, n in enumerate(names) if i < pose.min()}
+    parts = {part.unknown: part.share for part in weakest_combination(mounted)}
+    for name in ("CAM/f", "CAM/lever_z", "CAM/yp", "CAM/lever_y"):
+        reported = name + ("_m" if "lever" in name else "_mm")
+        assert parts.get(reported, 0.0) == pytest.approx(
+            own[name] if own[name] >= SHARE else 0.0, abs=1e-3
+        )
+    positions = sum(parts.get(f"height of {which}positions", 0.0) for which in ("", "all "))
+    of_heights = np.sum(squares[pose[:, 2]])
+    assert positions == pytest.approx(of_heights if of_heights >= SHARE else 0.0, abs=1e-3)
+
+
+def test_the_largest_part_comes_first_and_small_ones_are_left_out(on_control):
+    found = [part.share for part in weakest_combination(on_control)]
+    assert found == sorted(found, reverse=True)
+    assert min(found) >= SHARE
+    assert sum(found) <= 1 + 1e-12
+
+
+def test_among_several_open_directions_none_is_the_weakest():
+    """Without control a self-calibration floats in seven directions."""
+    fit = adjust(free_orientation(blocks.standard(control=None), free=("xp", "yp")))
+    assert fit.solution.defect == 7
+    assert weakest_combination(fit) == ()
+
+
+def test_strong_correlations_are_those_of_the_reported_covariance():
+    """One flying height: f and the lever arm's z are one."""
+    strips = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 180.0))
+    block = blocks.simulate(
+        blocks.fly(strips, per_strip=4),
+        ties=blocks.terrain(40, relief_m=5.0),
+        control=blocks.crosses() * [1, 1, 0] + [0, 0, blocks.GROUND_M],
+    )
+    found = from_bundle(adjust(mounted_orientation(block, free=("f", "xp", "yp"))))
+    pairs = strong_correlations(found)
+    assert (pairs[0].row, pairs[0].column) == ("CAM/f_mm", "CAM/lever_z_m")
+    cov = reported_covariance(found)
+    related = cov / np.sqrt(np.outer(np.diag(cov), np.diag(cov)))
+    names = [f"CAM/{p.name}" for p in parameters(found)]
+    strong = np.argwhere(np.triu(np.abs(related) > STRONG, 1))
+    assert {(names[i], names[j]) for i, j in strong} == {(p.row, p.column) for p in pairs}
+    for pair in pairs:
+        i, j = names.index(pair.row), names.index(pair.column)
+        assert pair.correlation == pytest.approx(related[i, j])
+    sizes = [abs(pair.correlation) for pair in pairs]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_given_cameras_have_no_correlations(exact_block):
+    assert strong_correlations(given(exact_block.cameras)) == ()
+
+
+def test_a_summary_has_it_as_plain_numbers(on_control):
+    entry = json.loads(json.dumps(as_json(on_control, from_bundle(on_control))))
+    assert entry["condition"] == on_control.solution.condition
+    assert list(entry["weakest"])[:1] == [weakest_combination(on_control)[0].unknown]
+    assert all(len(pair) == 3 for pair in entry["correlated"])

@@ -1,0 +1,175 @@
+"""What a calibration reports: names, units, standard deviations, and what is not determined.
+
+The geometries that determine too little have files of their own: test_geometry_*.py.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.unknowns import layout
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration import estimates
+from acx4lib.calibration.estimates import (
+    from_bundle,
+    given,
+    is_determined,
+    not_determined,
+    parameters,
+)
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
+from acx4lib.geometry.parameters import MOUNT
+from support import blocks
+from support.helpers import numeric_jacobian
+
+
+@pytest.fixture
+def found(mounted):
+    return from_bundle(mounted)
+
+
+def test_parameters_are_reported_with_the_names_and_units_of_results(found):
+    listed = [(p.name, p.unit) for p in parameters(found)]
+    assert listed == [
+        ("f_mm", "mm"),
+        ("xp_mm", "mm"),
+        ("yp_mm", "mm"),
+        ("k1", "mm^-2"),
+        ("p1", "mm^-1"),
+        ("p2", "mm^-1"),
+        ("lever_x_m", "m"),
+        ("lever_y_m", "m"),
+        ("lever_z_m", "m"),
+        ("boresight_omega_deg", "deg"),
+        ("boresight_phi_deg", "deg"),
+        ("boresight_kappa_deg", "deg"),
+    ]
+    assert {p.camera for p in parameters(found)} == {"CAM"}
+
+
+def test_values_are_the_cameras(found):
+    (camera,) = found.cameras
+    values = {p.key: p.value for p in parameters(found)}
+    assert values["f"] == camera.interior.f
+    assert values["p2"] == camera.interior.p2
+    assert_allclose([values[k] for k in MOUNT[:3]], camera.T_b_c.r, atol=0)
+    angles = np.radians([values[k] for k in MOUNT[3:]])
+    assert_allclose(rotation_from_opk(angles), camera.T_b_c.R, atol=1e-14)
+
+
+def test_standard_deviations_are_a_posteriori(found):
+    twice = replace(found, sigma0_sq=4 * found.sigma0_sq)
+    for a, b in zip(parameters(found), parameters(twice), strict=True):
+        assert b.sigma == pytest.approx(2 * a.sigma)
+    for p, variance in zip(parameters(found)[:9], np.diag(found.cov), strict=False):
+        assert p.sigma == pytest.approx(np.sqrt(found.sigma0_sq * variance))
+
+
+def test_errors_are_a_few_standard_deviations(found, exact_block):
+    """One seed: 12 parameters beyond 4 sigma has a probability below 1e-3."""
+    true = given(exact_block.cameras).cameras[0]
+    truth = dict(zip(INTERIOR, true.interior.to_array(), strict=True))
+    truth |= dict(zip(MOUNT, [*true.T_b_c.r, *np.degrees(true.T_b_c.opk)], strict=True))
+    for p in parameters(found):
+        assert abs(p.value - truth[p.key]) < 4 * p.sigma
+
+
+def test_boresight_angles_are_reported_in_degrees_of_omega_phi_kappa(found):
+    """The columns turn about the camera's axes; results count omega, phi, kappa."""
+    (camera,) = found.cameras
+
+    def reported(step):
+        turned = Pose(R=camera.T_b_c.R @ exp(step), r=camera.T_b_c.r)
+        return np.degrees(turned.opk)
+
+    numeric = numeric_jacobian(reported, np.zeros(3), step=1e-5)
+    J = estimates.to_reported(found)
+    columns = found.layout.mount[0, 3:]
+    assert_allclose(J[np.ix_(columns, columns)], numeric, atol=1e-7)  # 57 deg of 1e-10
+    others = np.delete(np.arange(found.n_columns), columns)
+    assert_allclose(J[np.ix_(others, others)], np.eye(len(others)), atol=0)
+
+
+def test_the_joint_covariance_goes_along(found):
+    J = estimates.to_reported(found)
+    expected = found.sigma0_sq * J @ found.cov @ J.T
+    assert_allclose(estimates.reported_covariance(found), expected, rtol=1e-12)
+
+
+def test_given_cameras_have_nothing_estimated(exact_block):
+    as_they_are = given(exact_block.cameras)
+    assert parameters(as_they_are) == []
+    assert not_determined(as_they_are) == []
+    assert as_they_are.n_columns == 0
+
+
+def test_all_parameters_of_a_good_block_are_determined(exact_block):
+    fit = from_bundle(adjust(mounted_orientation(exact_block, free=("xp", "yp", "k1"))))
+    assert is_determined(fit).all()
+    assert not_determined(fit) == []
+
+
+# --- the limits ------------------------------------------------------------------------------
+
+
+def with_sigmas(**sigma):
+    """A calibration of one camera whose parameters have these standard deviations."""
+    free = tuple(name for name in sigma if name in INTERIOR)
+    columns = layout(1, 0, free=free, free_mount=MOUNT)
+    names = [n for n in INTERIOR if n in free] + list(MOUNT)
+    good = dict.fromkeys(MOUNT, 1e-5) | sigma
+    camera = replace(
+        blocks.CAMERA, interior=Interior(f=50.0), T_b_c=Pose(R=np.eye(3), r=np.zeros(3))
+    )
+    return estimates.Calibration(
+        cameras=(camera,),
+        layout=columns,
+        cov=np.diag([good[name] ** 2 for name in names]),
+        sigma0_sq=1.0,
+        open_columns=np.zeros(columns.n_columns, dtype=bool),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("lever_x", 1.0),
+        ("lever_z", 1.0),
+        ("boresight_x", np.radians(0.1)),
+        ("boresight_z", np.radians(0.1)),
+        ("f", 0.1),  # 0.2 % of 50 mm
+        ("xp", 0.1),
+        ("yp", 0.1),
+    ],
+)
+def test_a_parameter_is_not_determined_above_the_stated_limit(name, limit):
+    assert not_determined(with_sigmas(**{name: 0.99 * limit})) == []
+    (line,) = not_determined(with_sigmas(**{name: 1.01 * limit}))
+    assert line.startswith(f"CAM {estimates.REPORTED[name][0]} is not determined (sigma ")
+    assert estimates.HELP[name] in line
+
+
+def test_an_open_parameter_has_an_infinite_sigma_and_says_so(found):
+    opened = replace(found, open_columns=np.arange(found.n_columns) == 0)
+    assert np.isinf(parameters(opened)[0].sigma)
+    (line,) = not_determined(opened)
+    assert line.startswith("CAM f_mm is not determined (left open by the observations;")
+
+
+def test_an_open_turn_about_one_axis_opens_the_angles_that_it_moves(found):
+    """A turn about the camera's x axis moves omega, phi and kappa of a turned camera."""
+    opened = replace(found, open_columns=np.arange(found.n_columns) == found.layout.mount[0, 3])
+    infinite = {p.key for p in parameters(opened) if np.isinf(p.sigma)}
+    assert infinite == {"boresight_x", "boresight_y", "boresight_z"}
+
+
+def test_the_largest_correlations_are_named():
+    tight = with_sigmas(f=0.2)
+    cov = tight.cov.copy()
+    cov[0, 3] = cov[3, 0] = 0.95 * np.sqrt(cov[0, 0] * cov[3, 3])  # f and lever_z
+    (line,) = not_determined(replace(tight, cov=cov))
+    assert "correlation +0.95 with lever_z_m" in line

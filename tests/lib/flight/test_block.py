@@ -1,0 +1,98 @@
+"""Plain data: selecting, counting, and covariances along the right axes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.flight import block as block_module
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from support import blocks
+
+SECOND = replace(
+    blocks.CAMERA,
+    name="SIDE",
+    T_b_c=Pose(R=rotation_from_opk(np.radians([18.0, 0.0, 90.0])), r=np.array([0.1, 0.3, 0.0])),
+)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return blocks.standard(cameras=(blocks.CAMERA, SECOND))
+
+
+def described(block):
+    """Every measurement as camera, exposure, point and pixels, in a fixed order."""
+    points, images = block.image_points, block.images
+    return sorted(
+        (
+            block.cameras[images.camera_idx[i]].name,
+            block.trajectory.exposures[images.exposure_idx[i]],
+            block.points[p],
+            *colrow,
+        )
+        for i, p, colrow in zip(points.image_idx, points.point_idx, points.colrow, strict=True)
+    )
+
+
+def test_the_part_of_one_camera_holds_its_measurements_and_no_others(rig):
+    part = block_module.select_camera(rig, "SIDE")
+    assert [camera.name for camera in part.cameras] == ["SIDE"]
+    assert described(part) == [row for row in described(rig) if row[0] == "SIDE"]
+    assert all(name.endswith("SIDE") for name in part.images.names)
+    assert part.points == rig.points
+    assert len(part.trajectory) == len(rig.trajectory)
+
+
+def test_the_part_of_some_images_holds_their_measurements_and_no_others(rig):
+    keep = rig.images.exposure_idx % 3 == 1
+    part = block_module.select_images(rig, keep)
+    exposures = {rig.trajectory.exposures[e] for e in range(1, len(rig.trajectory), 3)}
+    assert described(part) == [row for row in described(rig) if row[1] in exposures]
+
+
+def test_a_camera_that_is_not_there_is_named(rig):
+    with pytest.raises(ValueError, match="no camera 'TAIL', only CAM, SIDE"):
+        block_module.select_camera(rig, "TAIL")
+
+
+def test_a_selection_keeps_rows_together(rig):
+    keep = np.array([5, 2])
+    points, control = rig.image_points[keep], rig.control[keep]
+    assert points.point_idx.tolist() == rig.image_points.point_idx[keep].tolist()
+    assert points.image_idx.tolist() == rig.image_points.image_idx[keep].tolist()
+    assert_allclose(points.colrow, rig.image_points.colrow[keep], atol=0)
+    assert len(points) == len(control) == 2
+    assert_allclose(control.x_m, rig.control.x_m[[5, 2]], atol=0)
+    assert_allclose(control.R_g_m, rig.control.R_g_m[[5, 2]], atol=0)
+
+
+def test_rays_are_counted_per_point(rig):
+    assert rig.rays.sum() == len(rig.image_points)
+    assert rig.rays[7] == sum(row[2] == rig.points[7] for row in described(rig))
+
+
+def test_every_image_hangs_on_its_exposures_pose(rig):
+    exposure = rig.images.exposure_idx
+    assert_allclose(rig.T_m_b_images.r, rig.trajectory.T_m_b.r[exposure], atol=0)
+
+
+def test_the_trajectorys_covariance_is_that_of_its_sigmas_along_their_axes(rig):
+    sigma = np.tile([0.02, 0.05, 0.11], (len(rig.trajectory), 1))
+    R = rotation_from_opk(np.array([0.0, 0.0, 0.5]))
+    trajectory = replace(rig.trajectory, sigma_position=sigma, R_g_m=np.tile(R, (len(sigma), 1, 1)))
+    cov = trajectory.cov[0]
+    for axis, expected in zip(R, sigma[0], strict=True):  # rows of R: grid axes in m
+        assert np.sqrt(axis @ cov[:3, :3] @ axis) == pytest.approx(expected)
+    assert_allclose(np.diag(cov)[3:], np.radians([0.005, 0.005, 0.008]) ** 2)
+    assert_allclose(cov[:3, 3:], 0.0, atol=0)
+
+
+def test_what_is_not_known_of_a_trajectory_has_no_covariance(rig):
+    sigma = rig.trajectory.sigma_position.copy()
+    sigma[1] = np.inf
+    cov = replace(rig.trajectory, sigma_position=sigma).cov
+    assert_allclose(cov[1, :3, :3], 0.0, atol=0)
+    assert np.all(np.diagonal(cov[1])[3:] > 0)
+    assert np.all(np.diagonal(cov[0]) > 0)

@@ -1,0 +1,326 @@
+"""Reading a flight that has nothing wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+import acx4sim
+from acx4lib import flight
+from acx4lib.flight.block import Block
+from acx4lib.flight.setup import Apriori, Synthetic
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.collinearity import pinhole, to_camera
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem
+from support.flights.written import control_points, exposures, write_flight
+
+
+def residuals_px(block: Block) -> np.ndarray:
+    """Return how far surveyed points project from where they were measured."""
+    x_m = np.full((len(block.points), 3), np.nan)
+    x_m[block.control.point_idx] = block.control.x_m
+    x_m[block.check.point_idx] = block.check.x_m
+    points = block.image_points
+    points = points[np.isfinite(x_m[points.point_idx, 0])]
+    out = np.empty((len(points), 2))
+    for i, camera in enumerate(block.cameras):
+        mine = block.images.camera_idx[points.image_idx] == i
+        T_m_c = block.T_m_b_images[points.image_idx[mine]] @ camera.T_b_c
+        ideal = pinhole(camera.interior.f, to_camera(T_m_c, x_m[points.point_idx[mine]]))
+        measured = correct(camera.interior, xy_from_colrow(camera, points.colrow[mine]))
+        out[mine] = (ideal - measured) / camera.pixel_mm
+    return out
+
+
+def append(path: Path, text: str) -> None:
+    path.write_text(path.read_text() + text)
+
+
+def change(path: Path, **columns: object) -> None:
+    pd.read_csv(path).assign(**columns).to_csv(path, index=False)
+
+
+@pytest.mark.parametrize("form", ["grid", "geographic"])
+def test_either_form_of_trajectory_puts_control_points_where_they_were_measured(tmp_path, form):
+    read = flight.read(write_flight(tmp_path, form=form))
+    # written with three decimals of a pixel and 1e-15 of a degree
+    assert_allclose(residuals_px(read.calibration), 0.0, atol=2e-3)
+
+
+def test_a_flight_has_the_blocks_whose_folders_are_there(tmp_path):
+    read = flight.read(write_flight(tmp_path, blocks=("heads", "validation")))
+    assert read.heads is not None
+    assert read.calibration is None
+    assert read.validation is not None
+    assert [camera.name for camera in read.heads.cameras] == ["LEFT", "RIGHT"]
+    assert [camera.name for camera in read.validation.cameras] == ["CAM"]
+    assert len(read.heads.images) == 12
+    assert len(read.heads.trajectory) == 6
+    assert read.synthetic == Synthetic(camera="CAM", heads=("LEFT", "RIGHT"))
+
+
+def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
+    read = flight.read(write_flight(tmp_path))
+    assert read.estimate_heads == ("xp", "yp", "k1", "p1", "p2")
+    assert read.estimate_mounting == ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
+    assert read.fix == ()
+    assert read.weights == "given"
+    assert read.gnss == ()
+    assert read.refraction == "none"
+    assert read.apriori == Apriori()
+
+
+def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
+    append(
+        write_flight(tmp_path) / "flight.toml",
+        '[stages.heads]\nestimate = []\n[stages.mounting]\nestimate = ["f_mm", "b1"]\n'
+        'fix = ["lever_arm"]\ngnss = ["shift", "drift"]\n',
+    )
+    text = (tmp_path / "flight.toml").read_text()
+    (tmp_path / "flight.toml").write_text('refraction = "standard"\n' + text)
+    read = flight.read(tmp_path)
+    assert read.estimate_heads == ()
+    assert read.estimate_mounting == ("f", "b1")
+    assert read.fix == ("lever_arm",)
+    assert read.gnss == ("shift", "drift")
+    assert read.refraction == "standard"
+
+
+def test_a_camera_has_the_units_of_the_library(tmp_path):
+    camera = flight.read(write_flight(tmp_path)).cameras["CAM"]
+    assert camera.pixel_mm == 0.005
+    assert camera.interior.k1 == 1e-5
+    assert_allclose(camera.T_b_c.r, [0.0, 0.0, 0.2])
+    # kappa = 90 degrees: image x points along body y, left
+    assert_allclose(camera.T_b_c.R @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_times_are_read_where_a_trajectory_has_them(tmp_path):
+    path = write_flight(tmp_path) / "calibration/trajectory.csv"
+    assert np.all(np.isnan(flight.read(tmp_path).calibration.trajectory.time_s))
+    rows = pd.read_csv(path, dtype=str).assign(time_s=1000.5 + 4 * np.arange(6))
+    unused = rows.iloc[[0]].assign(exposure="unused", time_s=0.0)
+    pd.concat([unused, rows]).to_csv(path, index=False)
+    times = flight.read(tmp_path).calibration.trajectory.time_s
+    assert_allclose(times, 1000.5 + 4 * np.arange(6), atol=0)
+
+
+def test_sigma_columns_go_before_the_defaults(tmp_path):
+    write_flight(tmp_path)
+    append(tmp_path / "flight.toml", "[apriori]\nimage_point_px = 0.3\nheading_deg = 0.02\n")
+    change(tmp_path / "calibration/trajectory.csv", sigma_height_m=0.07, sigma_roll_deg=0.01)
+    change(tmp_path / "control_points.csv", sigma_north_m=0.0)
+    block = flight.read(tmp_path).calibration
+    assert_allclose(block.image_points.sigma_px, 0.3)
+    assert_allclose(block.trajectory.sigma_position[0], [0.05, 0.05, 0.07])
+    assert_allclose(np.degrees(block.trajectory.sigma_attitude[0]), [0.01, 0.005, 0.02])
+    assert_allclose(block.control.sigma_m[0], [0.01, 0.0, 0.02])
+    change(tmp_path / "calibration/image_points.csv", sigma_px=0.7)
+    assert_allclose(flight.read(tmp_path).calibration.image_points.sigma_px, 0.7)
+
+
+def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):
+    write_flight(tmp_path, blocks=("calibration", "validation"))
+    change(tmp_path / "control_points.csv", role=["check", "control", ""] * 3)
+    read = flight.read(tmp_path)
+    names = read.calibration.points
+    assert {names[i] for i in read.calibration.check.point_idx} == {"G0", "G3", "G6"}
+    assert len(read.calibration.control) == 6
+    assert len(read.validation.control) == 0
+    assert len(read.validation.check) == 9
+
+
+def test_control_stands_at_its_coordinates_with_sigma_along_the_grid(tmp_path):
+    block = flight.read(write_flight(tmp_path)).calibration
+    table = (
+        control_points().set_index("point").loc[[block.points[i] for i in block.control.point_idx]]
+    )
+    enh = table[["east_m", "north_m", "height_m"]].to_numpy()
+    assert_allclose(block.frame.to_grid(block.control.x_m), enh, atol=1e-6)  # m
+    # a step of 1 m to grid north moves a point along the second row of R_g_m, but for the
+    # grid's scale and the curvature of the ground
+    step = block.frame.from_grid(enh + np.array([0.0, 1.0, 0.0])) - block.control.x_m
+    assert_allclose(np.einsum("kij,kj->ki", block.control.R_g_m, step), [[0, 1, 0]] * 9, atol=1e-3)
+
+
+def test_a_block_takes_its_own_control_points(tmp_path):
+    write_flight(tmp_path, blocks=("calibration", "validation"))
+    own = control_points().iloc[:4]
+    own.to_csv(tmp_path / "validation/control_points.csv", index=False)
+    read = flight.read(tmp_path)
+    assert len(read.validation.check) == 4
+    assert len(read.calibration.control) == 9
+
+
+def test_the_mapping_frame_has_its_origin_amid_the_exposures_that_are_used(tmp_path):
+    write_flight(tmp_path)
+    append(tmp_path / "calibration/trajectory.csv", "STRAY,500000,7000000,1900,0,0,0\n")
+    block = flight.read(tmp_path).calibration
+    table = exposures()[["east_m", "north_m"]].to_numpy().mean(axis=0)
+    east_north = GridSystem(crs="EPSG:31982").grid_from_lonlat(block.frame.origin[None])[0]
+    assert_allclose(east_north, table, atol=0.01)  # m; the grid is not quite flat
+    assert len(block.trajectory) == 6
+
+
+@pytest.mark.parametrize("role", ["control", "check"])
+def test_a_control_point_that_is_not_measured_is_left_out_and_said(tmp_path, role):
+    write_flight(tmp_path)
+    change(tmp_path / "control_points.csv", role=role)
+    append(tmp_path / "control_points.csv", f"FAR,900000,7188000,900,{role}\n")
+    read = flight.read(tmp_path)
+    assert "FAR" not in read.calibration.points
+    assert "calibration: 1 of 10 control points are not measured" in read.notes
+
+
+def test_what_is_odd_but_allowed_is_a_note(tmp_path):
+    write_flight(tmp_path)
+    block = tmp_path / "calibration"
+    append(block / "image_points.csv", "E0_CAM,T1,10,10\n\n \n,,,\n")
+    append(
+        block / "trajectory.csv", "E6,669850.0,7188100.0,1900.0,0,0,0\nE7,669850,7188100,1,0,0,0\n"
+    )
+    append(block / "images.csv", "E6_CAM,CAM,E6,2\n")
+    change(block / "trajectory.csv", sigma_eats_m=1.0, sensor="x")
+    assert flight.read(tmp_path).notes == (
+        f"{block}/image_points.csv: 3 blank lines at the end",
+        f"{block}/trajectory.csv: column 'sigma_eats_m' is not read (did you mean 'sigma_east_m'?)",
+        f"{block}/trajectory.csv: column 'sensor' is not read",
+        "calibration: 1 of 1 tie points are measured only once",
+        "calibration: 1 of 7 images have no measurements: E6_CAM",
+        "calibration: 1 of 8 trajectory rows belong to no image",
+    )
+
+
+def test_byte_order_mark_crlf_spaces_and_column_order_change_nothing(tmp_path):
+    plain = flight.read(write_flight(tmp_path / "a")).calibration
+    write_flight(tmp_path / "b")
+    for path in (tmp_path / "b").rglob("*.*"):
+        if path.suffix == ".csv":
+            table = pd.read_csv(path)
+            table[table.columns[::-1]].rename(columns=" {} ".format).to_csv(path, index=False)
+        data = path.read_bytes().replace(b"\n", b"\r\n")
+        path.write_bytes(b"\xef\xbb\xbf" + data)
+    block = flight.read(tmp_path / "b").calibration
+    assert block.points == plain.points
+    assert_allclose(block.image_points.colrow, plain.image_points.colrow)
+    assert_allclose(block.trajectory.T_m_b.R, plain.trajectory.T_m_b.R)
+
+
+def test_names_are_text_compared_exactly(tmp_path):
+    write_flight(tmp_path)
+    for name in ("control_points.csv", "calibration/image_points.csv"):
+        path = tmp_path / name
+        path.write_text(path.read_text().replace("G0,", "007,").replace("G1,", "7.0,"))
+    append(tmp_path / "control_points.csv", "7,670000,7188000,900\n")
+    read = flight.read(tmp_path)
+    assert {"007", "7.0"} <= set(read.calibration.points)
+    assert "7" not in read.calibration.points
+
+
+def test_pixels_are_found_where_images_csv_names_them(tmp_path):
+    write_flight(tmp_path)
+    (tmp_path / "calibration/images").mkdir()
+    pixels = tmp_path / "calibration/images/a.tif"
+    pixels.write_bytes(b"")
+    change(tmp_path / "calibration/images.csv", file=["images/a.tif", *[""] * 5])
+    files = flight.read(tmp_path).image_files["calibration"]
+    assert files == (pixels.resolve(), *[None] * 5)
+
+
+def test_a_geoid_grid_of_the_flight_raises_all_heights(tmp_path):
+    write_flight(tmp_path)
+    (tmp_path / "geoid.gtx").write_bytes(constant_gtx(12.5))
+    plain = flight.read(tmp_path).calibration
+    toml = tmp_path / "flight.toml"
+    toml.write_text(toml.read_text().replace("ellipsoidal", "geoid.gtx"))
+    raised = flight.read(tmp_path).calibration
+    assert_allclose(raised.control.x_m - plain.control.x_m, [[0, 0, 12.5]] * 9, atol=1e-3)
+    assert_allclose(
+        raised.trajectory.T_m_b.r[0, 2] - plain.trajectory.T_m_b.r[0, 2], 12.5, atol=1e-3
+    )
+
+
+def constant_gtx(height: float) -> bytes:
+    """Return a geoid grid of one height around the small flight."""
+    header = np.array([-27.0, -51.0, 0.5, 0.5], dtype=">f8").tobytes()
+    size = np.array([7, 7], dtype=">i4").tobytes()
+    return header + size + np.full(49, height, dtype=">f4").tobytes()
+
+
+def test_the_summary_says_what_was_flown(tmp_path):
+    read = flight.read(write_flight(tmp_path, blocks=("heads", "calibration")))
+    lines = flight.summary(read).splitlines()
+    for line in (
+        "  CRS            EPSG:31982, SIRGAS 2000 / UTM zone 22S",
+        "  heights        ellipsoidal",
+        "block calibration",
+        "  images         6 at 6 exposures in 2 strips",
+        "  measurements   42 of 9 points, 4.7 per point",
+        "  surveyed       9 control points, 0 check points",
+        "  flying height  1000 to 1000 m above the surveyed points, median 1000",
+        "  GSD CAM        20.0 to 20.0 cm, median 20.0",  # 1000 m x 5 um / 25 mm
+        # 150 m of 600 m across the image that lies along the flight
+        "  overlap        74 to 75 % along the strips, median 74",
+    ):
+        assert line in lines
+
+
+def test_a_block_without_surveyed_points_has_no_known_height(tmp_path):
+    write_flight(tmp_path)
+    path = tmp_path / "control_points.csv"
+    path.write_text(path.read_text().splitlines()[0] + "\n")
+    read = flight.read(tmp_path)
+    assert len(read.calibration.control) == 0
+    assert "  flying height  not known" in flight.summary(read)
+
+
+def test_a_hundred_thousand_measurements_are_read_like_any(tmp_path):
+    write_flight(tmp_path)
+    ties = "".join(f"E{i % 6}_CAM,T{i // 6},{i % 3999}.5,{i % 2999}.25\n" for i in range(100_000))
+    append(tmp_path / "calibration/image_points.csv", ties)
+    read = flight.read(tmp_path)
+    assert len(read.calibration.image_points) == 100_042
+
+
+EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
+
+
+@pytest.mark.parametrize("design", acx4sim.DESIGNS)
+def test_an_exact_simulated_flight_fits_with_its_true_cameras(tmp_path, design):
+    """Reader and simulator share no formula: axes, convergence, lens and lever arm agree."""
+    flown = acx4sim.DESIGNS[design](seed=1, options=EXACT)
+    acx4sim.write(flown, tmp_path / design)
+    read = flight.read(tmp_path / design)
+    for block in read.blocks.values():
+        true = tuple(true_camera(c, flown.truth["cameras"][c.name]) for c in block.cameras)
+        # files round to 0.001 px, 1e-6 m (0.1 mm on the ground is 0.001 px) and 1e-7 degrees
+        assert_allclose(residuals_px(replace(block, cameras=true)), 0.0, atol=0.01)
+
+
+def true_camera(camera: Camera, truth: dict[str, float]) -> Camera:
+    """Return a camera with the simulator's true parameters."""
+    interior = {name: truth[name] for name in ("k1", "k2", "k3", "p1", "p2")}
+    opk = np.radians([truth[f"boresight_{name}_deg"] for name in ("omega", "phi", "kappa")])
+    return replace(
+        camera,
+        interior=Interior(f=truth["f_mm"], xp=truth["xp_mm"], yp=truth["yp_mm"], **interior),
+        T_b_c=Pose(
+            R=rotation_from_opk(opk), r=np.array([truth[f"lever_{name}_m"] for name in "xyz"])
+        ),
+    )
+
+
+def test_the_simulated_flight_has_the_images_of_section_3_2(tmp_path):
+    acx4sim.write(acx4sim.acx4(seed=2), tmp_path / "acx4")
+    read = flight.read(tmp_path / "acx4")
+    assert [len(block.images) for block in read.blocks.values()] == [4 * 31, 52, 268]
+    assert [len(set(block.images.strips)) for block in read.blocks.values()] == [4, 5, 20]
+    assert len(read.validation.check) == 36
+    assert len(read.validation.control) == 0
+    assert [note.split(":")[0] for note in read.notes] == ["calibration", "validation"]

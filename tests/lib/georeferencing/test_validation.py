@@ -1,0 +1,241 @@
+"""Validation on check points: pairs, differences along the CRS's axes, sigmas, and blunders."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.calibration.estimates import from_bundle, given
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose, transform
+from acx4lib.georeferencing.validation import compare, validate
+from support import blocks
+
+
+@pytest.fixture(scope="module")
+def block():
+    """Four check points; the survey in the CRS differs from the mapping frame's axes by 0.7 deg."""
+    return blocks.simulate(blocks.fly(), check=blocks.terrain(4, half_m=200.0, seed=8))
+
+
+@pytest.fixture(scope="module")
+def cameras(block):
+    return given(block.cameras)
+
+
+def surveyed_off(block, by):
+    """The block with its survey moved by east, north, height."""
+    R_m_g = np.swapaxes(block.check.R_g_m, 1, 2)
+    x_m = block.check.x_m + transform(R_m_g, np.broadcast_to(by, block.check.x_m.shape))
+    return replace(block, check=replace(block.check, x_m=x_m))
+
+
+# --- pairs -----------------------------------------------------------------------------------
+
+
+def angle_deg(block, point, a, b):
+    """The angle at which two images see a check point."""
+    (camera,) = block.cameras
+    mount = Pose(R=camera.T_b_c.R[None], r=camera.T_b_c.r[None])
+    down = block.check.x_m[point] - (block.T_m_b_images @ mount).r[[a, b]]
+    u, v = down / np.linalg.norm(down, axis=1, keepdims=True)
+    return np.degrees(np.arccos(u @ v))
+
+
+def pairs_of(block, point):
+    """All pairs of images that measure a point, the earlier one first, and their angles."""
+    images = np.sort(block.image_points.image_idx[block.image_points.point_idx == point])
+    return {(a, b): angle_deg(block, point, a, b) for a, b in combinations(images.tolist(), 2)}
+
+
+def test_every_pair_of_images_of_a_point_is_intersected_in_order(block, cameras):
+    found = validate(block, cameras, method="given")
+    angles = {(p, *ab): angle for p in range(4) for ab, angle in pairs_of(block, p).items()}
+    listed = [
+        (int(p), *map(int, images))
+        for p, images in zip(found.pairs.point_idx, found.pairs.image_idx, strict=True)
+    ]
+    assert listed == sorted(listed)
+    assert set(listed) == {key for key, angle in angles.items() if angle >= 2.0}
+    assert 0 < found.n_failed == sum(angle < 2.0 for angle in angles.values())
+    assert found.method == "given"
+    assert np.all(found.pairs.n_images == 2)
+
+
+def test_points_are_intersected_from_all_their_rays(block, cameras):
+    found = validate(block, cameras, method="given")
+    assert found.points.point_idx.tolist() == [0, 1, 2, 3]
+    assert found.points.n_images.tolist() == block.rays[:4].tolist()
+    assert found.n_left_out == 0
+    assert found.redundancy == 2 * block.rays[:4].sum() - 12
+    assert found.n_observations == 2 * block.rays[:4].sum()
+
+
+def test_exact_measurements_meet_in_the_survey(block, cameras):
+    found = validate(block, cameras, method="given")
+    for differences in (found.pairs, found.points):
+        assert_allclose(differences.d, 0.0, atol=1e-6)  # m: two images of 7 degrees, and PROJ
+    assert found.cost == pytest.approx(0.0, abs=1e-9)
+    assert found.rejected == ()
+
+
+def test_a_point_in_one_image_is_left_out_and_counted(block, cameras):
+    points = block.image_points
+    first = np.flatnonzero(points.point_idx == 2)
+    keep = np.setdiff1d(np.arange(len(points)), first[1:])
+    found = validate(replace(block, image_points=points[keep]), cameras, method="given")
+    assert found.points.point_idx.tolist() == [0, 1, 3]
+    assert 2 not in found.pairs.point_idx
+    assert found.n_left_out == 1
+
+
+def test_without_check_points_there_is_nothing_to_compare(block, cameras):
+    none = replace(block, check=block.check[np.zeros(4, dtype=bool)])
+    found = validate(none, cameras, method="given")
+    assert len(found.pairs) == len(found.points) == 0
+    assert found.redundancy == 0
+    assert found.sigma0_sq == 1.0
+    assert found.chi_square_p == 1.0
+
+
+# --- differences -----------------------------------------------------------------------------
+
+
+def test_differences_are_estimated_less_surveyed_along_the_axes_of_the_crs(block, cameras):
+    by = np.array([0.10, -0.20, 0.30])
+    found = validate(surveyed_off(block, by), cameras, method="given")
+    # 900 m above the ellipsoid a metre on the ground is 0.9998 m in the grid: 4e-5 m of 0.2 m
+    assert_allclose(found.points.d, -np.tile(by, (4, 1)), atol=5e-5)
+    assert_allclose(found.pairs.d, -np.tile(by, (len(found.pairs), 1)), atol=5e-5)
+
+
+def test_a_point_that_was_not_met_has_no_difference(block):
+    x_m = block.check.x_m.copy()
+    x_m[1] = np.nan
+    d, sigma = compare(block, x_m, np.tile(0.01 * np.eye(3), (4, 1, 1)), np.arange(4))
+    assert np.isnan(d[1]).all()
+    assert_allclose(np.delete(d, 1, axis=0), 0.0, atol=1e-7)
+    assert np.isfinite(sigma).all()
+
+
+def test_sigmas_have_the_surveys_part_and_lie_along_the_axes_of_the_crs(block):
+    R = block.check.R_g_m
+    cov_grid = np.diag([0.03, 0.05, 0.20]) ** 2
+    cov = np.swapaxes(R, 1, 2) @ cov_grid @ R
+    _, sigma = compare(block, block.check.x_m, cov, np.arange(4))
+    expected = np.hypot([0.03, 0.05, 0.20], [0.01, 0.01, 0.02])
+    assert_allclose(sigma, np.tile(expected, (4, 1)), rtol=1e-9)
+
+
+def test_differences_are_as_large_as_their_sigmas_say(block, cameras):
+    """60 noisy copies: the squared normalised differences average to one.
+
+    The points of a copy share the trajectory's errors; were they one, sampling would leave
+    sqrt(2 / 60) = 0.18.
+    """
+    z = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        survey = rng.normal(size=(4, 3)) * block.check.sigma_m
+        noisy = surveyed_off(blocks.noisy(block, rng), survey)
+        points = validate(noisy, cameras, method="given").points
+        z.append(points.d / points.sigma)
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.3)
+    assert np.all(np.abs(z) < 5)
+
+
+def test_a_calibrations_uncertainty_makes_sigmas_larger(block, cameras, mounted):
+    estimated = from_bundle(mounted)
+    uncertain = validate(block, replace(estimated, cameras=block.cameras), method="single_step")
+    certain = validate(block, cameras, method="given")
+    assert np.all(uncertain.points.sigma > certain.points.sigma)
+    J = uncertain.points.by_parameters
+    extra = J @ estimated.cov @ np.swapaxes(J, 1, 2)
+    in_grid = block.check.R_g_m @ extra @ np.swapaxes(block.check.R_g_m, 1, 2)
+    assert_allclose(
+        uncertain.points.sigma**2 - certain.points.sigma**2,
+        np.diagonal(in_grid, axis1=1, axis2=2),
+        rtol=1e-6,
+    )
+
+
+# --- blunders --------------------------------------------------------------------------------
+
+
+def spoilt(block, row, by):
+    change = np.zeros((len(block.image_points), 2))
+    change[row] = by
+    return blocks.changed(block, "image_point", change)
+
+
+def test_a_measurement_that_does_not_fit_the_others_is_taken_out(block, cameras):
+    noisy = blocks.noisy(block, np.random.default_rng(2))
+    row = 9
+    found = validate(spoilt(noisy, row, [0.0, 60.0]), cameras, method="given")
+    assert [(r.kind, r.row, r.component) for r in found.rejected] == [("image_point", row, -1)]
+    assert found.rejected[0].statistic > 3.9
+    point, image = block.image_points.point_idx[row], block.image_points.image_idx[row]
+    own = found.pairs.point_idx == point
+    assert image not in found.pairs.image_idx[own]
+    assert found.points.n_images[point] == block.rays[point] - 1
+    assert np.all(np.abs(found.points.d) < 4 * found.points.sigma)
+
+
+def test_clean_measurements_stay(block, cameras):
+    for seed in range(5):
+        noisy = blocks.noisy(block, np.random.default_rng(seed))
+        assert validate(noisy, cameras, method="given").rejected == ()
+
+
+def test_the_trajectorys_sigma_is_part_of_the_test(block, cameras):
+    """An attitude error of its own size is no gross error of the image points."""
+    rng = np.random.default_rng(0)
+    shaken = block
+    for kind in ("gnss", "attitude"):
+        sigma = blocks.observed_sigmas(block)[kind]
+        shaken = blocks.changed(shaken, kind, sigma * rng.normal(size=sigma.shape))
+    sharp = replace(
+        shaken,
+        image_points=replace(shaken.image_points, sigma_px=np.full(len(shaken.image_points), 0.01)),
+    )
+    assert validate(sharp, cameras, method="given").rejected == ()
+
+
+def test_of_two_measurements_none_is_taken_out(block, cameras):
+    """Two rays cannot say which of them is wrong; the difference shows it."""
+    points = block.image_points
+    own = np.flatnonzero(points.point_idx == 0)
+    keep = np.setdiff1d(np.arange(len(points)), own[2:])
+    two = replace(block, image_points=points[keep])
+    found = validate(spoilt(two, own[0], [0.0, 60.0]), cameras, method="given")
+    assert found.rejected == ()
+    assert np.abs(found.points.d[0]).max() > 0.2
+
+
+def test_a_pair_whose_rays_meet_behind_the_cameras_is_no_row(block, cameras):
+    """A point taken for another: the rays part, and no number may come of it."""
+    points, (camera,) = block.image_points, block.cameras
+    a, b = max(pairs_of(block, 0), key=lambda pair: pairs_of(block, 0)[pair])
+    T_m_c = block.T_m_b_images @ Pose(R=camera.T_b_c.R[None], r=camera.T_b_c.r[None])
+    aside = T_m_c.r[b] - T_m_c.r[a]
+    aside *= 120 / np.hypot(*aside[:2])
+    outwards = T_m_c.r[[a, b]] + [[-aside[0], -aside[1], -1000.0], [aside[0], aside[1], -1000.0]]
+    keep = (points.point_idx != 0) | np.isin(points.image_idx, [a, b])
+    points = points[keep]
+    colrow = points.colrow.copy()
+    rows = [
+        int(np.flatnonzero((points.point_idx == 0) & (points.image_idx == i))[0]) for i in (a, b)
+    ]
+    colrow[rows] = project(camera, T_m_c[np.array([a, b])], outwards)
+    parted = replace(block, image_points=replace(points, colrow=colrow))
+    before, found = (
+        validate(block, cameras, method="given"),
+        validate(parted, cameras, method="given"),
+    )
+    assert np.isfinite(found.pairs.d).all()
+    assert np.isfinite(found.points.d).all()
+    assert 0 not in found.pairs.point_idx
+    lost = sum(angle < 2.0 for angle in pairs_of(block, 0).values())
+    assert found.n_failed == before.n_failed - lost + 1

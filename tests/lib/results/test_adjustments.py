@@ -1,0 +1,240 @@
+"""What stands in a results folder is what was computed, and can be read back."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.calibration import estimates, mounting, weights
+from acx4lib.calibration import heads as relative_orientation
+from acx4lib.georeferencing import validation
+from acx4lib.results import adjustments, read_back
+from acx4lib.results import folder as results
+from acx4lib.results import validations as validation_records
+from support.flights import simulated
+
+SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return simulated.fly("single-head", seed=1).flight
+
+
+@pytest.fixture(scope="module")
+def mountings(flown):
+    return mounting.calibrate(flown.calibration, **SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, flown, mountings):
+    path = tmp_path_factory.mktemp("results")
+    adjustments.write(path, "mounting", adjustments.of_mountings(mountings))
+    found = results.read(path)
+    validations = [
+        validation.validate(flown.validation, said, method=method)
+        for method, said in read_back.calibrations_for(flown, found).items()
+    ]
+    adjustments.write(path, "validation", validation_records.of_validations(validations))
+    return path
+
+
+@pytest.mark.parametrize("method", mounting.METHODS)
+def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, folder, method):
+    said = mountings[method].calibration
+    back = read_back.read_calibration(
+        results.read(folder), f"mounting/{method}", flown.calibration.cameras
+    )
+    (a,), (b,) = said.cameras, back.cameras
+    assert_allclose(b.interior.to_array(), a.interior.to_array(), rtol=1e-14)
+    assert_allclose(b.T_b_c.R, a.T_b_c.R, atol=1e-14)  # rad
+    assert_allclose(b.T_b_c.r, a.T_b_c.r, atol=1e-15)  # m
+    assert_allclose(back.cov, said.cov, rtol=1e-9)
+    assert_allclose(estimates.reported_covariance(back), estimates.reported_covariance(said))
+
+
+def test_sigma_in_parameters_is_the_root_of_the_covariance(folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        cov = results.covariance(found, f"mounting/{method}")
+        listed = results.rows(found, "parameters", f"mounting/{method}")
+        names = listed["camera"] + "/" + listed["parameter"]
+        sigma = np.sqrt(np.diag(cov.loc[names, names]))
+        assert_allclose(listed["sigma"], sigma, rtol=1e-12)
+
+
+def test_every_residual_stands_in_the_table_and_sums_up_to_the_cost(mountings, folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        rows = results.rows(found, "residuals", f"mounting/{method}")
+        solution = mountings[method].bundle.solution
+        assert len(rows) == solution.n_observations
+        assert_allclose(np.sum((rows["v"] / rows["sigma"]) ** 2), solution.cost, rtol=1e-10)
+        assert_allclose(rows["redundancy"].sum(), solution.redundancy, rtol=1e-8)
+        # Baarda's w is v over its own standard deviation
+        w = rows["v"] / (rows["sigma"] * np.sqrt(rows["redundancy"]))
+        assert_allclose(rows["w"], w, rtol=1e-9)
+
+
+def test_the_summary_of_a_validation_counts_the_rows_of_its_tables(folder):
+    found = results.read(folder)
+    for method in mounting.METHODS:
+        entry = found.summary[f"validation/{method}"]
+        pairs = results.rows(found, "validation", f"validation/{method}")
+        points = results.rows(found, "check_points", f"validation/{method}")
+        assert entry["n_pairs"] == len(pairs)
+        assert entry["n_points"] == len(points)
+        d = pairs[["d_east_m", "d_north_m", "d_height_m"]]
+        assert_allclose(entry["rms"], np.sqrt((d**2).mean()), rtol=1e-12)
+        assert_allclose(entry["std"], d.std(ddof=1), rtol=1e-12)
+        assert 0.5 < entry["sigma0_squared"] < 1.7  # chi-square of some eighty observations
+
+
+def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
+    order = {name: i for i, name in enumerate(flown.validation.images.names)}
+    pairs = results.read(folder).validation
+    assert all(order[a] < order[b] for a, b in zip(pairs["image_a"], pairs["image_b"], strict=True))
+
+
+def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
+    without = read_back.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    assert list(without) == ["given"]
+    assert without["given"].n_columns == 0
+    checked = validation.validate(flown.validation, without["given"], method="given")
+    # a nominal calibration is metres off, and its sigma has no part of the parameters
+    assert np.sqrt(np.mean(checked.points.d**2)) > 3 * np.sqrt(np.mean(checked.points.sigma**2))
+
+
+def _only_validation(flown):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    return replace(flown, blocks={"validation": flown.validation})
+
+
+def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
+    record = adjustments.of_left_out("mounting", "two_step", "no control")
+    adjustments.write(tmp_path, "mounting", [record])
+    found = results.read(tmp_path)
+    assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
+    assert len(found.parameters) == 0
+
+
+def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(flown):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.calibration
+    camera = block.cameras[0]
+    wrong = camera.with_interior(replace(camera.interior, f=1.03 * camera.interior.f))
+    spoilt = replace(block, cameras=(wrong,))
+    bundle = mounting.two_step(spoilt, free=("xp", "yp")).bundle
+    assert adjustments.height_scale(bundle) == pytest.approx(1.03 * 50 / 50.128, abs=0.005)
+    (record,) = adjustments.of_mountings(
+        mounting.Mountings(
+            methods={"two_step": mounting.two_step(spoilt, free=("xp", "yp"))}, failures={}
+        )
+    )
+    note = record.summary["mounting/two_step"]["notes"][-1]
+    percent = 100 * abs(adjustments.height_scale(bundle) - 1)
+    assert f"control and trajectory differ by {percent:.1f} % in scale: the height system" in note
+
+
+def test_heads_come_back_from_their_files_as_they_were(tmp_path):
+    flown = simulated.fly("acx4", seed=1, blocks=("heads",)).flight
+    heads = relative_orientation.calibrate_heads(
+        flown.heads, flown.synthetic.heads, free=flown.estimate_heads
+    )
+    said = relative_orientation.relative_orientation(heads.bundles, flown.cameras["SYN"])
+    bundles = [
+        adjustments.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
+        for name, fit in heads.bundles.items()
+    ]
+    oriented = adjustments.of_relative_orientation("heads", "relative_orientation", said)
+    adjustments.write(tmp_path, "heads", [*bundles, oriented])
+    back = read_back.read_relative_orientation(
+        results.read(tmp_path), "heads/relative_orientation", flown.cameras
+    )
+    assert_allclose(back.xyz_mm, said.xyz_mm, atol=1e-12)
+    assert_allclose(back.opk, said.opk, atol=1e-14)
+    assert_allclose(back.cov, said.cov, atol=1e-18)
+    assert back.n_exposures == said.n_exposures == 31
+    for a, b in zip(said.heads, back.heads, strict=True):
+        assert_allclose(b.interior.to_array(), a.interior.to_array(), rtol=1e-14)
+
+
+def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
+    adjustments.write(
+        tmp_path, "heads", [adjustments.of_left_out("heads", "relative_orientation", "no")]
+    )
+    left_out = results.read(tmp_path).summary["heads/relative_orientation"]
+    assert left_out["n_observations"] is None
+    for entry in results.read(folder).summary.values():
+        assert adjustments.NO_ADJUSTMENT.keys() < entry.keys()
+
+
+def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
+    block = weights.scaled(flown.calibration, {"heading": 0.25})
+    record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS))
+    entry = json.loads(json.dumps(record.summary["mounting/single_step"]))
+    heading = entry["sigma_factors"]["heading"]
+    assert heading["factor"] == pytest.approx(4, abs=3.3 * 4 * heading["sigma"])
+    assert heading["applied"] == 1
+    assert entry["sigma_factors"]["control height"]["factor"] is None
+    said = f"the sigma of heading are {heading['factor']:.1f} times too optimistic"
+    assert entry["notes"] == [f"mounting/single_step: {said}"]
+
+
+def test_the_summary_says_by_what_sigma_were_multiplied(flown):
+    applied = {"GNSS": 1.5}
+    block = weights.scaled(flown.calibration, applied)
+    record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
+    entry = record.summary["mounting/single_step"]
+    assert entry["sigma_factors"]["GNSS"]["applied"] == 1.5
+    assert "the sigma were multiplied by 1.50 ± " in entry["notes"][0]
+    assert entry["notes"][0].endswith("(GNSS)")
+
+
+def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.calibration
+    (camera,) = block.cameras
+    turns = np.arange(len(block.images)) % 2
+    images = replace(block.images, camera_idx=turns)
+    both = replace(block, cameras=(replace(camera, name="A/B"), camera), images=images)
+    said = mounting.single_step(both, **SETTINGS)
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(said)])
+    found = results.read(tmp_path)
+    back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
+    assert back.n_columns == said.calibration.n_columns // 2 == 14
+    sigma = results.parameters(found, "mounting/single_step", "CAM")["sigma"]
+    reported = estimates.reported_covariance(back)
+    assert_allclose(np.sort(np.sqrt(np.diag(reported))), np.sort(sigma), rtol=1e-9)
+
+
+def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, tmp_path):
+    held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(held)])
+    (method,) = read_back.calibrated_methods(results.read(tmp_path))
+    back = read_back.read_calibration(
+        results.read(tmp_path), f"mounting/{method}", flown.calibration.cameras
+    )
+    assert back.n_columns == 0
+    assert back.cameras[0].interior == flown.calibration.cameras[0].interior
+
+
+def test_a_validation_says_what_spoils_all_of_its_points(flown):
+    """45 m is the undulation there: the check points orthometric, the trajectory ellipsoidal."""
+    from dataclasses import replace  # noqa: PLC0415 used once
+
+    block = flown.validation
+    said = estimates.given(block.cameras)
+    checked = validation.validate(block, said, method="given")
+    notes = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    assert [note.partition(" measurements")[0] for note in notes] == ["validation/given: 24 of 75"]
+    check = block.check
+    lower = replace(block, check=replace(check, x_m=check.x_m - [0.0, 0.0, 45.0]))
+    checked = validation.validate(lower, said, method="given")
+    (_, note) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    assert " m too high, " in note
+    assert note.endswith("points or trajectory, or the focal length, is wrong")

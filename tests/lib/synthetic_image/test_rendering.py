@@ -1,0 +1,383 @@
+"""The renderer against closed forms, OpenCV, and the same thing computed plainly."""
+
+import mmap
+from dataclasses import replace
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.head_map import HeadMap
+from acx4lib.synthetic_image.rendering import RenderPlan, render, render_plan, render_rows, resample
+from support.pictures import printed_camera
+from support.pictures.exact_rendering import blended, exact_positions, sampled, sampled_cubic
+
+
+def affine_map(size, image_size, A, t, *, step=16):
+    """Return a map that sees pixel p of an image of `size` (cols, rows) at A p + t."""
+    cols, rows = (step * np.arange(-(-n // step) + 1) for n in size)
+    grid = np.stack(np.meshgrid(cols, rows), axis=-1)
+    return HeadMap(
+        nodes=grid @ np.transpose(A) + t,
+        step_px=step,
+        width_px=image_size[0],
+        height_px=image_size[1],
+    )
+
+
+def plan_of(*maps, size, **how):
+    return RenderPlan(maps=maps, width_px=size[0], height_px=size[1], **how)
+
+
+def identity(width, height, **how):
+    return plan_of(affine_map((width, height), (width, height), np.eye(2), 0), size=(width, height))
+
+
+def turned(degrees, scale):
+    c, s = scale * np.cos(np.radians(degrees)), scale * np.sin(np.radians(degrees))
+    return np.array([[c, -s], [s, c]])
+
+
+def noise(rng, width, height, bands, dtype=np.uint16):
+    return rng.integers(0, np.iinfo(dtype).max, (height, width, bands), dtype, endpoint=True)
+
+
+def landscape(rng, width, height, bands=3):
+    """Return an image with details of every size, the finest of a few hundred grey values."""
+    image = np.full((height, width, bands), 12000.0)
+    for size in (1, 2, 4, 8, 32, 128):
+        coarse = rng.normal(size=(height // size + 2, width // size + 2, bands))
+        image += 120 * np.sqrt(size) * cv2.resize(coarse, (width, height)).reshape(image.shape)
+    return np.rint(np.clip(image, 0, 65535)).astype(np.uint16)
+
+
+# --- sampling ------------------------------------------------------------------------------------
+
+
+@given(
+    width=st.integers(2, 70),
+    height=st.integers(2, 40),
+    bands=st.integers(1, 4),
+    dtype=st.sampled_from([np.uint8, np.uint16]),
+    interpolation=st.sampled_from(["bilinear", "cubic"]),
+    seed=st.integers(0, 99),
+)
+def test_the_identity_copies_every_pixel(width, height, bands, dtype, interpolation, seed):
+    image = noise(np.random.default_rng(seed), width, height, bands, dtype)
+    plan = replace(identity(width, height), interpolation=interpolation)
+    assert_array_equal(render(plan, [image]), image)
+
+
+@given(
+    degrees=st.floats(-180, 180),
+    scale=st.floats(0.6, 1.4),
+    bands=st.integers(1, 4),
+    dtype=st.sampled_from([np.uint8, np.uint16]),
+    interpolation=st.sampled_from(["bilinear", "cubic"]),
+    step=st.sampled_from([4, 7, 16, 32]),
+)
+def test_a_plane_of_grey_values_stays_a_plane(degrees, scale, bands, dtype, interpolation, step):
+    A, t = turned(degrees, scale), np.array([60.3, 51.7])
+    slope = np.iinfo(dtype).max / 400 * np.array([1.0, 0.7])
+    rows, cols = np.mgrid[0:110, 0:120]
+    true = 20 + slope[0] * cols + slope[1] * rows
+    image = np.repeat(np.rint(true)[..., None], bands, axis=-1).astype(dtype)
+    plan = plan_of(
+        affine_map((40, 30), (120, 110), A, t, step=step),
+        size=(40, 30),
+        interpolation=interpolation,
+    )
+    at = np.stack(np.meshgrid(np.arange(40), np.arange(30)), axis=-1) @ A.T + t
+    inner = np.all((at > 2) & (at < [117, 107]), axis=-1)
+    expected = 20 + at @ slope
+    difference = (render(plan, [image]) - expected[..., None])[inner]
+    # rounded twice; the cubic's weights add to 1.6 at most in magnitude
+    assert np.abs(difference).max() <= 1.0 if interpolation == "bilinear" else 1.35
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("degrees", [3.0, 93.0])
+def test_bilinear_samples_are_opencvs(rng, bands, dtype, degrees):
+    image = noise(rng, 180, 170, bands, dtype)
+    A, t = turned(degrees, 0.9), np.array([88.2, 81.4])
+    plan = plan_of(affine_map((60, 50), (180, 170), A, t), size=(60, 50))
+    at = (np.stack(np.meshgrid(np.arange(60), np.arange(50)), axis=-1) @ A.T + t).astype(np.float32)
+    out = render(plan, [image])
+    for band in range(bands):  # one at a time: OpenCV rounds positions where there are two
+        one = image[..., band].astype(np.float32)
+        reference = cv2.remap(one, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
+        # rounding, and single precision of OpenCV's positions, 1e-5 px, times noise's contrast
+        assert_allclose(out[..., band], reference, atol=0.5 + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "plain"), [("bilinear", sampled), ("cubic", sampled_cubic)]
+)
+def test_samples_at_the_border_take_the_outermost_pixels_on(rng, interpolation, plain):
+    image = noise(rng, 40, 30, 3)
+    shift = np.array([-0.31, -0.22])
+    plan = plan_of(
+        affine_map((42, 32), (40, 30), np.eye(2), shift),
+        size=(42, 32),
+        interpolation=interpolation,
+    )
+    at = np.stack(np.meshgrid(np.arange(42), np.arange(32)), axis=-1) + shift
+    seen = np.all((at > -0.5) & (at < [39.5, 29.5]), axis=-1)
+    out = render(plan, [image])
+    expected = np.clip(plain(image, at[seen]), 0, 65535)
+    assert_allclose(out[seen], expected, atol=0.55)  # rounding, and single precision
+    assert not out[~seen].any()
+    assert seen[:, 0].any()
+    assert not seen[0, -1]
+
+
+def test_positions_keep_their_fraction_at_the_far_end_of_a_wide_image():
+    """In single precision column 30000 would be known to 0.002 px: 120 of these grey values."""
+    ramp = np.array([0, 65535] * 15010, np.uint16)
+    image = np.ascontiguousarray(np.broadcast_to(ramp[None, :, None], (20, 30020, 1)))
+    shift = np.array([30000.0 - 8 + 0.1237, 0.0])
+    plan = plan_of(affine_map((16, 20), (30020, 20), np.eye(2), shift), size=(16, 20))
+    row = render(plan, [image])[10, :, 0]
+    assert_allclose(row[0::2], 0.1237 * 65535, atol=0.6)
+    assert_allclose(row[1::2], (1 - 0.1237) * 65535, atol=0.6)
+
+
+@pytest.mark.parametrize(
+    "where", [np.s_[:, 4:], np.s_[4:], np.s_[:, :2], np.s_[:2], np.s_[3, 5], np.s_[:, :, 1]]
+)
+def test_cells_outside_the_lens_model_are_not_used(rng, where):
+    image = noise(rng, 128, 128, 3)
+    head = affine_map((128, 128), (128, 128), np.eye(2), 0)
+    head.nodes[where] = np.nan
+    known = np.isfinite(head.nodes).all(axis=-1)
+    cells = known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1]
+    seen = np.kron(cells, np.ones((16, 16), bool))[..., None]
+    assert_array_equal(render(plan_of(head, size=(128, 128)), [image]), np.where(seen, image, 0))
+
+
+def test_an_image_may_end_where_its_memory_ends(rng):
+    """A read behind the last pixel would end the process: the next page does not exist."""
+    page = mmap.PAGESIZE
+    for bands, width in ((1, 64), (3, 128), (4, 64)):
+        height = 3 * page // (2 * bands * width) // 16 * 16
+        n = 2 * bands * width * height
+        room = mmap.mmap(-1, -(-n // page) * page, prot=mmap.PROT_READ | mmap.PROT_WRITE)
+        image = np.frombuffer(room, np.uint16, offset=len(room) - n, count=n // 2)
+        image = image.reshape(height, width, bands)
+        image[:] = noise(rng, width, height, bands)
+        for interpolation in ("bilinear", "cubic"):
+            plan = replace(identity(width, height), interpolation=interpolation)
+            assert_array_equal(render(plan, [image]), image)
+
+
+# --- blending ------------------------------------------------------------------------------------
+
+SMALL = 16
+HEADS, SYN = printed_camera.heads(), printed_camera.synthetic()
+heads, synthetic = reduced_heads(HEADS, SMALL), reduced_camera(SYN, SMALL)
+
+
+@pytest.fixture(scope="module")
+def images():
+    rng = np.random.default_rng(7)
+    return [landscape(rng, heads.heads[0].width_px, heads.heads[0].height_px) for _ in range(4)]
+
+
+@pytest.fixture(scope="module")
+def positions():
+    return exact_positions(heads, synthetic, (0, synthetic.height_px, 0, synthetic.width_px))
+
+
+COEFFICIENTS = np.array(
+    [
+        [[g, -0.15 - b, 0.02 * k] for b in (0, 0.03, 0.05)]
+        for k, g in enumerate((-0.1, 0, 0.05, 0.08))
+    ]
+)
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+@pytest.mark.parametrize("coefficients", [None, COEFFICIENTS])
+def test_grey_values_are_those_of_an_exact_rendering(images, positions, cubic, coefficients):
+    plan = replace(
+        render_plan(
+            heads, synthetic, feather_px=15, interpolation="cubic" if cubic else "bilinear"
+        ),
+        coefficients=coefficients,
+    )
+    exact = blended(images, positions, feather_px=15, coefficients=coefficients, cubic=cubic)
+    difference = np.abs(render(plan, images) - exact)
+    assert np.sqrt(np.mean(difference**2)) < 0.45  # 0.29 of it is rounding
+    assert np.quantile(difference, 0.999) < 3.5
+    assert difference.max() < 10.5
+
+
+def test_a_hard_seam_takes_the_head_that_is_farthest_from_its_border(positions):
+    flat = [
+        np.full((h.height_px, h.width_px, 1), 100 * (k + 1), np.uint8)
+        for k, h in enumerate(heads.heads[:2])
+    ]
+    flat += [np.full_like(flat[0], 50), np.full_like(flat[0], 150)]
+    out = render(render_plan(heads, synthetic, feather_px=0), flat)
+    assert set(np.unique(out)) == {50, 100, 150, 200}  # never a mixture
+    exact = np.rint(blended(flat, positions, feather_px=0))
+    assert np.mean(out != exact) < 1e-3  # the line itself, 0.0025 px wide
+
+
+@given(value=st.integers(0, 65535), feather=st.floats(0, 60), bands=st.integers(1, 4))
+def test_a_flat_scene_stays_flat_under_any_blending(value, feather, bands):
+    flat = [np.full((h.height_px, h.width_px, bands), value, np.uint16) for h in tiny.heads]
+    plan = replace(TINY_PLAN, feather_px=feather)
+    assert np.all(render(plan, flat) == value)  # also: no pixel without a head
+
+
+tiny, tiny_synthetic = reduced_heads(HEADS, 60), reduced_camera(SYN, 60)
+TINY_PLAN = render_plan(tiny, tiny_synthetic)
+
+
+def test_the_ramp_between_two_heads_is_even():
+    """Side by side, 20 px common: the left head's weight falls linearly over the feather."""
+    left = affine_map((100, 200), (60, 200), np.eye(2), 0)
+    right = affine_map((100, 200), (60, 200), np.eye(2), [-40, 0])
+    plan = plan_of(left, right, size=(100, 200), feather_px=8)
+    bright = np.full((200, 60, 1), 10000, np.uint16)
+    row = render(plan, [bright, np.zeros_like(bright)])[100, :, 0]
+    cols = np.arange(100)
+    d_left, d_right = 59.5 - cols, cols - 39.5
+    w_left, w_right = 8 + np.minimum(d_left - d_right, 0), 8 + np.minimum(d_right - d_left, 0)
+    w_left = np.where(d_right < 0, 1, np.clip(np.minimum(w_left, d_left), 0, None))
+    w_right = np.where(d_left < 0, 1, np.clip(np.minimum(w_right, d_right), 0, None))
+    w_right[d_right < 0], w_left[d_left < 0] = 0, 0
+    assert_allclose(row, 10000 * w_left / (w_left + w_right), atol=0.6)
+    assert np.all(np.diff(row.astype(int)) <= 0)
+
+
+def test_the_response_is_taken_off(images):
+    """Heads of one flat scene, each through its response, become flat again."""
+    size = np.array([heads.heads[0].width_px, heads.heads[0].height_px])
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in size)), axis=-1)
+    q = np.sum((grid - (size - 1) / 2) ** 2, axis=-1) / np.sum((size / 2) ** 2)
+    seen = [
+        np.rint(20000 * np.exp(g + np.multiply.outer(q, a) + np.multiply.outer(q**2, b)))
+        for g, a, b in np.moveaxis(COEFFICIENTS, -1, 1)
+    ]
+    plan = replace(render_plan(heads, synthetic, feather_px=15), coefficients=COEFFICIENTS)
+    out = render(plan, [one.astype(np.uint16) for one in seen])
+    assert np.abs(out.astype(int) - 20000).max() <= 1  # rounded before and after
+
+
+def test_what_is_saturated_stays_saturated():
+    """The second head was 1.2 times brighter; its numbers go down, its saturated ones do not."""
+    plan = replace(identity(40, 40), coefficients=np.array([[[np.log(1.2), 0, 0]]]))
+    image = np.full((40, 40, 1), 60000, np.uint16)
+    image[10:20] = 65535
+    out = render(plan, [image])
+    assert np.all(out[10:20] == 65535)
+    assert np.all(out[:10] == 50000)
+    darker = replace(plan, coefficients=-plan.coefficients)
+    assert np.all(render(darker, [image]) == 65535)  # 72000 does not fit: held, not wrapped
+
+
+# --- stripes, threads, memory --------------------------------------------------------------------
+
+
+@given(cuts=st.lists(st.integers(0, 270), max_size=5))
+def test_stripes_are_the_rows_of_the_whole(cuts):
+    rng = np.random.default_rng(1)
+    views = [noise(rng, h.width_px, h.height_px, 3) for h in tiny.heads]
+    plan = replace(TINY_PLAN, feather_px=5.0)
+    edges = [0, *sorted(cuts), tiny_synthetic.height_px]
+    stripes = [render_rows(plan, views, a, b) for a, b in pairwise(edges)]
+    assert_array_equal(np.concatenate(stripes), render(plan, views))
+
+
+def test_the_number_of_threads_does_not_matter(images):
+    plan = render_plan(heads, synthetic, feather_px=15)
+    one = render(plan, images, threads=1)
+    assert_array_equal(render(plan, images, threads=2), one)
+    assert_array_equal(render(plan, images, threads=7), one)
+
+
+def test_images_may_be_mapped_from_files_that_cannot_be_written(tmp_path, images):
+    mapped = []
+    for k, image in enumerate(images):
+        image.tofile(tmp_path / str(k))
+        mapped.append(np.memmap(tmp_path / str(k), np.uint16, "r", shape=image.shape))
+    plan = render_plan(heads, synthetic, feather_px=15)
+    assert_array_equal(render(plan, mapped), render(plan, images))
+
+
+# --- one head ------------------------------------------------------------------------------------
+
+
+def test_one_head_resampled_is_its_samples_unrounded(images, positions):
+    r0, r1, c0, c1 = window = (500, 900, 30, 700)
+    out, seen = resample(images[0], heads, 0, synthetic, window)
+    at = positions[0][r0:r1, c0:c1]
+    inner = np.all((at > -0.5) & (at < np.array(images[0].shape[1::-1]) - 0.5), axis=-1)
+    assert out.dtype == np.float32
+    assert np.mean(seen != inner) < 1e-3  # the border line itself
+    both = seen & inner
+    assert both.any()
+    assert not both.all()
+    assert np.abs(out[both] - sampled(images[0], at[both])).max() < 10  # 0.0025 px
+    assert not out[~seen].any()
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given_images", "words"),
+    [
+        ([], "0 images for 1 heads"),
+        ([np.zeros((4, 6), np.uint16)], r"shape \(4, 6\); must be \(4, 6, bands\)"),
+        ([np.zeros((6, 4, 1), np.uint16)], r"shape \(6, 4, 1\); must be \(4, 6, bands\)"),
+        ([np.zeros((4, 6, 1))], "is float64 with 1 bands; must be uint8 or uint16"),
+        ([np.zeros((4, 6, 1), ">u2")], "in this machine's byte order"),
+        ([np.zeros((4, 6, 5), np.uint8)], "is uint8 with 5 bands; .* 1 to 4"),
+        ([np.zeros((4, 6, 6), np.uint8)[..., ::2]], "a view with gaps"),
+    ],
+)
+def test_images_that_do_not_fit_are_refused(given_images, words):
+    with pytest.raises(ValueError, match=words):
+        render(identity(6, 4), given_images)
+
+
+def test_heads_that_are_not_alike_are_refused():
+    plan = identity(6, 4)
+    plan = replace(plan, maps=plan.maps * 2)
+    with pytest.raises(ValueError, match=r"head 2 is uint8 .* head 1 uint16"):
+        render(plan, [np.zeros((4, 6, 3), np.uint16), np.zeros((4, 6, 3), np.uint8)])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"maps": ()}, "0 heads"),
+        ({"feather_px": -1.0}, "feather_px=-1"),
+        ({"interpolation": "nearest"}, "one of bilinear, cubic, got 'nearest'"),
+        ({"width_px": 17}, r"1 x 1 cells of 16 px do not cover"),
+        ({"coefficients": np.zeros((2, 3, 3))}, "response of 2 heads for 1"),
+    ],
+)
+def test_plans_that_cannot_be_are_refused(change, words):
+    with pytest.raises(ValueError, match=words):
+        replace(identity(6, 4), **change)
+
+
+def test_a_response_of_other_bands_is_refused():
+    plan = replace(identity(6, 4), coefficients=np.zeros((1, 3, 3)))
+    with pytest.raises(ValueError, match="response of 3 bands for 1"):
+        render(plan, [np.zeros((4, 6, 1), np.uint8)])
+
+
+def test_rows_outside_the_image_are_refused():
+    with pytest.raises(ValueError, match="stop: expected a whole number from 0 to 4, got 5"):
+        render_rows(identity(6, 4), [np.zeros((4, 6, 1), np.uint8)], 2, 5)

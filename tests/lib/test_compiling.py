@@ -1,0 +1,64 @@
+"""Compiled code is kept only as long as everything that it is compiled from."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+compiling = pytest.importorskip("acx4lib.compiling")
+PACKAGE = Path(compiling.__file__).parent
+COMPILED = sorted(PACKAGE.glob("**/compiled/*.py"))
+SOURCES = [PACKAGE / "compiling.py", PACKAGE / "geometry" / "collinearity.py", *COMPILED]
+
+
+def test_every_module_with_compiled_code_is_among_the_sources():
+    users = {path for path in PACKAGE.glob("**/*.py") if "acx4lib.compiling" in path.read_text()}
+    assert users <= set(SOURCES)
+    assert {"rays.py", "elimination.py"} <= {path.name for path in users}
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=str)
+def test_a_change_of_any_source_is_compiled_anew(source, tmp_path, monkeypatch):
+    for path in SOURCES:
+        copy = tmp_path / path.relative_to(PACKAGE)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, copy)
+    monkeypatch.setattr(compiling, "_HERE", tmp_path)
+    monkeypatch.setattr(compiling, "__file__", str(tmp_path / "compiling.py"))
+    before = compiling._folder()
+    changed = tmp_path / source.relative_to(PACKAGE)
+    changed.write_text(changed.read_text() + "# changed\n")
+    assert compiling._folder() != before
+    assert compiling._folder().name.startswith("compiled-")
+
+
+def test_a_folder_that_the_user_names_is_used(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiling._CONFIG, "CACHE_DIR", str(tmp_path))
+    assert compiling._folder().parent == tmp_path
+
+
+def test_decorating_leaves_the_configuration_as_it_was():
+    before = compiling._CONFIG.CACHE_DIR
+
+    @compiling.compiled
+    def twice(x):
+        return 2 * x
+
+    assert twice(3.0) == 6.0
+    assert before == compiling._CONFIG.CACHE_DIR
+
+
+def test_what_is_not_a_number_is_found_in_a_sum():
+    @compiling.compiled
+    def unknown(a, b):
+        return np.isnan(a + b)
+
+    assert unknown(np.nan, 1.0)
+    assert not unknown(np.inf, 1.0)
+
+
+@pytest.mark.parametrize("source", COMPILED, ids=str)
+def test_no_compiled_module_asks_for_finite_numbers(source):
+    """In compiled code of a sum the answer is always yes."""
+    assert "isfinite" not in source.read_text(encoding="utf-8")

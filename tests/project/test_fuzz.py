@@ -1,0 +1,16 @@
+"""Mutated flights: each is read or refused by sentences, in time and in little memory."""
+
+from __future__ import annotations
+
+from support.fuzz import run
+
+CASES = 500
+
+
+def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path):
+    """`make fuzz` draws others."""
+    report = run.run(tmp_path.resolve() / "fuzz", cases=CASES, seed=1)
+    assert not report.findings, "\n".join(report.findings)
+    assert sum(report.outcomes.values()) == CASES
+    outcomes = {outcome for _, outcome in report.outcomes}
+    assert {"accepted", "refused", "computed"} <= outcomes

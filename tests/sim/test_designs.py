@@ -1,0 +1,250 @@
+"""Simulated flights against the paper's printed numbers.
+
+Nothing here uses the library's geometry: what the library and the simulator agree on is tested
+where the library is.
+"""
+
+import itertools
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+import acx4sim
+from acx4sim import earth
+from acx4sim.designs import acx4_plan
+
+
+@pytest.mark.parametrize(
+    ("block", "strips"),
+    [("heads", [10, 7, 7, 7]), ("calibration", [10, 10, 10, 11, 11]), ("validation", None)],
+)
+def test_blocks_have_the_papers_strips(flight, block, strips):
+    images = flight.tables[f"{block}/images.csv"].drop_duplicates("exposure")
+    sizes = images.groupby("strip", sort=False).size().tolist()
+    if strips is None:
+        assert len(sizes) == 20
+        assert sum(sizes) == 268
+    else:
+        assert sizes == strips
+
+
+def test_every_head_exposes_at_every_exposure(flight):
+    cameras = flight.tables["heads/images.csv"].groupby("exposure")["camera"].agg(tuple)
+    assert set(cameras) == {("CAM1", "CAM2", "CAM3", "CAM4")}
+    assert len(cameras) == 31
+
+
+def test_control_points_are_56_and_targets_36(flight):
+    control = flight.tables["control_points.csv"]
+    assert len(control) == 56
+    assert (control[["sigma_east_m", "sigma_north_m", "sigma_height_m"]] == [0.01, 0.01, 0.02]).all(
+        axis=None
+    )
+    assert len(flight.tables["validation/control_points.csv"]) == 36
+
+
+def ground_sampling_distance(flight, block):
+    """Return for every strip the median ratio of ground to image distances, m per pixel."""
+    measured = flight.tables[f"{block}/image_points.csv"].merge(
+        flight.tables[f"{block}/images.csv"], on="image"
+    )
+    control = pd.DataFrame.from_dict(flight.truth["control_points"], orient="index")
+    ratios = {}
+    measured = measured[measured["point"].isin(control.index)]
+    for (strip, _), points in measured.groupby(["strip", "image"]):
+        ground = np.diff(control.loc[points["point"], [0, 1]].to_numpy(), axis=0)
+        image = np.diff(points[["col_px", "row_px"]].to_numpy(), axis=0)
+        ratios.setdefault(strip, []).extend(np.hypot(*ground.T) / np.hypot(*image.T))
+    return {strip: np.median(values) for strip, values in ratios.items()}
+
+
+@pytest.mark.parametrize(
+    ("block", "printed_m"),
+    [
+        ("heads", [0.22, 0.13, 0.13, 0.13]),
+        ("calibration", [0.08, 0.08, 0.08, 0.11, 0.11]),
+    ],
+)
+def test_ground_sampling_distance_is_near_the_papers(exact, block, printed_m):
+    """12 %: the heads look aside by 18 degrees, and the paper's numbers are rounded."""
+    found = ground_sampling_distance(exact, block)
+    assert_allclose([found[str(i)] for i in range(1, len(printed_m) + 1)], printed_m, rtol=0.12)
+
+
+def test_ground_sampling_distance_of_the_validation_is_10_cm(exact):
+    # distances between targets of one image are few there: heights and focal length instead
+    assert_allclose(1300 * 5.6e-6 / exact.truth["cameras"]["SYN"]["f_mm"] * 1e3, 0.10, atol=0.005)
+
+
+@pytest.mark.parametrize("block", ["heads", "calibration", "validation"])
+def test_aircraft_flies_at_the_planned_heights(exact, block):
+    """Scatter is at most 10 m, mean ground is at 900 m."""
+    plan = acx4_plan()
+    planned = np.concatenate([[s.height_m] * s.n for s in plan.blocks[block].strips])
+    flown = exact.tables[f"{block}/trajectory.csv"]["height_m"] - 900
+    assert_allclose(flown, planned, atol=10.0)
+
+
+def shared_fraction(flight, block, first, second, size_px):
+    """Return the overlap of two images along columns and rows, from their mean parallax."""
+    measured = flight.tables[f"{block}/image_points.csv"]
+    a = measured[measured["image"] == first].merge(
+        measured[measured["image"] == second], on="point"
+    )
+    shift = np.abs((a[["col_px_x", "row_px_x"]].to_numpy() - a[["col_px_y", "row_px_y"]]).mean())
+    return 1 - shift.to_numpy() / size_px
+
+
+def test_synthetic_images_overlap_by_80_percent(exact):
+    """From the mean parallax; 5 % for turbulence and relief."""
+    images = exact.tables["calibration/images.csv"]
+    strip = images.loc[images["strip"] == "1", "image"].tolist()
+    overlap = [
+        shared_fraction(exact, "calibration", a, b, [12000, 16200])[0]
+        for a, b in itertools.pairwise(strip)
+    ]
+    assert_allclose(np.mean(overlap), 0.80, atol=0.05)
+
+
+def test_every_head_overlaps_by_80_percent_along_the_strip(exact):
+    """The heads are turned by 90 degrees, so that rows run along the flight."""
+    images = exact.tables["heads/images.csv"]
+    for camera in ("CAM1", "CAM2", "CAM3", "CAM4"):
+        mine = images[images["camera"] == camera]
+        strip = mine.loc[mine["strip"] == "3", "image"].tolist()
+        overlap = [
+            shared_fraction(exact, "heads", a, b, [8984, 6732])[1]
+            for a, b in itertools.pairwise(strip)
+        ]
+        assert_allclose(np.mean(overlap), 0.80, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("block", "spacing", "width_mm", "f", "lateral"),
+    [
+        ("heads", 638.0, 59.8, 74.0, 0.50),
+        ("calibration", 609.0, 90.72, 74.4404, 0.50),
+        ("validation", 1109.0, 90.72, 74.4404, 0.30),
+    ],
+)
+def test_lateral_overlap_is_the_papers(exact, block, spacing, width_mm, f, lateral):
+    """Mean width of a head in the synthetic frame: 59.8 mm, from its footprint there."""
+    plan = acx4_plan().blocks[block]
+    images = exact.tables[f"{block}/images.csv"].drop_duplicates("exposure")
+    place = exact.tables[f"{block}/trajectory.csv"].merge(images, on="exposure")
+    azimuth = np.radians(plan.azimuth_deg)
+    left = -place["east_m"] * np.cos(azimuth) + place["north_m"] * np.sin(azimuth)
+    middle = left.groupby(place["strip"].astype(int)).mean()
+    height = place.groupby(place["strip"].astype(int))["height_m"].mean() - 900
+    gaps = np.abs(np.diff(middle))[height.diff().abs().to_numpy()[1:] < 50]
+    gaps = gaps[gaps > 100]
+    assert_allclose(gaps, spacing, atol=12.0)
+    low = height.min()
+    assert_allclose(1 - gaps.mean() / (width_mm / f * low), lateral, atol=0.02)
+
+
+def test_strips_are_flown_in_the_papers_directions(exact):
+    def directions(block):
+        table = exact.tables[f"{block}/trajectory.csv"].merge(
+            exact.tables[f"{block}/images.csv"].drop_duplicates("exposure"), on="exposure"
+        )
+        way = table.groupby("strip", sort=False)[["east_m", "north_m"]].agg(
+            lambda x: x.iloc[-1] - x.iloc[0]
+        )
+        return np.sign(way["north_m"]).astype(int).tolist()
+
+    assert len(set(directions("heads"))) == 1
+    low_and_high = directions("calibration")
+    assert low_and_high[0] == -low_and_high[1] == low_and_high[2]
+    assert low_and_high[3] == -low_and_high[4]
+
+
+def test_relief_is_100_to_150_m_over_the_calibration_field():
+    grid = earth.Grid(crs="EPSG:31982")
+    east, north = np.meshgrid(
+        671_000 + np.linspace(-2000, 2000, 80), 7_189_500 + np.linspace(-2000, 2000, 80)
+    )
+    x_g = np.column_stack([east.ravel(), north.ravel(), np.zeros(east.size)])
+    height = earth.terrain_height(grid.geodetic_from_grid(x_g), 900.0)
+    assert 100 < np.ptp(height) < 155
+
+
+def test_tie_points_are_as_many_as_asked_for(flight):
+    for block, wanted in (("heads", 500), ("calibration", 700)):
+        measured = flight.tables[f"{block}/image_points.csv"].merge(
+            flight.tables[f"{block}/images.csv"], on="image"
+        )
+        ties = measured[measured["point"].str.startswith("T")]
+        rays = ties.groupby(["camera", "point"]).size()
+        enough = (rays >= 3).groupby("camera").sum()
+        assert enough.min() >= wanted
+        assert enough.max() < 1.35 * wanted
+
+
+def test_heads_share_tie_points_at_one_exposure(flight):
+    """What the refinement of the relative orientation lives on."""
+    measured = flight.tables["heads/image_points.csv"].merge(
+        flight.tables["heads/images.csv"], on="image"
+    )
+    heads = measured.groupby(["exposure", "point"])["camera"].agg(tuple)
+    pairs = heads[heads.map(len) >= 2].value_counts()
+    for pair in [("CAM1", "CAM2"), ("CAM3", "CAM4"), ("CAM1", "CAM4"), ("CAM2", "CAM3")]:
+        assert pairs[pair] > 200
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_validation_gives_about_the_papers_262_pairs(seed):
+    options = acx4sim.Options(blocks=("validation",))
+    measured = acx4sim.acx4(seed=seed, options=options).tables["validation/image_points.csv"]
+    rays = measured.groupby("point").size()
+    assert len(rays) == 36
+    assert rays.min() >= 2
+    assert 230 <= (rays * (rays - 1) // 2).sum() <= 295
+    assert measured["sigma_px"].between(1, 2).all()
+
+
+def test_head_mounts_are_table_1_rounded(flight):
+    cameras = tomllib.loads(flight.toml)["cameras"]
+    assert cameras["CAM1"] == {
+        "width_px": 8984,
+        "height_px": 6732,
+        "pixel_um": 6.0,
+        "focal_mm": 74.0,
+        "mount_omega_deg": -14.8,
+        "mount_phi_deg": 12.8,
+        "mount_kappa_deg": 93.0,
+    }
+    assert "mount_omega_deg" not in cameras["SYN"]
+
+
+def test_blocks_can_be_simulated_alone(flight):
+    options = acx4sim.Options(blocks=("calibration",))
+    alone = acx4sim.acx4(seed=1, options=options)
+    assert set(alone.tables) == {
+        "control_points.csv",
+        "calibration/images.csv",
+        "calibration/image_points.csv",
+        "calibration/trajectory.csv",
+    }
+    for path, table in alone.tables.items():
+        pd.testing.assert_frame_equal(table, flight.tables[path])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive"),
+        (lambda: acx4sim.Options(image_noise=-1.0), "image_noise must be"),
+        (lambda: acx4sim.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
+        (
+            lambda: acx4sim.single_head(options=acx4sim.Options(blocks=("heads",))),
+            r"blocks \['heads'\] asked for",
+        ),
+    ],
+)
+def test_misuse_is_a_value_error(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

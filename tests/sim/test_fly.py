@@ -1,0 +1,73 @@
+"""Slow errors of a simulated trajectory, beyond white noise."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+import acx4sim
+from acx4sim import fly
+from acx4sim.plan import SlowErrors
+
+BLOCK = ("calibration",)
+EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise": 0}
+SHIFT = ["east_m", "north_m", "height_m"]
+
+
+def acx4(**options):
+    return acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
+
+
+def test_the_correlation_of_slow_errors_falls_exponentially():
+    """The covariance of 20 000 processes, to four of its standard deviations."""
+    time_s = np.array([0.0, 3.0, 6.0, 250.0, 1000.0])
+    walks = fly.gauss_markov(time_s, 300.0, 20_000, np.random.default_rng(5))
+    expected = np.exp(-np.abs(time_s[:, None] - time_s) / 300.0)
+    assert_allclose(walks @ walks.T / 20_000, expected, atol=4 * np.sqrt(2 / 20_000))
+
+
+def errors(**options):
+    """Return the errors of positions (m) and attitudes (body axes, deg) of the paper's block."""
+    true, recorded = (acx4(**EXACT), acx4(**options))
+    tables = [f.tables["calibration/trajectory.csv"] for f in (true, recorded)]
+    R = [
+        Rotation.from_euler("XYZ", t[["omega_deg", "phi_deg", "kappa_deg"]], degrees=True)
+        for t in tables
+    ]
+    turn = (R[0].inv() * R[1]).as_rotvec(degrees=True)
+    return (tables[1][SHIFT] - tables[0][SHIFT]).to_numpy(), turn
+
+
+def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
+    white = errors()
+    slow = errors(slow_errors=SlowErrors(gnss=1.0, attitude=0.0))
+    both = errors(slow_errors=SlowErrors(gnss=0.8, attitude=0.0))
+    assert_allclose(both[0], 0.8 * slow[0] + 0.6 * white[0], atol=3e-6)
+    # attitudes refer to the grid's north at the recorded position, 1e-7 deg elsewhere
+    assert_allclose(slow[1], white[1], atol=1e-6)
+
+
+def test_slow_errors_of_an_endless_time_constant_are_one_shift():
+    forever = SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
+    position, attitude = errors(slow_errors=forever)
+    assert_allclose(position - position[0], 0.0, atol=5e-6)
+    assert_allclose(attitude - attitude[0], 0.0, atol=1e-6)
+    assert np.all(np.abs(position[0]) > 1e-4)
+    assert np.all(np.abs(attitude[0]) < 4 * np.array([0.005, 0.005, 0.008]))
+
+
+def test_a_strips_drift_is_linear_in_time_and_zero_at_its_middle():
+    position, attitude = errors(**EXACT, gnss_strip_drift_m_per_min=(0.1, 0.0, 0.2))
+    table = acx4().tables["calibration/trajectory.csv"]
+    strip, minutes = table["exposure"].str[:2].to_numpy(), table["time_s"].to_numpy() / 60
+    rates = []
+    for name in np.unique(strip):
+        here = strip == name
+        line = np.polyfit(minutes[here] - minutes[here].mean(), position[here], 1)
+        assert_allclose(line[1], 0.0, atol=2e-6)
+        assert_allclose(
+            position[here], np.outer(minutes[here] - minutes[here].mean(), line[0]), atol=2e-6
+        )
+        rates.append(line[0])
+    assert_allclose(np.array(rates)[:, 1], 0.0, atol=1e-5)
+    assert np.ptp(np.array(rates)[:, [0, 2]], axis=0).min() > 0.05
+    assert_allclose(attitude, 0.0, atol=1e-6)

@@ -1,0 +1,1 @@
+"""What tests share: blocks, numeric derivatives, strategies, flights, pictures, wrong calls."""

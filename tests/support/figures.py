@@ -1,0 +1,63 @@
+"""What is looked for in figures: labels with units, artists, texts that lie apart."""
+
+import itertools
+import re
+import warnings
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.quiver import Quiver
+
+mpl.use("agg")
+
+UNIT = re.compile(r"\((m|km|mm|px|deg|%|1)\)$")
+
+
+def drawn(fig):
+    """Draw a figure as it goes into the book; every warning is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        FigureCanvasAgg(fig).draw()
+    return fig
+
+
+def panels(fig):
+    """Return the axes that hold data, not colour bars."""
+    return [ax for ax in fig.axes if ax.get_label() != "<colorbar>"]
+
+
+def quivers(ax):
+    return [artist for artist in ax.get_children() if isinstance(artist, Quiver)]
+
+
+def legend(fig):
+    return [text.get_text() for text in fig.legends[0].get_texts()]
+
+
+def assert_labelled(fig):
+    for ax in panels(fig):
+        assert UNIT.search(ax.get_xlabel()), ax.get_xlabel()
+        if ax.get_ylabel():  # a neighbour with a shared axis has none
+            assert UNIT.search(ax.get_ylabel()), ax.get_ylabel()
+    assert any(ax.get_ylabel() for ax in panels(fig))
+
+
+def assert_texts_apart(fig):
+    """No two labels or titles of a figure lie on each other."""
+    renderer = fig.canvas.get_renderer()
+    texts = []
+    for ax in fig.axes:
+        texts += [ax.title, ax._left_title, ax.xaxis.label, ax.yaxis.label]
+    texts += [text for found in fig.legends for text in found.get_texts()]
+    boxes = [t.get_window_extent(renderer) for t in texts if t.get_text() and t.get_visible()]
+    for a, b in itertools.combinations(boxes, 2):
+        assert not a.overlaps(b)
+
+
+def sentence(fig):
+    (text,) = drawn(fig).axes[0].texts
+    return text.get_text()
+
+
+def title(ax):
+    return ax.get_title(loc="left")

@@ -1,0 +1,118 @@
+"""What several test files need: numeric derivatives, dense normal equations, flights refused."""
+
+from __future__ import annotations
+
+import re
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acx4lib import flight
+from acx4lib.errors import UNSEEN, FlightError
+
+ROOT = Path(__file__).parents[2]
+"""The folder of the project."""
+
+
+def numeric_jacobian(function, x, *, step=1e-6):
+    """Central differences of a function of a vector, shape (*function(x).shape, len(x)).
+
+    With values of size one and double precision the error is about step**2 + 1e-16 / step.
+    """
+    x = np.asarray(x, dtype=float)
+    steps = np.broadcast_to(step, x.shape)
+    columns = []
+    for i, h in enumerate(steps):
+        ahead, behind = x.copy(), x.copy()
+        ahead[i] += h
+        behind[i] -= h
+        columns.append((np.asarray(function(ahead)) - np.asarray(function(behind))) / (2 * h))
+    return np.stack(columns, axis=-1)
+
+
+def rotation_angle(R_a, R_b=None):
+    """Return the angle between two rotations, radians; exact for small ones."""
+    chord = np.linalg.norm(R_a - (np.eye(3) if R_b is None else R_b), axis=(-2, -1))
+    return 2 * np.arcsin(np.minimum(chord / np.sqrt(8), 1.0))
+
+
+# --- an adjustment written out in full -------------------------------------------------------
+
+
+def used_components(problem, state):
+    """Return which components of all groups, flattened, take part."""
+    return np.isfinite(np.concatenate([s.ravel() for _, s in problem.residuals(state)]))
+
+
+def weighted_residuals(problem, state):
+    """Return v / sigma of all components that take part."""
+    v, sigma = (
+        np.concatenate([part.ravel() for part in parts])
+        for parts in zip(*problem.residuals(state), strict=True)
+    )
+    used = np.isfinite(sigma)
+    return v[used] / sigma[used]
+
+
+def dense_jacobian(problem, state):
+    """Return d(v / sigma) / d(columns, free points), assembled entry by entry."""
+    free = np.flatnonzero(problem.free_points)
+    at = {int(point): problem.n_columns + 3 * i for i, point in enumerate(free)}
+    rows = []
+    for e in problem.equations(state):
+        for i, d in np.ndindex(e.v.shape):
+            if not np.isfinite(e.sigma[i, d]):
+                continue
+            row = np.zeros(problem.n_columns + 3 * len(free))
+            for column, value in zip(e.columns[e.unit[i]], e.A[i, d], strict=True):
+                if column >= 0:
+                    row[column] += value
+            if e.B is not None and int(e.point[i]) in at:
+                first = at[int(e.point[i])]
+                row[first : first + 3] += e.B[i, d]
+            rows.append(row / e.sigma[i, d])
+    return np.array(rows)
+
+
+def numeric_dense_jacobian(problem, state, *, step_columns, step_points=1e-2):
+    """Return the same by central differences of the residuals through `moved`."""
+    free = np.flatnonzero(problem.free_points)
+    n = problem.n_columns
+
+    def at(step):
+        dp = np.zeros((problem.n_points, 3))
+        dp[free] = step[n:].reshape(-1, 3)
+        return weighted_residuals(problem, problem.moved(state, step[:n], dp))
+
+    steps = np.concatenate([step_columns, np.full(3 * len(free), step_points)])
+    return numeric_jacobian(at, np.zeros(len(steps)), step=steps)
+
+
+def dense_covariance(problem, state):
+    """Return the inverse of the full normal matrix, scaled before it is inverted."""
+    J = dense_jacobian(problem, state)
+    scale = 1 / np.linalg.norm(J, axis=0)
+    # by the QR of the design itself: half the digits of the condition are spared
+    R_inv = np.linalg.inv(np.linalg.qr(J * scale, mode="r"))
+    return scale[:, None] * (R_inv @ R_inv.T) * scale
+
+
+def hears_interrupts():
+    """Where the tests run in the background, their children would inherit deaf ears."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+LINE = re.compile(r"[^\n]+:\d+: [^\n]+: [^\n]+; [^\n]+\Z")
+
+
+def flight_problems(folder):
+    """Return what is wrong with a flight, one line each, files named below its folder."""
+    with pytest.raises(FlightError) as caught:
+        flight.read(folder)
+    for line in caught.value.problems:
+        assert LINE.match(line)
+        assert not UNSEEN.search(line)
+        assert len(line) < 1500
+    return [line.replace(f"{folder}/", "") for line in caught.value.problems]

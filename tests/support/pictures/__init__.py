@@ -1,0 +1,1 @@
+"""Pictures and cameras of which tests know every pixel."""
