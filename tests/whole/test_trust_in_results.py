@@ -19,7 +19,6 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
-from support.helpers import ROOT
 from support.run_results import leave_results
 from support.small_notebooks import write
 
