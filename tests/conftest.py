@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from acx4lib.bundle import adjust
+from acx4lib.bundle import adjust, uses
 from support import blocks
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
@@ -33,12 +33,12 @@ def noisy_block(exact_block):
 @pytest.fixture(scope="session")
 def mounted(noisy_block):
     """The noisy block adjusted in one step."""
-    return adjust.adjust(adjust.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
+    return adjust.adjust(uses.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
 
 
 @pytest.fixture(scope="session")
 def self_calibrated(noisy_block):
     """The noisy block adjusted with free exterior orientation."""
     return adjust.adjust(
-        adjust.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
+        uses.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
     )

@@ -22,8 +22,8 @@ _CONFIG: Any = numba.core.config
 _HOW: dict[str, Any] = {
     "nogil": True,
     "error_model": "numpy",
-    # NaN and infinity stay what they are, and np.isnan finds them; np.isfinite does not, being a
-    # difference of equal numbers that "reassoc" takes for zero
+    # NaN and infinity keep their meaning, and np.isnan works. np.isfinite does not: it subtracts
+    # a number from itself, which "reassoc" replaces by zero
     "fastmath": {"reassoc", "contract", "arcp", "nsz"},
 }
 
@@ -36,33 +36,33 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a function into those that call it.
 
-    For what is called at every point: handing over the arrays would cost more than the work.
+    For functions called at every point: passing the arrays would take longer than the work.
     """
     return _kept(function, forceinline=True, **_HOW)
 
 
 def uncounted(function: F) -> F:
-    """Compile a function that makes no arrays, and counts no references to those it is given.
+    """Compile a function that makes no arrays and counts no references to its arguments.
 
-    For threads that share arrays and hand them to small functions all the time.
+    For threads that share arrays and pass them to small functions very often.
     """
     return _kept(function, _nrt=False, **_HOW)
 
 
 def uncounted_inlined(function: F) -> F:
-    """Compile such a function into those that call it."""
+    """Compile a function as `uncounted` does, into those that call it."""
     return _kept(function, _nrt=False, forceinline=True, **_HOW)
 
 
 def _folder() -> Path | None:
-    """Return a folder of its own for every state of the sources; None where none can be written.
+    """Return the cache folder of the present sources; None where none can be written.
 
-    A compiled function is kept under the date of its own module only, though what it calls in
-    other modules is compiled into it.
+    Every state of the sources has its own folder: numba checks the date of a function's own
+    module only, but functions of other modules are compiled into it.
     """
     cellars = sorted(_HERE.glob("**/compiled/*.py"))
     used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
-    sources = b"".join(path.read_bytes() for path in used)
+    sources = b"".join(str(p.relative_to(_HERE)).encode() + p.read_bytes() for p in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
     cache = user_folder("XDG_CACHE_HOME", ".cache")
     roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]
@@ -72,7 +72,7 @@ def _folder() -> Path | None:
 
 
 def is_writable(folder: Path) -> bool:
-    """Tell whether files can be made in a folder, which is made where it is not there."""
+    """Tell whether files can be made in a folder; a missing folder is made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -88,7 +88,7 @@ def user_folder(variable: str, default: str) -> Path | None:
     variable : str
         Environment variable that names it, such as ``XDG_CACHE_HOME``.
     default : str
-        Below the home, where the variable says nothing.
+        Folder below the home, used where the variable is not set.
     """
     named = Path(os.environ.get(variable) or os.path.expanduser(f"~/{default}"))  # noqa: PTH111 Path's raises
     return named if named.is_absolute() else None
@@ -104,20 +104,20 @@ NOT_KEPT = (
         "written, so every run compiles anew; NUMBA_CACHE_DIR names another folder"
     )
 )
-"""What a command that computes says once; empty where compiled code is kept."""
+"""Warning that a command prints once; empty where compiled code can be kept."""
 
 _DAMAGED = (
     *(pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError),
     *(ImportError, MemoryError, RuntimeError, OSError),
 )
-"""What files of compiled code raise that are cut off, overwritten or not to be read."""
+"""Errors that truncated, overwritten or unreadable files of compiled code raise."""
 
 
 class _Files(FunctionCache):
-    """Compiled code on disk; what cannot be read or written is compiled as if it were not there."""
+    """Compiled code on disk; a file that cannot be read or written counts as missing."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what is kept for a signature, None for nothing that can be used."""
+        """Return the code kept for a signature; None where there is none that can be used."""
         try:
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except _DAMAGED:
@@ -126,7 +126,7 @@ class _Files(FunctionCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled, where that is possible."""
+        """Keep compiled code, where that is possible."""
         with suppress(*_DAMAGED):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call] # as above
 
@@ -134,11 +134,11 @@ class _Files(FunctionCache):
 def _kept(function: F, **how: Any) -> F:
     dispatcher = njit(**how)(function)
     given = _CONFIG.CACHE_DIR
-    _CONFIG.CACHE_DIR = str(_FOLDER)  # read where files are looked for
+    _CONFIG.CACHE_DIR = str(_FOLDER)  # numba reads it when it looks for files
     try:
         if _FOLDER:
             dispatcher._cache = _Files(function)  # type: ignore[no-untyped-call] # as above
-    except RuntimeError:  # it could be written a moment ago
+    except RuntimeError:  # the folder was writable a moment ago
         pass
     finally:
         _CONFIG.CACHE_DIR = given

@@ -1,4 +1,4 @@
-"""What can go wrong with a user's data, a user's folders, or an adjustment, each in one line."""
+"""Errors in a user's data, in a user's folders and in an adjustment, each told in one line."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 UNSEEN = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # control characters, the end of a line among them
-    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # these turn the direction of what follows
-    "\u2028\u2029\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"  # ends of lines, halves, none at all
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # these turn the direction of later text
+    "\u2028\u2029\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"  # line ends, surrogates, no characters
 )
 """Characters that are no text: they move the cursor, end a line or reorder what is read."""
 
 
 class Acx4Error(Exception):
-    """Anything this library reports to its user as a plain sentence."""
+    """An error that this library reports to its user as a plain sentence."""
 
 
 class FlightError(Acx4Error):
@@ -23,8 +23,8 @@ class FlightError(Acx4Error):
     Attributes
     ----------
     problems : tuple of str
-        ``file:line: column: what is wrong and what was expected``; a name may hold anything, so
-        what is no text is made visible.
+        ``file:line: column: what is wrong and what was expected``. A name may contain any
+        character; those that are no text are made visible.
     """
 
     def __init__(self, problems: Sequence[str]) -> None:
@@ -41,10 +41,10 @@ class AdjustmentError(Acx4Error):
 
 
 def visible(text: str) -> str:
-    r"""Return text as one line, what is no text in it written as Python writes it: ``\x1b``."""
+    r"""Return text as one line; what is no text in it is escaped as in Python: ``\x1b``."""
     return UNSEEN.sub(lambda found: _escape(found[0]), text)
 
 
 def _escape(c: str) -> str:
-    """Return the escape of a character; a byte that is no text is a surrogate in Python."""
+    """Return the escape of a character; Python reads a byte that is no text as a surrogate."""
     return f"\\x{ord(c) - 0xDC00:02x}" if "\udc80" <= c <= "\udcff" else ascii(c)[1:-1]

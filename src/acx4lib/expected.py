@@ -1,7 +1,7 @@
-"""What a function expects of its arguments: types of arrays, and checks at its door.
+"""What functions expect of their arguments: types of arrays, and checks of values.
 
-A wrong argument is a `ValueError` of one sentence: its name, what was expected, what was given.
-Values are checked where they are made; what is made of checked values is not checked again.
+A wrong argument raises a `ValueError`: its name, what was expected, and what was given.
+Values are checked when they are made. Values made from checked ones are not checked again.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ Raster = NDArray[np.unsignedinteger[Any]]
 
 T = TypeVar("T")
 
-# Lengths of axes: a name where any will do, ``...`` first where there may be more of them.
+# Lengths of axes: a name stands for any length, ``...`` in front for any further axes.
 Shape = tuple[int | str | EllipsisType, ...]
 
 RIGID = 1e-5
-"""How far products of a rotation matrix's columns may be off; five printed digits are enough."""
+"""Tolerance for products of a rotation matrix's columns; five printed digits are enough."""
 
 
 # --- single values ---------------------------------------------------------------------------
 
 
 def instance(name: str, value: object, kind: type) -> None:
-    """Raise where a value is of another kind; `name` is the argument's, here and below."""
+    """Raise where a value is of another type; `name` is the argument's name, here and below."""
     if not isinstance(value, kind):
         _refuse(name, _with_article(kind.__name__), given(value))
 
@@ -55,7 +55,7 @@ def path(name: str, value: object) -> Path:
 
 
 def folder(name: str, value: object, what: str) -> Path:
-    """Return a value as the path of a folder; a FlightError, as it is the user's, for none."""
+    """Return a value as a folder's path; FlightError if there is none, as users name folders."""
     found = path(name, value)
     if not found.is_dir():
         is_what = "not a folder" if found.exists() else "no such folder"
@@ -77,7 +77,7 @@ def whole(name: str, value: object, *, least: int = 1) -> None:
 
 
 def place(name: str, value: object, n: int) -> None:
-    """Raise where a value does not count one of n, from zero."""
+    """Raise where a value is no whole number from 0 to n - 1."""
     if not _is_whole(value) or not 0 <= value < n:  # type: ignore[operator]  # a number by now
         _refuse(name, f"a whole number from 0 to {n - 1}", given(value))
 
@@ -95,7 +95,7 @@ def positive_number(name: str, value: object) -> None:
 
 
 def size(name: str, value: object) -> None:
-    """Raise where a value is no number from zero on."""
+    """Raise where a value is neither zero nor a positive number."""
     if not (_is_number(value) and value >= 0):  # type: ignore[operator]  # a number by now
         _refuse(name, "zero or a positive number", given(value))
 
@@ -123,7 +123,7 @@ def _is_whole(value: object) -> bool:
 
 
 def sequence(name: str, values: object, kind: type) -> None:
-    """Raise where values are no sequence of one kind, or there are none."""
+    """Raise where values are no sequence of one type, or an empty one."""
     what = kind.__name__
     if not isinstance(values, Sequence) or isinstance(values, str):
         _refuse(name, f"a sequence of {what}", given(values))
@@ -153,7 +153,7 @@ def names_of(name: str, values: object, known: Iterable[str]) -> None:
 
 
 def different(name: str, values: Sequence[object], what: str = "names") -> None:
-    """Raise where one of some values stands twice."""
+    """Raise where a value occurs twice."""
     if len(set(values)) == len(values):
         return
     seen: set[object] = set()
@@ -164,7 +164,7 @@ def different(name: str, values: Sequence[object], what: str = "names") -> None:
 
 
 def many(name: str, values: Sized, n: int, what: str) -> None:
-    """Raise where values are not n."""
+    """Raise where the number of values is not n."""
     if len(values) != n:
         _refuse(name, f"{n} {what}", f"{len(values)}")
 
@@ -187,7 +187,7 @@ def three(name: str, values: object) -> None:
 
 
 def numbers(name: str, values: object, like: Shape) -> Array:
-    """Return numbers, such as a list of them, as an array of a shape; raise for others."""
+    """Return numbers, also from a list, as an array; raise where its shape is not `like`."""
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -197,7 +197,7 @@ def numbers(name: str, values: object, like: Shape) -> Array:
 
 
 def shape(name: str, values: object, like: Shape) -> None:
-    """Raise where values are no array of numbers of a shape."""
+    """Raise where values are no array of numbers with the shape `like`."""
     if not isinstance(values, np.ndarray):
         _refuse(name, f"an array of shape {_said(like)}", given(values))
     if not _is_like(values.shape, like):
@@ -207,21 +207,21 @@ def shape(name: str, values: object, like: Shape) -> None:
 
 
 def whole_numbers(name: str, values: object, like: Shape = ("n",)) -> None:
-    """Raise where values are no array of whole numbers of a shape."""
+    """Raise where values are no array of whole numbers with the shape `like`."""
     if isinstance(values, np.ndarray) and values.dtype.kind not in "iu":
         _refuse(name, "whole numbers", f"an array of {values.dtype}")
     shape(name, values, like)
 
 
 def places(name: str, values: Index, n: int) -> None:
-    """Raise where whole numbers do not all count one of n, from zero."""
+    """Raise where some of these whole numbers do not lie between 0 and n - 1."""
     if len(values) and not (values.min() >= 0 and values.max() < n):
         wrong = (values < 0) | (values >= n)
         _refuse(name, f"whole numbers from 0 to {n - 1}", _first(values, wrong))
 
 
 def mask(name: str, values: object, n: int) -> None:
-    """Raise where values are no mask of a length."""
+    """Raise where values are no mask of length n."""
     what = f"a mask of {n} True or False"
     if not isinstance(values, np.ndarray):
         _refuse(name, what, given(values))
@@ -238,20 +238,20 @@ def finite(name: str, values: Array) -> None:
 
 
 def positive(name: str, values: Array) -> None:
-    """Raise where numbers, of which some may be infinite, are not above zero."""
+    """Raise where a number is not above zero; infinite ones pass."""
     if not (values > 0).all():
         _refuse(name, "positive numbers", _first(values, ~(values > 0)))
 
 
 def not_negative(name: str, values: Array) -> None:
-    """Raise where numbers are below zero, or not known."""
+    """Raise where a number is below zero, or NaN."""
     if not (values >= 0).all():
         _refuse(name, "zero or positive numbers", _first(values, ~(values >= 0)))
 
 
 def rotation(name: str, R: Array) -> None:
-    """Raise where a matrix, shape (3, 3), does not turn; NaN passes."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.tolist()  # no arrays: cameras are made often
+    """Raise where a matrix, shape (3, 3), is no rotation; NaN passes."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.tolist()  # fast: cameras are made often
     crossed = (ay * bz - az * by - cx, az * bx - ax * bz - cy, ax * by - ay * bx - cz)
     squares = (ax * ax + ay * ay + az * az - 1, bx * bx + by * by + bz * bz - 1)
     for off in (*crossed, *squares, ax * bx + ay * by + az * bz):
@@ -260,7 +260,7 @@ def rotation(name: str, R: Array) -> None:
 
 
 def rotations(name: str, R: Array) -> None:
-    """Raise where one of some matrices, shape (n, 3, 3), does not turn; NaN passes."""
+    """Raise where one of the matrices, shape (n, 3, 3), is no rotation; NaN passes."""
     off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
     mirrored = np.linalg.det(R) < 0
     if off.any() or mirrored.any():
@@ -287,7 +287,7 @@ def _is_like(found: tuple[int, ...], like: Shape) -> bool:
         found = found[-len(like) :]
     if len(found) != len(like):
         return False
-    for n, wanted in zip(found, like, strict=True):  # plain: it runs thousands of times
+    for n, wanted in zip(found, like, strict=True):  # a plain loop is fast; it runs very often
         if n != wanted and not isinstance(wanted, str):
             return False
     return True
@@ -308,7 +308,7 @@ def _first(values: Array | Index, wrong: Mask) -> str:
 
 
 def part_of(whole: T, keep: Index | Mask | slice) -> T:
-    """Return rows of a value all of whose fields are arrays; they were checked with the whole."""
+    """Return some rows of a value whose fields are all arrays, without a new check."""
     part: T = object.__new__(type(whole))
     for one in fields(whole):  # type: ignore[arg-type]  # a dataclass
         object.__setattr__(part, one.name, getattr(whole, one.name)[keep])

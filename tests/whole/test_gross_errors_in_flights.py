@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4lib.bundle import adjust
+from acx4lib.bundle import adjust, uses
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.calibration import heads as relative_orientation
 from acx4lib.calibration import mounting
@@ -166,7 +166,7 @@ def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(hea
     colrow[wrong] += (size * np.array([np.cos(along), np.sin(along)])).T
     spoilt = replace(block, image_points=replace(points, colrow=colrow))
     found = adjust_rejecting(
-        spoilt, lambda b: adjust.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
+        spoilt, lambda b: uses.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
     )
     rejected = {r.row for r in found.rejected if r.kind == "image_point"}
     certain = {int(row) for row in wrong if block.rays[points.point_idx[row]] >= 4}

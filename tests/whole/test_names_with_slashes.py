@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.heads.figures import mean_residuals
-from acx4book.chapters.mounting.determination import determination_table
-from acx4book.chapters.mounting.figures import correlation_matrix
 from acx4book.chapters.mounting.reliability import reliability_table
+from acx4book.chapters.mounting.tables import determination
 from acx4book.chapters.mounting.variants import correlations
 from acx4book.report.words import adjustment_title, parameter_title
 from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.matrix import correlation_matrix
 from acx4lib.calibration import mounting
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.results import adjustments, read_back
@@ -46,7 +46,7 @@ def test_tables_take_any_name(made):
     block, single = made
     worst = reliability_table(single)["On"]
     assert set(worst) <= {*LABELS.values(), *(f"boresight about ${axis}$" for axis in "xyz")}
-    determined = determination_table({"single_step": single})
+    determined = determination({"single_step": single})
     assert len(determined) == 1
     related = correlations(Mountings(methods={"single_step": single}, failures={}))
     labels = [f"{block.cameras[0].name}/{name}" for name in related.index]

@@ -21,6 +21,7 @@ from acx4book.command import render
 from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.terminal import (
     Flight,
+    need_book,
     prepare_streams,
     refuse,
     say,
@@ -129,6 +130,7 @@ def run(
     ] = None,
 ) -> None:
     """Run the stages of a flight."""
+    need_book("run")
     from acx4book.notebooks import stages as runner  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 
@@ -254,6 +256,7 @@ def report(
     ] = None,
 ) -> None:
     """Write the calibration report of a run."""
+    need_book("report")
     from acx4book import report as calibration_report  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"

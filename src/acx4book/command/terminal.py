@@ -6,6 +6,7 @@ Bars on a terminal, a line for what is done where nobody looks on.
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import os
 import signal
@@ -27,6 +28,12 @@ Flight = Annotated[
 ]
 """The first argument of most commands."""
 
+
+BOOK = (
+    *("IPython", "ipykernel", "jupyter_client", "markdown_it", "matplotlib"),
+    *("nbclient", "nbformat", "papermill"),
+)
+"""Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + signal.SIGPIPE
 """Exit status of a command whose output nobody reads to the end; of this nothing is said."""
@@ -93,6 +100,14 @@ def refuse(message: str) -> NoReturn:
     """End the command because of a wrong argument."""
     say(message)
     raise typer.Exit(2)
+
+
+def need_book(command: str) -> None:
+    """End a command that runs notebooks where the extra ``book`` is not installed."""
+    missing = [name for name in BOOK if importlib.util.find_spec(name) is None]
+    if missing:
+        needs = f"acx4 {command} needs {', '.join(missing)}"
+        refuse(f"{needs}, not installed here: pip install 'acx4lib[book]'")
 
 
 @contextlib.contextmanager

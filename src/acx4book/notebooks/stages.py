@@ -12,6 +12,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
 
-NOTEBOOKS_PATH = Path(__file__).parents[3] / "notebooks"
-"""Where the notebooks lie: beside ``src`` in a clone."""
+NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
+"""Where the notebooks lie."""
 
 NOTEBOOKS: Mapping[str, str] = {
     "flight": "00-flight",
@@ -253,7 +254,7 @@ def _job(stage: str, notebooks_path: Path, given: Mapping[str, Any]) -> _Job:
     """Return the job of a stage."""
     notebook = notebooks_path / f"{NOTEBOOKS[stage]}.ipynb"
     if not notebook.is_file():
-        msg = f"{notebook}: no such notebook; run from a clone of the project"
+        msg = f"{notebook}: no such notebook"
         raise FileNotFoundError(msg)
     return _Job(stage=stage, notebook=notebook, values=execute.with_defaults(notebook, given))
 

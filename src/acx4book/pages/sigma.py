@@ -17,7 +17,7 @@ import pandas as pd
 
 from acx4book.pages import sigma_tests
 from acx4book.pages.sigma_tests import LEVELS, Share
-from acx4book.typesetting.labels import LABELS, TITLES
+from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4lib.expected import Array
 
@@ -210,12 +210,7 @@ def _label(test: pd.Series) -> str:
         what = f"{quantity} at validation points"
     else:
         what = LABELS[quantity]
-    return f"{what} ({_within(str(test['method']))})"
-
-
-def _within(method: str) -> str:
-    """Return a method's title as it stands inside a sentence."""
-    return TITLES[method][0].lower() + TITLES[method][1:]
+    return f"{what} ({inside(TITLES[str(test['method'])])})"
 
 
 def _of_test(errors: Errors, method: str, test: str) -> pd.DataFrame:
@@ -304,7 +299,7 @@ def _grouped(errors: Errors) -> Iterator[tuple[str, Array]]:
     """Yield what is counted together, and its normalised errors, a row per flight."""
     for method in errors.methods:
         z = errors.normalised(method).to_numpy()
-        yield f"all {z.shape[1]} parameters, {_within(method)}", z
+        yield f"all {z.shape[1]} parameters, {inside(TITLES[method])}", z
     for i, axis in enumerate(AXES):
         yield f"validation points, {axis}", errors.validated(MAIN)[:, :, i]
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from importlib import resources
 from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
-from acx4lib._data import data_path
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 
@@ -51,7 +51,8 @@ class HasCameras(Protocol):
 def _read(name: str) -> pd.DataFrame:
     """Read a file of `data/paper`; what was not determined is NaN, an empty text is ''."""
     missing = {"value": [""], "sigma": [""]}
-    return pd.read_csv(data_path("paper", name), keep_default_na=False, na_values=missing)
+    with resources.files("acx4book.paper").joinpath("tables", name).open(encoding="utf-8") as table:
+        return pd.read_csv(table, keep_default_na=False, na_values=missing)
 
 
 def table(number: int) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from acx4book.paper import printed as paper
 from acx4lib.flight import Flight
-from acx4lib.flight.design import flying_heights
+from acx4lib.flight.design import ground_sample_m
 from acx4lib.results import folder
 
 RULE = (
@@ -235,7 +235,7 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
     entry = found.summary[key]
     n_points, n_pairs = _summary(found, key, "n_points"), _summary(found, key, "n_pairs")
     failed = _summary(found, key, "n_failed_pairs")
-    gsd = ground_sample_m(flight)
+    gsd = ground_sample_m(flight.validation) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
     if axis >= 0 and kind in ("mean", "std", "rms"):
@@ -272,15 +272,6 @@ def _moment(
     scale = 1 / gsd if name.endswith("_px") else 1.0
     spread = std[axis] / np.sqrt(n_points if kind == "mean" else 2 * n_points)
     return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), role=INDEPENDENT)
-
-
-def ground_sample_m(flight: Flight) -> float:
-    """Return the ground sampling distance of the validation block, m."""
-    block = flight.validation
-    if block is None:
-        return float("nan")
-    camera = block.cameras[0]
-    return float(camera.pixel_mm * flying_heights(block).mean() / camera.interior.f)
 
 
 # --- why -------------------------------------------------------------------------------------

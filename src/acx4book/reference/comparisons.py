@@ -21,6 +21,7 @@ from acx4book.reference.stored import Comparison
 from acx4book.reference.surround import comparisons, readings
 from acx4book.typesetting import myst
 from acx4book.typesetting.plain_text import Markup
+from acx4lib.geometry.parameters import AXES
 
 COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "camcal": ("dbat-camcal", lambda: dbat.results(blocks.camcal())),
@@ -45,9 +46,9 @@ LABELS = {
     "residual_px": "residual (px)",
     "misfit_px": "misfit (px)",
     "std_height_m": "height, std. dev. (m)",
-    **{f"d_{axis}_m": f"{axis} (m)" for axis in points.AXES},
-    **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in points.AXES},
-    **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in points.AXES},
+    **{f"d_{axis}_m": f"{axis} (m)" for axis in AXES},
+    **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in AXES},
+    **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in AXES},
     "largest": "largest difference",
     **comparisons.LABELS,
 }
@@ -63,9 +64,9 @@ _FORMATS = {
     "residual_px": ".2f",
     "misfit_px": ".2f",
     "std_height_m": ".3f",
-    **{f"d_{axis}_m": "+.4f" for axis in points.AXES},
-    **{f"sigma_{axis}_m": ".4f" for axis in points.AXES},
-    **{f"mean_{axis}_m": "+.3f" for axis in points.AXES},
+    **{f"d_{axis}_m": "+.4f" for axis in AXES},
+    **{f"sigma_{axis}_m": ".4f" for axis in AXES},
+    **{f"mean_{axis}_m": "+.3f" for axis in AXES},
     "largest": ".2f",
     **comparisons.FORMATS,
 }

@@ -16,10 +16,14 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 
-from acx4lib._data import data_path
 from acx4lib.errors import Acx4Error
+from acx4lib.results.own_folder.places import working_copy
+
+FOLDER = Path(str(resources.files("acx4book.reference") / "measurements")).resolve()
+"""The index, what was computed from the files, and in a working copy the files themselves."""
 
 BASE_URL = "https://raw.githubusercontent.com"
 """Files are read from ``{base}/{repository}/{commit}/{path}``."""
@@ -63,14 +67,14 @@ class Entry:
 
 def index() -> tuple[Entry, ...]:
     """Return all rows of the index."""
-    with data_path("reference", "index.csv").open(encoding="utf-8", newline="") as rows:
+    with (FOLDER / "index.csv").open(encoding="utf-8", newline="") as rows:
         return tuple(Entry(**row) for row in csv.DictReader(rows))
 
 
 def folder() -> Path:
-    """Return the folder of the reference data: ACX4_REFERENCE_DATA, or the repository's own."""
+    """Return the folder of the reference data: ACX4_REFERENCE_DATA, or the working copy's."""
     given = os.environ.get(VARIABLE, "")
-    return Path(given) if given else data_path("reference", "index.csv").parent / "files"
+    return Path(given) if given else FOLDER / "files"
 
 
 @contextmanager
@@ -236,6 +240,9 @@ def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
 
 def main() -> int:
     """Fetch the reference data; the exit status is 1 where a file could not be had."""
+    if working_copy() is None and not os.environ.get(VARIABLE):
+        sys.stderr.write(f"let {VARIABLE} name a folder for the files: this is no working copy\n")
+        return 2
     status = 0
     for fetched in fetch():
         (sys.stdout if fetched.is_here else sys.stderr).write(f"{fetched.text}\n")

@@ -12,9 +12,11 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from acx4book.reference import data
-from acx4lib._data import data_path
+from acx4lib.results.own_folder.places import working_copy
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
+
+FOLDER = data.FOLDER / "results"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,11 +32,6 @@ class Comparison:
 
     table: pd.DataFrame
     origin: str
-
-
-def folder() -> Path:
-    """Return the folder of the stored results."""
-    return data_path("reference", "index.csv").parent / "results"
 
 
 def computed_or_stored(
@@ -56,10 +53,10 @@ def computed_or_stored(
     files, compute = sets[name]
     if data.is_here(files):
         return Comparison(table=compute(), origin="Computed from the measurements for this page.")
-    known = pd.read_csv(folder() / "computed.csv", dtype=str).set_index("name").loc[name]
+    known = pd.read_csv(FOLDER / "computed.csv", dtype=str).set_index("name").loc[name]
     versions = ", ".join(f"{package} {known[package]}" for package in PACKAGES)
     return Comparison(
-        table=_read(folder() / f"{name}.csv"),
+        table=_read(FOLDER / f"{name}.csv"),
         origin=(
             f"The measurements are not on this machine ({data.HINT}); these are the results "
             f"computed on {known['date']} with {versions}."
@@ -78,8 +75,17 @@ def _read(path: Path) -> pd.DataFrame:
 
 
 def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
-    """Compute all comparisons and store them with the date and the versions that made them."""
-    folder().mkdir(exist_ok=True)
+    """Compute all comparisons and store them with the date and the versions that made them.
+
+    Raises
+    ------
+    ReferenceDataError
+        Where a file is missing, or there is no working copy to store them in.
+    """
+    if working_copy() is None:
+        msg = f"{FOLDER}: is part of the installed library; results are stored in a working copy"
+        raise data.ReferenceDataError(msg)
+    FOLDER.mkdir(exist_ok=True)
     today = datetime.now(UTC).date().isoformat()
     versions = {package: version(package) for package in PACKAGES}
     for name, (_, compute) in sets.items():
@@ -88,5 +94,5 @@ def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
 
 
 def _write(table: pd.DataFrame, name: str) -> None:
-    path = folder() / f"{name}.csv"
+    path = FOLDER / f"{name}.csv"
     table.to_csv(path, index=False, float_format="%.12g", lineterminator="\n")

@@ -14,6 +14,7 @@ from acx4book.report.words import listed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import code
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.calibration.mounting import TWO_STEP
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
 from acx4lib.results.folder import STAGES
@@ -112,7 +113,7 @@ def method(material: Material) -> str:
     if any(name.startswith("heads/bundle") for name in material.adjustments):
         parts.append(METHODS["heads"] % _names(flight.estimate_heads))
     chosen = material.calibration.partition("/")[2]
-    key = "two_step" if chosen.startswith("two_step") else chosen or "given"
+    key = "two_step" if chosen in TWO_STEP else chosen or "given"
     text = METHODS[key]
     parts.append(text % _names(flight.estimate_mounting) if "%s" in text else text)
     if flight.fix:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from acx4book.report.material import Material
 from acx4lib.geometry.camera import INTERIOR
-from acx4lib.geometry.parameters import BORESIGHT, REPORTED
+from acx4lib.geometry.parameters import BORESIGHT, BORESIGHT_ANGLES, REPORTED
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.results import folder
 
@@ -92,7 +92,7 @@ def _estimate(
     value, sigma = float(row["value"]), float(row["sigma"])
     reference = _reference(material, camera, name)
     off = value - reference
-    if name.startswith("boresight"):
+    if name in BORESIGHT_ANGLES:
         off = (off + 180.0) % 360.0 - 180.0
     strongest, rho = _strongest(related, f"{camera}/{name}" if camera else name)
     return Estimate(

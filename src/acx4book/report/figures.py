@@ -30,6 +30,7 @@ from acx4book.typesetting.style import (
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.parameters import AXES
 
 COMPONENTS = {"col": "columns", "row": "rows"}
 LABELLED = 40
@@ -193,7 +194,7 @@ def check_points(points: pd.DataFrame) -> Figure:
     at = np.arange(len(points))
     with style():
         fig, axes = plt.subplots(3, 1, figsize=(WIDTH, 4.6), sharex=True)
-        for i, (ax, axis) in enumerate(zip(axes, ("east", "north", "height"), strict=True)):
+        for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
             ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=SOFT, alpha=0.16, lw=0)
             ax.plot(at, d, "o", ms=3.4, color=colour(0))

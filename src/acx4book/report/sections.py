@@ -17,6 +17,7 @@ from acx4book.typesetting.labels import value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.mounting import METHODS
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy
 from acx4lib.results import folder
 
@@ -232,7 +233,7 @@ def check_table(material: Material) -> pd.DataFrame:
         sigma = own[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
         said = accuracy.from_differences(d)
         test = accuracy.mean_test(said, probability=1 - SIGNIFICANCE / 3)
-        for i, axis in enumerate(("east", "north", "height")):
+        for i, axis in enumerate(AXES):
             rows.append(
                 {
                     "Differences": heading(f"{stage}/{method}"),

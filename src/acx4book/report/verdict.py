@@ -16,10 +16,10 @@ from acx4book.report.stability import boresights, drifts
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy
 from acx4lib.results.folder import messages
 
-AXES = ("east", "north", "height")
 HOLDS, FAILS, NOTE = "holds", "fails", "note"
 
 FACTOR = 1.2

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from acx4book.report.estimates import Pair
-from acx4book.typesetting.labels import LABELS, TITLES
+from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.plain_text import Markup, shown
 
 STAGES = {"heads": "head", "mounting": "", "validation": "validation,", "synthetic": "synthetic"}
@@ -20,7 +20,7 @@ def adjustment_title(name: str) -> str:
     if stage == "heads":
         return f"head {camera[0]}" if camera else method.replace("_", " ")
     title = TITLES.get(method, method.replace("_", " "))
-    return " ".join([STAGES[stage], title[:1].lower() + title[1:]]).strip()
+    return " ".join([STAGES[stage], inside(title)]).strip()
 
 
 def heading(name: str) -> str:

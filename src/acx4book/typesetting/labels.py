@@ -8,6 +8,7 @@ import numpy as np
 
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.geometry.parameters import AXES
 
 TITLES = {
     "two_step": "Two-step",
@@ -41,7 +42,7 @@ _LABELS = {
     "boresight_omega_deg": "boresight $\\omega$",
     "boresight_phi_deg": "boresight $\\varphi$",
     "boresight_kappa_deg": "boresight $\\kappa$",
-    **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in ("east", "north", "height")},
+    **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in AXES},
     "Xc_mm": "$X_c$",
     "Yc_mm": "$Y_c$",
     "Zc_mm": "$Z_c$",
@@ -65,13 +66,18 @@ _LABELS = {
     **{
         f"{kind}_{axis}_{unit}": f"{title}, {axis}"
         for kind, title in (("mean", "mean"), ("rms", "RMS"))
-        for axis in ("east", "north", "height")
+        for axis in AXES
         for unit in ("m", "px")
     },
 }
 
 LABELS = {name: Markup(label) for name, label in _LABELS.items()}
 """What a reader sees for the names of parameters and statistics."""
+
+
+def inside(title: str) -> str:
+    """Return a title as it stands inside a sentence, such as that of a method."""
+    return title[:1].lower() + title[1:]
 
 
 def value_and_sigma(value: float, sigma: float) -> Markup:

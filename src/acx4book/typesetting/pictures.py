@@ -5,9 +5,9 @@ Nothing here goes into a file of pixels: the stretch and the gamma are for looki
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,6 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
-from acx4lib.tie_points.ties import Overlap, TiePoints
 
 DPI = 150
 """Pixels of a figure per inch."""
@@ -42,62 +41,6 @@ ALL_LEVELS = 256
 
 Window = tuple[int, int, int, int]
 """First row, row behind the last, first column, column behind the last."""
-
-
-class HasImages(Protocol):
-    """The images of all heads at one exposure."""
-
-    @property
-    def exposure(self) -> str:
-        """Name."""
-
-    @property
-    def exposure_idx(self) -> int:
-        """Of the block's exposures."""
-
-    @property
-    def images(self) -> Sequence[Raster]:
-        """Shape (rows, cols, bands), in the order of the heads."""
-
-
-class HasPictures(Protocol):
-    """Images of a few exposures, and the cameras that fit their size."""
-
-    @property
-    def exposed(self) -> Sequence[HasImages]:
-        """At least one."""
-
-    @property
-    def reduction(self) -> int:
-        """Pixels are so many times as large as those of the heads' cameras."""
-
-    @property
-    def synthetic(self) -> Camera:
-        """With pixels as much larger."""
-
-
-class HasRefinement(Protocol):
-    """The heads before and after they were fitted to each other."""
-
-    @property
-    def orientations(self) -> Mapping[str, RelativeOrientation]:
-        """By what was done; first as they came."""
-
-    @property
-    def orientation(self) -> RelativeOrientation:
-        """Refined."""
-
-    @property
-    def kept(self) -> TiePoints:
-        """Tie points in pixels of the full-size heads, without the rejected ones."""
-
-    def overlaps(self, way: str) -> Sequence[Overlap]:
-        """Return the differences that a way leaves."""
-
-
-def shown_exposure(pictures: HasPictures) -> HasImages:
-    """Return the exposure in the middle."""
-    return pictures.exposed[len(pictures.exposed) // 2]
 
 
 # --- pixels ----------------------------------------------------------------------------------

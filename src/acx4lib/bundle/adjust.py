@@ -1,276 +1,28 @@
-"""The bundle block adjustment and its uses (sections 2.1 and 2.2).
-
-- Self-calibration: a pose per image, the mounting held at identity (`free_orientation`);
-- the same with observed positions (`free_orientation(..., positions=...)`);
-- single step, eq. (14): a pose per exposure, observed by GNSS and INS, the mounting of every
-  camera free (`mounted_orientation`); four heads on one body are no other case.
-"""
+"""The bundle block adjustment of a network, and what it says of cameras and poses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network, State, camera_poses
-from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved
-from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, in_front, suspects, with_estimates
-from acx4lib.bundle.start.robust import robust_phase
-from acx4lib.bundle.start.start_values import recovered, start_points
-from acx4lib.bundle.unknowns import Layout, free_shift, layout
+from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
+from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import Camera, require_millimetres
-from acx4lib.geometry.collinearity import REFRACTION, mounted_jacobian
+from acx4lib.expected import Array, Mask
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 
-SMALLEST_ANGLE = np.radians(2.0)
-"""Tie points whose rays meet at less than this are left out."""
-
-BEYOND = 300_000.0
-"""So many metres from the middle of the others no point of a block can be."""
-
 HIGH = 100.0
-"""Variance factor from which one looks whether the minimum found is the right one."""
-
-
-# --- setting up ------------------------------------------------------------------------------
-
-
-def require_control(block: Block) -> None:
-    """Raise where fewer than three points off one line are control in images.
-
-    Parameters
-    ----------
-    block : Block
-
-    Raises
-    ------
-    AdjustmentError
-        Exteriors that no trajectory observes would have no datum.
-    """
-    expected.instance("block", block, Block)
-    rays = block.rays[block.control.point_idx]
-    usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
-    x_m, spread = block.control.x_m[usable], np.zeros(3)
-    if len(x_m):  # beside one that is absurd all others would seem to lie in one place
-        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
-        spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
-    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
-        needed = "three that do not lie on one line are needed"
-        msg = f"{len(x_m)} control points in images do not orient the block: {needed}"
-        raise AdjustmentError(msg)
-
-
-def free_orientation(
-    block: Block,
-    *,
-    free: Sequence[str],
-    positions: PoseObservations | None = None,
-    refraction: str = "none",
-) -> Network:
-    """Set up a self-calibrating bundle: every image's exterior orientation is free.
-
-    The trajectory gives start values and is no observation.
-
-    Parameters
-    ----------
-    block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
-    positions : PoseObservations, optional
-        Observed camera poses, one per image.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, or positions of other images.
-    """
-    expected.instance("block", block, Block)
-    n_images = len(block.images)
-    if positions is not None:
-        expected.instance("positions", positions, PoseObservations)
-        expected.many("positions", positions.T_m_b, n_images, "poses")
-    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
-    identity = Pose(
-        R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
-    )
-    return _network(
-        block,
-        poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
-        columns=layout(len(block.cameras), n_images, free=free),
-        observed=positions or unobserved(T_m_c),
-        T_b_c=identity,
-        refraction=refraction,
-    )
-
-
-def mounted_orientation(
-    block: Block,
-    *,
-    free: Sequence[str],
-    free_mount: Sequence[str] = MOUNT,
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> Network:
-    """Set up the single step, eq. (14): body poses observed by GNSS and INS, mountings free.
-
-    Parameters
-    ----------
-    block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
-    free_mount : sequence of str
-        Parts of the mounting to estimate, names of `unknowns.MOUNT`; the others stay at the
-        cameras' values.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        What GNSS positions are off by, names of `unknowns.GNSS`: a ``"shift"`` of the block, its
-        height held where the lever arm's z is estimated; a ``"drift"`` along every strip.
-
-    Raises
-    ------
-    AdjustmentError
-        For drifts of a block without strips.
-    ValueError
-        For an unknown name.
-    """
-    expected.instance("block", block, Block)
-    expected.names_of("gnss", gnss, GNSS)
-    trajectory = block.trajectory
-    strips = strips_of(block) if "drift" in gnss else Strips()
-    if "drift" in gnss and not strips.names:
-        msg = "no strip has two exposures to drift between: images.csv needs its column strip"
-        raise AdjustmentError(msg)
-    return _network(
-        block,
-        poses=_Poses(
-            names=trajectory.exposures, idx=block.images.exposure_idx, T_m_b=trajectory.T_m_b
-        ),
-        columns=layout(
-            len(block.cameras),
-            len(trajectory),
-            free=free,
-            free_mount=free_mount,
-            free_shift=free_shift(gnss, free_mount),
-            n_drifts=len(strips.names),
-        ),
-        observed=PoseObservations(
-            T_m_b=trajectory.T_m_b,
-            R_g_m=trajectory.R_g_m,
-            sigma_position=trajectory.sigma_position,
-            sigma_attitude=trajectory.sigma_attitude,
-            strips=strips,
-        ),
-        T_b_c=mountings(block.cameras),
-        refraction=refraction,
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Poses:
-    """Start poses with their names, and which of them every image hangs on."""
-
-    names: tuple[str, ...]
-    idx: Index
-    T_m_b: Pose
-
-
-def _network(
-    block: Block,
-    *,
-    poses: _Poses,
-    columns: Layout,
-    observed: PoseObservations,
-    T_b_c: Pose,
-    refraction: str,
-) -> Network:
-    """Put a block and its unknowns together; recover start values that are far off."""
-    expected.one_of("refraction", refraction, REFRACTION)
-    # at this door: the reader of flights also tries frames in which they are not finite
-    expected.finite("trajectory.T_m_b.R", block.trajectory.T_m_b.R)
-    expected.finite("trajectory.T_m_b.r", block.trajectory.T_m_b.r)
-    expected.finite("control.x_m", block.control.x_m)
-    require_millimetres(block.cameras)
-    if len(block.images) == 0:
-        raise AdjustmentError(f"block {block.name!r} has no images: there is nothing to adjust")
-    given = Network(
-        block=block,
-        pose_names=poses.names,
-        pose_idx=poses.idx,
-        layout=columns,
-        image_points=block.image_points,
-        rows=np.arange(len(block.image_points)),
-        control=block.control,
-        observed=observed,
-        start=State(
-            interiors=tuple(camera.interior for camera in block.cameras),
-            T_b_c=T_b_c,
-            T_m_b=poses.T_m_b,
-            x_m=np.full((len(block.points), 3), np.nan),
-            drift=np.zeros(columns.drift.shape),
-        ),
-        refraction=refraction,
-    )
-    network = _chosen(given, given.start)
-    if not far_off(network, network.start).any():
-        return network
-    network = _chosen(given, recovered(network))
-    return _chosen(given, _robust(network, network.start))
-
-
-def robust_start(network: Network) -> State:
-    """Return what most observations agree on, found without trust in the start values."""
-    return _robust(network, recovered(network))
-
-
-def _robust(network: Network, state: State) -> State:
-    """Return what most observations agree on, or the state itself where it allows no step."""
-    if not in_front(network, state):
-        return state
-    with adjustment.on_one_thread():
-        return robust_phase(network, state)
-
-
-def _chosen(network: Network, state: State) -> Network:
-    """Choose the measurements that take part, and where points start, by intersections."""
-    block, point_idx = network.block, network.block.image_points.point_idx
-    used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
-    rays_left = np.bincount(point_idx[used], minlength=len(block.points))
-    control = block.control[np.flatnonzero(np.isfinite(block.control.sigma_m).any(axis=1))]
-    is_control = np.zeros(len(block.points), dtype=bool)
-    is_control[control.point_idx] = True
-    cameras = with_estimates(block.cameras, state)
-    x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
-    too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
-    once = (rays_left == 1) & ~is_control
-    rows = used[~(too_flat | once)[point_idx[used]]]
-    rows = rows[np.argsort(point_idx[rows], kind="stable")]
-    x_m[control.point_idx] = control.x_m
-    reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
-    return replace(
-        network,
-        image_points=block.image_points[rows],
-        rows=rows,
-        control=control[np.isin(control.point_idx, point_idx[rows])],
-        start=replace(state, x_m=x_m),
-        left_out={why: int(which.sum()) for why, which in reasons if which.any()},
-    )
-
-
-# --- adjusting -------------------------------------------------------------------------------
+"""Variance factor above which it is checked whether the minimum found is the right one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -283,7 +35,7 @@ class Bundle:
     state : State
         Estimates.
     solution : Solution
-        Precision; covariances a priori.
+        Precision and residuals; covariances are a priori.
     rejected : tuple of Rejection
     """
 
@@ -294,7 +46,7 @@ class Bundle:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """The block's cameras with estimated interior orientation; mounting where mounted."""
+        """The block's cameras with their estimates: interior orientation, mounting if mounted."""
         return with_estimates(self.network.block.cameras, self.state)
 
     @property
@@ -304,7 +56,7 @@ class Bundle:
 
     @property
     def camera_pose_covariances(self) -> Array:
-        """A priori covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
+        """A priori covariances of the camera poses, (n_images, 6, 6), m and rad in camera axes."""
         network, images = self.network, self.network.block.images
         T_m_b = self.state.T_m_b[network.pose_idx]
         by_body, by_mount = mounted_jacobian(T_m_b, self.state.T_b_c[images.camera_idx])
@@ -326,14 +78,14 @@ class Bundle:
 
 
 def adjust(network: Network) -> Bundle:
-    """Adjust a network as it stands.
+    """Adjust a network, with all its observations.
 
-    Start values that are far off, or that lead nowhere, are recovered first.
+    Approximate values that are far off, or from which it fails, are first replaced by better ones.
 
     Raises
     ------
     AdjustmentError
-        Where it does not converge, or not to where the measurements are.
+        Where it does not converge, or converges to a state that does not fit the measurements.
     """
     expected.instance("network", network, Network)
     if not far_off(network, network.start).any():

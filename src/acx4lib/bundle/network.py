@@ -1,7 +1,7 @@
 """The equations of a bundle block: one model for every use (sections 2.1 and 2.2).
 
-Every image hangs on a *pose* through a *mounting*: ``T_m_c = T_m_b @ T_b_c``, eq. (14). Which of
-the two is free, held or observed is all that distinguishes the uses; `bundle` sets them up.
+Every image depends on a *pose* through a *mounting*: ``T_m_c = T_m_b @ T_b_c``, eq. (14). The
+uses differ only in which of the two is free, held or observed; `adjust` sets them up.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ try:
     from acx4lib.bundle.compiled.rays import Scene
 
     COMPILED = True
-except ImportError:  # numba is missing: slower, and the same
+except ImportError:  # without numba it is slower, with the same results
     COMPILED = False
 
 
@@ -60,9 +60,9 @@ class State:
     x_m : ndarray, shape (n_points, 3)
         m.
     shift : ndarray, shape (3,)
-        By which all observed positions are off along the grid's axes, m.
+        Common error of all observed positions along the grid's axes, m.
     drift : ndarray, shape (n_drifts, 3)
-        By which they drift along the strips, m per unit of `Strips`' time.
+        Change of their error along each strip, m per unit of `Strips`' time.
     """
 
     interiors: tuple[Interior, ...]
@@ -75,7 +75,7 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """A block made ready for adjustment: what is observed, what is free; an adjustment's problem.
+    """A block ready for adjustment: its observations and unknowns, as an `adjustment.Problem`.
 
     Attributes
     ----------
@@ -83,20 +83,20 @@ class Network:
     pose_names : tuple of str
         Image or exposure names.
     pose_idx : ndarray, shape (n_images,)
-        Which pose an image hangs on.
+        The pose on which each image depends.
     layout : Layout
     image_points : ImagePoints
-        What takes part, sorted by point.
+        The measurements used, sorted by point.
     rows : ndarray, shape (n,)
-        Where these measurements stand in the block.
+        Rows of these measurements in the block.
     control : SurveyedPoints
-        What takes part as control; an infinite sigma takes a component out.
+        The control points used; an infinite sigma excludes a component.
     observed : PoseObservations
     start : State
     refraction : str
         ``"none"`` or ``"standard"``.
     left_out : dict of str to int
-        How many tie points were not used, by the reason.
+        Number of tie points not used, by the reason.
     """
 
     block: Block
@@ -135,7 +135,7 @@ class Network:
         return np.all(self.control.sigma_m == 0, axis=1)
 
     def column_names(self) -> list[str]:
-        """Return ``camera/parameter``, ``pose/parameter`` and the like for every column."""
+        """Return a name for every column, such as ``camera/parameter`` or ``pose/parameter``."""
         names = [""] * self.n_columns
         owners = [camera.name for camera in self.block.cameras]
         strips = [f"strip {name}" for name in self.observed.strips.names]
@@ -153,10 +153,10 @@ class Network:
         return names
 
     def moved(self, state: State, dx: Array, dp: Array) -> State:
-        """Return the state after a step; rotations turn about their own axes."""
+        """Return the state after a step; rotations are about the turned axes."""
         padded = np.append(dx, 0.0)
         interior = np.array([i.to_array() for i in state.interiors])
-        # a wild step may not make a focal length negative; damping takes over from there
+        # a very large step must not make a focal length negative; damping then shortens it
         interior = interior + padded[self.layout.interior]
         interior[:, 0] = np.maximum(interior[:, 0], 1e-3)
         mount, pose = padded[self.layout.mount], padded[self.layout.pose]
@@ -191,7 +191,7 @@ class Network:
 
     @cached_property
     def packed(self) -> Packed:
-        """The measurements in the order in which compiled code works on them."""
+        """The measurements in the order in which compiled code processes them."""
         return _packed(self)
 
 
@@ -222,7 +222,7 @@ def _image_sigma(network: Network) -> Array:
 
 
 def _seen(network: Network, state: State) -> tuple[Measurement, Array]:
-    """Return the measurements with their camera poses, and the points where they appear."""
+    """Return the measurements with their camera poses, and the apparent positions of the points."""
     points = network.image_points
     T_m_c = camera_poses(network, state)[points.image_idx]
     x_m = as_seen(T_m_c.r, state.x_m[points.point_idx], refraction=network.refraction)
@@ -257,7 +257,7 @@ def _image_equations(network: Network, state: State) -> Equations:
 
 
 def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array, Index]:
-    """Carry derivatives by the camera pose to the body pose and, where free, the mounting."""
+    """Return derivatives by body pose and, where free, mounting from those by camera pose."""
     images, points = network.block.images, network.image_points
     T_m_b = state.T_m_b[network.pose_idx]
     by_body, by_mount = mounted_jacobian(T_m_b, state.T_b_c[images.camera_idx])
@@ -301,7 +301,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
     T_m_c = camera_poses(network, state)[packed.image]
     by_pose, by_mount = mounted_jacobian(state.T_m_b[pose], state.T_b_c[camera])
     R_c_m = np.swapaxes(T_m_c.R, -1, -2)
-    for J in (by_pose, by_mount):  # along the camera's axes
+    for J in (by_pose, by_mount):  # turned to the camera's axes
         J[:, :3] = R_c_m @ J[:, :3]
     place = np.empty(len(packed.pose), dtype=np.intp)
     place[packed.pose] = np.arange(len(packed.pose))

@@ -1,4 +1,4 @@
-"""Observations of a bundle that are no image points: control points, positions, attitudes."""
+"""Observations of a bundle besides image points: control points, positions, attitudes."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Strips:
     names : tuple of str
         n_strips names.
     idx : ndarray, shape (n_poses,), or (1,) where there are no strips
-        A pose's strip, -1 for none.
+        The strip of each pose, -1 for none.
     elapsed : ndarray, shape as `idx`
         Time since the mean time of the strip's exposures.
     unit : str
-        Of the time: ``"s"``, or ``"exposure"`` where only their order is known.
+        Unit of the time: ``"s"``, or ``"exposure"`` where only the order is known.
     """
 
     names: tuple[str, ...] = ()
@@ -38,7 +38,7 @@ class Strips:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseObservations:
-    """Positions and attitudes of poses, observed.
+    """Observed positions and attitudes of poses.
 
     Attributes
     ----------
@@ -47,11 +47,11 @@ class PoseObservations:
     R_g_m : ndarray, shape (n_poses, 3, 3)
         Mapping axes to the axes along which position sigma is given.
     sigma_position : ndarray, shape (n_poses, 3)
-        m; infinite where a position is no observation.
+        m; infinite where a position is not observed.
     sigma_attitude : ndarray, shape (n_poses, 3)
-        About the pose's own axes, radians; infinite where an attitude is no observation.
+        About the pose's own axes, radians; infinite where an attitude is not observed.
     strips : Strips
-        Along which positions drift; none by default.
+        Strips along which positions drift; none by default.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class PoseObservations:
 
 
 def unobserved(T_m_b: Pose) -> PoseObservations:
-    """Return poses of which nothing is observed."""
+    """Return poses without any observation."""
     open_sigma = np.full((len(T_m_b), 3), np.inf)
     return PoseObservations(
         T_m_b=T_m_b,
@@ -87,7 +87,7 @@ def unobserved(T_m_b: Pose) -> PoseObservations:
 def strips_of(block: Block) -> Strips:
     """Return the strips of a block that have exposures at two times or more.
 
-    Time is the trajectory's; where it has none, the order of its exposures.
+    The time is that of the trajectory; where it has none, the order of the exposures.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def strips_of(block: Block) -> Strips:
 
 
 def position_errors(observed: PoseObservations, shift: Array, drift: Array) -> Array:
-    """Return what observed positions are off in common, along the grid's axes.
+    """Return the systematic errors of observed positions along the grid's axes, m.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
     return Equations(
         kind="control_point",
         v=transform(control.R_g_m, x_m[control.point_idx] - control.x_m),
-        # a single component that is given free of error is good to a micrometre
+        # a single component that is given without error gets a sigma of one micrometre
         sigma=np.maximum(control.sigma_m, 1e-6),
         A=np.zeros((n, 3, 0)),
         columns=np.zeros((1, 0), dtype=np.intp),
@@ -192,7 +192,7 @@ def attitude_equations(observed: PoseObservations, T_m_b: Pose, columns: Index) 
     T_m_b : Pose
         Estimates.
     columns : ndarray, shape (n_poses, 3)
-        Of the attitudes.
+        Columns of the attitudes.
     """
     v = log(np.swapaxes(observed.T_m_b.R, -1, -2) @ T_m_b.R)
     return Equations(

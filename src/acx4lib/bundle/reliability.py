@@ -1,7 +1,7 @@
-"""Reliability: how large an error must be to be found, and what a smaller one does (Baarda 1968).
+"""Reliability: the smallest errors that are found, and the effect of smaller ones (Baarda 1968).
 
-Internal reliability is a matter of the redundancy numbers, external reliability of what the
-unknowns take over from an observation. Sigmas are a priori.
+Internal reliability depends on the redundancy numbers, external reliability on the effect of an
+observation on the unknowns. Sigmas are a priori.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WEAK = 0.1
 """Redundancy number below which an observation is poorly controlled."""
 
 NO_EFFECT = 1e-6
-"""Effect on an unknown, sigma on sigma, that is rounding."""
+"""Effect on an unknown, in its sigmas per sigma of the observation, that is rounding error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,11 +37,11 @@ class Reliability:
     ----------
     kind : str
     redundancy : ndarray, shape (m, d)
-        NaN for what takes no part.
+        Redundancy numbers; NaN for components that take no part.
     detectable : ndarray, shape (m, d)
-        Minimal detectable bias in the unit of the observation; infinite where nothing controls it.
+        Minimal detectable error, in the unit of the observation; infinite without control.
     external : ndarray, shape (m, d)
-        Largest effect of that bias on any function of the unknowns, in sigmas of that function.
+        Largest effect of this error on any function of the unknowns, in sigmas of the function.
     """
 
     kind: str
@@ -51,16 +51,16 @@ class Reliability:
 
 
 def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
-    """Return delta_0: the shift of w that a test finds with a probability.
+    """Return delta_0: the shift of w that the test finds with the probability `power`.
 
-    4.74 for w against 3.9 (alpha = 0.01 %); the 4.13 of text books goes with 3.29 (0.1 %).
+    4.74 for a critical w of 3.9 (alpha = 0.01 %); textbooks have 4.13 for 3.29 (alpha = 0.1 %).
 
     Parameters
     ----------
     critical : float
-        Of the test of w.
+        Critical value of w.
     power : float
-        The far side of the two-sided test is left out: it has less than 1e-16 of the probability.
+        The other side of the two-sided test is neglected: its probability is below 1e-16.
 
     Raises
     ------
@@ -78,14 +78,14 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
     Parameters
     ----------
     group : Group
-        After the adjustment.
+        Residuals after the adjustment.
     critical, power : float
         As in `noncentrality`.
 
     Notes
     -----
-    Minimal detectable bias delta_0 sigma / sqrt(r), external reliability
-    delta_0 sqrt((1 - r) / r).
+    The minimal detectable error is delta_0 sigma / sqrt(r), the external reliability
+    delta_0 sqrt((1 - r) / r), with the redundancy number r.
     """
     expected.instance("group", group, Group)
     delta_0 = noncentrality(critical=critical, power=power)
@@ -99,20 +99,19 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
 
 
 def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
-    """Return what undetected errors do to some unknowns, in their sigmas.
+    """Return the effects of minimal detectable errors on some unknowns, in their sigmas.
 
     Parameters
     ----------
     bundle : Bundle
     columns : ndarray, shape (c,)
-        Of the unknowns, as `Network.layout` has them.
+        Columns of the unknowns, by `Network.layout`.
 
     Returns
     -------
     list of ndarray, shape (m, d, c)
-        For each group, the effect of an error of the minimal detectable size in one component.
-        Of an observation that nothing controls it is infinite, or zero where only its own point
-        takes it up.
+        For each group, the effect of such an error in one component. For an observation without
+        control it is infinite, or zero where only the observation's own point changes.
     """
     network, solution = bundle.network, bundle.solution
     expected.whole_numbers("columns", columns)
@@ -139,9 +138,9 @@ def gains(
     Parameters
     ----------
     equations : sequence of Equations
-        At the solution.
+        Linearised at the solution.
     inverse : Inverse
-        Of the reduced normal matrix.
+        Inverse of the reduced normal matrix.
     free_points : ndarray, shape (n_points,)
     columns : ndarray, shape (c,)
 
@@ -152,8 +151,8 @@ def gains(
 
     Notes
     -----
-    Cov(x, l) P with the covariance of unknowns and adjusted observations, whose part by the
-    points is gathered from the observations of each point.
+    They are Cov(x, l) P, with the covariance of unknowns x and adjusted observations l. Its part
+    by the points is summed over the observations of each point.
     """
     directly = [_by_columns(e, inverse, columns) for e in equations]
     V, _ = point_normals(free_points, equations)

@@ -1,4 +1,4 @@
-"""The unknowns of a bundle that are not points: their names, and which column each one has."""
+"""The columns of a bundle's unknowns besides points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
-    """Which unknown stands in which column; nobody else counts.
+    """The column of every unknown; no other module counts columns.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ def layout(
     free_shift: Sequence[str] = (),
     n_drifts: int = 0,
 ) -> Layout:
-    """Return which unknown has which column: per camera interior and mounting, GNSS, then poses.
+    """Return the column of every unknown: interior and mounting by camera, GNSS, then poses.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ def layout(
     free : sequence of str
         Interior parameters to estimate, names of `camera.INTERIOR`.
     free_mount : sequence of str
-        Names of `MOUNT`.
+        Parameters of the mounting to estimate, names of `MOUNT`.
     free_shift : sequence of str
-        Names of `AXES`.
+        Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
 
     Raises
@@ -93,12 +93,12 @@ def layout(
 
 
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
-    """Return what of the mounting is estimated, given what is held.
+    """Return the parameters of the mounting to estimate, given the parts to hold.
 
     Parameters
     ----------
     fix : sequence of str
-        Of ``"lever_arm"`` and ``"boresight"``.
+        Any of ``"lever_arm"`` and ``"boresight"``.
 
     Raises
     ------
@@ -115,10 +115,10 @@ def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
 
 
 def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...]:
-    """Return along which axes a GNSS shift is an unknown.
+    """Return the axes along which a GNSS shift is estimated.
 
-    A shift in height and the lever arm's z are one unknown, in all cameras together: where the
-    lever arm is estimated, the height of the shift is held.
+    A shift in height and a common change of the lever arms' z have the same effect. So the
+    height of the shift is held where the lever arm is estimated.
 
     Parameters
     ----------

@@ -26,39 +26,39 @@ PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
 )
 """Groups besides the image points: name, kind of observation, its components.
 
-GNSS plan and height are one group: in plan a bundle leaves positions so little redundancy beside
-roll and pitch that their component, estimated alone, may run away to nothing."""
+GNSS plan and height are one group. Beside roll and pitch, positions in plan have so little
+redundancy that their component, estimated alone, may go to zero."""
 
 LEAST_REDUNDANCY = 5.0
 """Effective redundancy below which a factor's standard deviation exceeds a third of it."""
 LEAST_TO_ACCUSE = 2.0
-"""Effective redundancy at which a sigma that is plainly too small can still be called so."""
+"""Effective redundancy that is enough to call a sigma too small, where this is significant."""
 ALPHA = 0.001
-"""Probability of calling a group's sigma wrong that is right."""
+"""Probability of calling a correct sigma of a group wrong."""
 WORTH_SAYING = 1.1
-"""Factors nearer to one move no sigma by as much as a tenth."""
+"""Smallest factor that is reported: a change of sigma by a tenth."""
 
-MOST_ROWS = 4000  # beyond, the groups' covariances do not pay: see `_shares`
+MOST_ROWS = 4000  # with more, the covariances between groups cost too much: see `_shares`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """How large the errors of a group of observations are against its sigma.
+    """The size of a group's errors in relation to its sigma.
 
     Attributes
     ----------
     group : str
     n : int
-        Observations that took part.
+        Number of observations that took part.
     redundancy : float
         Sum of their redundancy numbers.
     effective : float
-        What of it tells this group's errors from those of the others.
+        Effective redundancy: the part that separates this group's errors from those of others.
     factor : float
-        By which the given sigma would have to be multiplied; zero where the errors are too small
-        to be seen, NaN where nothing tells them apart.
+        Estimated factor of the given sigma. Zero where the errors are too small to be seen, NaN
+        where they cannot be separated from those of other groups.
     applied : float
-        By which they were multiplied before the adjustment.
+        Factor that was applied to the given sigma before the adjustment.
     """
 
     group: str
@@ -70,14 +70,14 @@ class Component:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the factor, were `applied` right."""
+        """Standard deviation of the factor, if `applied` is right."""
         return self.applied / np.sqrt(2 * self.effective) if self.effective > 0 else np.inf
 
     @property
     def p(self) -> float:
-        """Two-sided probability of a factor as far from what was applied, were that right.
+        """Two-sided probability of a factor at least so far from `applied`, if that is right.
 
-        Chi-square above, normal below: estimated variances may come out negative.
+        Chi-square above, normal below, because an estimated variance may be negative.
         """
         ratio = (self.factor / self.applied) ** 2
         above = stats.chi2.sf(self.effective * ratio, self.effective)
@@ -88,7 +88,7 @@ class Component:
     def estimable(self) -> bool:
         """Whether there is enough redundancy to estimate the factor.
 
-        Sigma that are far too small hide their own redundancy: less is then enough.
+        Sigma that are far too small reduce their own redundancy, so less of it is then enough.
         """
         too_small = self.factor > self.applied and self.p < ALPHA
         least = LEAST_TO_ACCUSE if too_small else LEAST_REDUNDANCY
@@ -96,14 +96,14 @@ class Component:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the sigma used is wrong by more than chance and more than matters."""
+        """Whether the sigma used is wrong by more than chance and by a relevant amount."""
         apart = abs(np.log(max(self.factor / self.applied, 1e-12)))
         return self.estimable and self.p < ALPHA and bool(apart > np.log(WORTH_SAYING))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
-    """The observations of one group: which rows and components of which residuals."""
+    """The observations of one group: rows and components of residuals."""
 
     name: str
     group: Group
@@ -111,7 +111,7 @@ class _Rows:
     columns: Index
 
     def __getitem__(self, part: str) -> Array:
-        """Return one part of the residuals, what took part only."""
+        """Return one field of the residuals, for components that took part."""
         used = np.isfinite(self.group.sigma[np.ix_(self.rows, self.columns)])
         values: Array = getattr(self.group, part)[np.ix_(self.rows, self.columns)][used]
         return values
@@ -120,19 +120,19 @@ class _Rows:
 def components(
     bundle: Bundle, *, applied: Mapping[str, float] | None = None
 ) -> tuple[Component, ...]:
-    """Compare the residuals of every group with what their sigma lets expect.
+    """Compare the residuals of every group with their expectation from its sigma.
 
     Parameters
     ----------
     bundle : Bundle
         An adjustment.
     applied : mapping of str to float, optional
-        By what the given sigma were multiplied for it, by group; by default by nothing.
+        Factors applied to the given sigma before the adjustment, by group; one by default.
 
     Returns
     -------
     tuple of Component
-        Of groups that took part.
+        The groups that took part.
 
     Raises
     ------
@@ -142,14 +142,14 @@ def components(
     Notes
     -----
     Helmert's estimate: with W = P Q_vv, Q_vv the residuals' covariance, the expectation of
-    v'P_k v is the sum over all groups l of h_kl s_l^2, h_kl = tr(W_kl W_lk) [1]_. Solved for
-    s_k^2 it does not depend on whether the other groups' sigma are right. Where it is solved by
-    s_k^2 = 1 for all groups, v'P_k v is the sum of the group's redundancy numbers. The
-    covariance of the estimates is twice the inverse of h; for a group that shares nothing with
-    others h is the redundancy r, and the factor has a standard deviation of 1/sqrt(2 r).
+    v'P_k v is the sum over all groups l of h_kl s_l^2, h_kl = tr(W_kl W_lk) [1]_. The solutions
+    s_k^2 do not depend on whether the sigma of other groups are right. If all s_k^2 are one,
+    v'P_k v is the sum of the group's redundancy numbers. The covariance of the estimates is twice
+    the inverse of h. For a group that is independent of all others, h is the redundancy r, and
+    the factor has a standard deviation of 1/sqrt(2 r).
 
-    What the image points of several cameras share among each other is neglected: where one
-    camera's sigma are wrong, those of others seem so too until they are estimated
+    Terms h_kl between image points of different cameras are neglected. So if the sigma of one
+    camera are wrong, those of others seem wrong too until they are estimated
     (`weights.estimated`).
 
     References
@@ -199,8 +199,8 @@ def _groups(bundle: Bundle) -> Iterator[_Rows]:
 def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
     """Return h of every pair of groups.
 
-    W is idempotent, so a row of h sums to the redundancy: what the groups of image points have
-    follows from the others, and is divided among cameras as their redundancy is.
+    W is idempotent, so a row of h sums to the redundancy. The terms of the image points follow
+    from the others; they are divided among cameras in proportion to their redundancy.
     """
     redundancy = np.array([np.sum(g["redundancy"]) for g in groups])
     is_image = np.array([g.group.kind == "image_point" for g in groups])
@@ -222,7 +222,7 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
 def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index]:
     """Return W of control and trajectory, made symmetric, and every row's group.
 
-    Empty where that would be very large: h is then the redundancy alone.
+    Empty where W would be very large; h is then the redundancy alone.
     """
     n_rows = [len(g["sigma"]) for g in groups]
     owner = np.repeat(np.arange(len(groups)), n_rows)
@@ -241,7 +241,7 @@ def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Arr
     """Return a group's derivatives by the columns and the given points, a dense row for each."""
     m, d = e.v.shape
     n = network.n_columns
-    by_columns = np.zeros((m, d, n + 1))  # the last one takes what is held
+    by_columns = np.zeros((m, d, n + 1))  # the last column collects held parameters
     by_columns[np.arange(m)[:, None, None], np.arange(d)[:, None], e.columns[e.unit][:, None]] = e.A
     by_points = np.zeros((m, d, 3 * len(points)))
     if e.B is not None and e.point is not None:
@@ -257,7 +257,7 @@ def _covariance(bundle: Bundle, points: Index) -> Array:
     cov = solution.cov
     cross = cross_covariance(bundle.network, bundle.state, solution, points)
     cross = cross.reshape(-1, len(cov))
-    # what two points share, they share through the columns
+    # two points are correlated through the columns only
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     shared = np.linalg.pinv(cov / scale[:, None] / scale, hermitian=True)
     among = propagate(cross / scale, shared)
@@ -279,7 +279,7 @@ def group_names(block: Block) -> tuple[str, ...]:
 
 
 def sentences(found: Sequence[Component]) -> list[str]:
-    """Say which sigma were multiplied, and which are wrong, one sentence for each."""
+    """Return one sentence for each sigma that was multiplied, and for each that is wrong."""
     multiplied = [f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in found if c.applied != 1.0]
     out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
     for c in found:
@@ -294,7 +294,7 @@ def sentences(found: Sequence[Component]) -> list[str]:
 
 
 def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:
-    """Return factors by group in values that JSON can hold."""
+    """Return the factors by group, as values for JSON."""
     return {
         c.group: {
             "factor": c.factor if c.estimable else None,

@@ -15,7 +15,7 @@ from acx4lib.geometry.parameters import REPORTED
 from acx4lib.least_squares.covariance import propagate, sigmas
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
-"""The exterior orientation as results report it: against the grid."""
+"""The exterior orientation as results report it: relative to the grid."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +27,7 @@ class Correlations:
     interior : tuple of str
         Names of the estimated interior parameters, as results report them.
     values : ndarray, shape (n_images, n_interior, 6)
-        With the components of `EXTERIOR`; only images that are oriented.
+        Correlations with the components of `EXTERIOR`, for oriented images only.
     """
 
     interior: tuple[str, ...]
@@ -46,7 +46,7 @@ def interior_exterior(bundle: Bundle) -> Correlations:
     Parameters
     ----------
     bundle : Bundle
-        Of one camera.
+        An adjustment of one camera.
     """
     network, images = bundle.network, bundle.network.block.images
     columns = network.layout.interior[0]
@@ -59,7 +59,7 @@ def interior_exterior(bundle: Bundle) -> Correlations:
     unknowns = np.concatenate(
         [network.layout.mount[camera_idx], network.layout.pose[pose_idx]], axis=1
     )
-    padded = np.pad(bundle.solution.cov, (0, 1))  # column -1, one that is held, has no variance
+    padded = np.pad(bundle.solution.cov, (0, 1))  # column -1 is held: it has no variance
     interior = padded[columns[estimated][:, None], unknowns[:, None, :]]
     cross = interior @ np.swapaxes(np.concatenate([by_mount, by_body], axis=2), 1, 2)
     to_grid = _to_grid(bundle)[oriented]
@@ -88,7 +88,7 @@ def largest_pairs(correlations: Correlations, *, n: int = 4) -> dict[str, float]
     ----------
     correlations : Correlations
     n : int
-        How many.
+        Number of pairs.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What an adjustment determines least: condition, weakest combination, strong correlations."""
+"""What an adjustment determines worst: condition, weakest combination, strong correlations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
 from acx4lib.expected import Array
-from acx4lib.geometry.parameters import POSE, REPORTED
+from acx4lib.geometry.parameters import AXES, BORESIGHT, POSE, REPORTED
 from acx4lib.least_squares.covariance import correlation
 
 STRONG = 0.9
@@ -20,19 +20,19 @@ SHARE = 0.05
 """Share of the weakest combination below which an unknown is not named."""
 
 ALIKE = 0.8
-"""Share of the poses' part that is common to all of them, above which they go all alike."""
+"""Common share of the poses' part above which all poses are said to change alike."""
 
 POSES = dict(
     zip(
         POSE,
         (
-            *(f"{axis} of {{}}positions" for axis in ("east", "north", "height")),
+            *(f"{axis} of {{}}positions" for axis in AXES),
             *(f"{{}}attitudes about {axis}" for axis in "xyz"),
         ),
         strict=True,
     )
 )
-"""What an unknown of many poses is called, by its name in one; ``all`` where poses go alike."""
+"""Name of an unknown of many poses, by its name in one; ``all`` where poses change alike."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class Part:
     unknown : str
         ``camera/parameter``, or one of `POSES`.
     share : float
-        Its square in the eigenvector, whose squares add up to one.
+        Square of its component in the eigenvector; all squares add up to one.
     """
 
     unknown: str
@@ -70,9 +70,9 @@ class Pair:
 def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
     """Return the unknowns that could change together with the least effect on all residuals.
 
-    They make up the eigenvector of the smallest eigenvalue of the normal matrix, whose unknowns
-    are scaled to a diagonal of one and whose points are eliminated. Several directions that are
-    left open altogether have no weakest one among them.
+    They form the eigenvector of the smallest eigenvalue of the normal matrix, after the points
+    are eliminated and the unknowns are scaled to a diagonal of one. Empty where several
+    directions are left open altogether: none of them is the weakest.
 
     Returns
     -------
@@ -101,9 +101,9 @@ def _of_poses(label: str, v: Array) -> Part:
 
 
 def _reported(name: str) -> str:
-    """Return a column's name as results have it; boresights turn about the camera's axes."""
+    """Return a column's name in results; a boresight column, about camera axes, keeps its own."""
     owner, key = name.rsplit("/", 1)
-    if key in REPORTED and not key.startswith("boresight"):
+    if key in REPORTED and key not in BORESIGHT:
         key = REPORTED[key][0]
     return f"{owner}/{key}"
 
@@ -111,7 +111,7 @@ def _reported(name: str) -> str:
 def strong_correlations(calibration: Calibration) -> tuple[Pair, ...]:
     """Return the pairs of reported parameters that correlate by more than 0.9, largest first.
 
-    What the observations leave open altogether has no correlations.
+    Parameters that the observations leave open altogether have no correlations.
     """
     listed = parameters(calibration)
     known = [i for i, p in enumerate(listed) if np.isfinite(p.sigma)]

@@ -1,4 +1,4 @@
-"""What a calibration says: estimates, their covariance, and what the data do not determine."""
+"""Outcome of a calibration: estimates, their covariance, and what the data do not determine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.frames import opk_jacobian
-from acx4lib.geometry.parameters import MOUNT, REPORTED
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
 LIMIT_LEVER_M = 1.0
@@ -54,8 +54,7 @@ class Calibration:
     layout : Layout
         Which parameters were estimated; it has no poses.
     cov : ndarray, shape (n, n)
-        A priori covariance in the units of the library: mm, m, and radians about the camera's
-        axes.
+        A priori covariance in the library's units: mm, m, and radians about camera axes.
     sigma0_sq : float
         A posteriori variance of unit weight of the method's adjustment.
     open_columns : ndarray, shape (n,)
@@ -88,7 +87,7 @@ class Parameter:
     Attributes
     ----------
     camera, name, key, unit : str
-        `key` is the library's name, `name` has the unit.
+        `key` is the library's name; `name` is that of the results and ends in the unit.
     value, sigma : float
         `sigma` a posteriori; infinite where the observations leave it open.
     """
@@ -102,7 +101,7 @@ class Parameter:
 
 
 def from_bundle(bundle: Bundle) -> Calibration:
-    """Return what a bundle says of its cameras."""
+    """Return the cameras that a bundle estimated, with their covariance."""
     columns = bundle.network.layout
     n = int(np.sum(columns.interior >= 0) + np.sum(columns.mount >= 0))
     first = np.arange(n)
@@ -118,7 +117,7 @@ def from_bundle(bundle: Bundle) -> Calibration:
 
 
 def given(cameras: Sequence[Camera]) -> Calibration:
-    """Return cameras taken as they are: nothing estimated, no covariance."""
+    """Return a calibration of cameras taken as they are: nothing estimated, no covariance."""
     expected.sequence("cameras", cameras, Camera)
     return Calibration(
         cameras=tuple(cameras),
@@ -191,7 +190,7 @@ def reported_covariance(calibration: Calibration) -> Array:
 
 
 def _open_reported(calibration: Calibration) -> Mask:
-    """Return which reported parameters have a part in what is left open."""
+    """Return which reported parameters depend on columns that are left open."""
     return (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
 
 
@@ -202,9 +201,9 @@ def is_determined(calibration: Calibration) -> Mask:
     for p in parameters(calibration):
         if p.key in ("f", "xp", "yp"):
             limits.append(LIMIT_INTERIOR * f[p.camera])
-        elif p.key.startswith("lever"):
+        elif p.key in LEVER_ARM:
             limits.append(LIMIT_LEVER_M)
-        elif p.key.startswith("boresight"):
+        elif p.key in BORESIGHT:
             limits.append(LIMIT_BORESIGHT_DEG)
         else:
             limits.append(np.inf)
@@ -215,7 +214,7 @@ def is_determined(calibration: Calibration) -> Mask:
 def not_determined(calibration: Calibration) -> list[str]:
     """Return one sentence per parameter that the data do not determine.
 
-    Each names its standard deviation, the largest correlations and the geometry that helps.
+    It has the standard deviation, the largest correlations and the geometry that helps.
     """
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))

@@ -1,4 +1,4 @@
-"""The shift and the drifts of GNSS positions that a bundle estimated beside its cameras."""
+"""The shift and the drifts of GNSS positions that a bundle estimated with its cameras."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
 LIMIT_M = 1.0
-"""Standard deviation of a shift, or of what a drift adds up to at an end of its strip, above
-which it counts as not determined."""
+"""Standard deviation above which a shift counts as not determined; for a drift, that of the
+error at the end of its strip."""
 
 HELP = {
     "shift": "control points, and strips flown in opposite directions or the lever arm held",
@@ -25,8 +25,8 @@ HELP = {
 def parameters(bundle: Bundle) -> list[Parameter]:
     """Return the estimated shift and drifts with their a posteriori standard deviations.
 
-    They belong to no camera: that name is empty. A drift is per minute, or per exposure where
-    the trajectory has no times.
+    They belong to no camera, so their camera's name is empty. A drift is in m per minute, or per
+    exposure where the trajectory has no times.
     """
     strips, layout, state = bundle.network.observed.strips, bundle.network.layout, bundle.state
     per = "min" if strips.unit == "s" else "exposure"
@@ -60,7 +60,7 @@ def _columns(bundle: Bundle) -> Index:
 
 
 def _drift_scale(bundle: Bundle) -> float:
-    """Return the units of time in that of the report."""
+    """Return the number of the strips' units of time in the unit of the report."""
     return 60.0 if bundle.network.observed.strips.unit == "s" else 1.0
 
 
@@ -70,7 +70,7 @@ def reported_covariance(bundle: Bundle) -> Array:
     Returns
     -------
     ndarray, shape (n, n)
-        In the order of `estimates.parameters` and `parameters`, in their units.
+        First those of `estimates.parameters`, then those of `parameters`, in their units.
     """
     calibration, solution = from_bundle(bundle), bundle.solution
     n_drifts = bundle.network.layout.drift.size
@@ -111,14 +111,14 @@ def not_determined(bundle: Bundle) -> list[str]:
         strongest = np.argsort(-np.abs(own), kind="stable")[:2]
         with_others = ", ".join(f"{own[j]:+.2f} with {labels[j]}" for j in strongest)
         how = f"sigma {p.sigma:.3g} {p.unit}; correlation {with_others}"
-        if np.isinf(p.sigma):  # of what is open, correlations say nothing
+        if np.isinf(p.sigma):  # an open parameter has no meaningful correlations
             how = "left open by the observations"
         out.append(f"{p.name} is not determined ({how}); it would need: {HELP[p.key]}")
     return out
 
 
 def notes(bundle: Bundle) -> list[str]:
-    """Say what was estimated of GNSS positions, what was held, and that it is the block's own."""
+    """Return sentences on the errors of GNSS positions: what was estimated, what was held."""
     layout = bundle.network.layout
     listed = [p for p, told in zip(parameters(bundle), is_determined(bundle), strict=True) if told]
     found = [

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle, free_orientation, require_control
+from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.uses import free_orientation, require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_camera
@@ -44,13 +45,13 @@ class RelativeOrientation:
     heads : tuple of Camera
         With calibrated interior orientation.
     xyz_mm : ndarray, shape (n_heads, 3)
-        Xc, Yc, Zc: where a head stands over the synthetic image, whose plane is Z = 0.
+        Xc, Yc, Zc: positions of the heads over the synthetic image, whose plane is Z = 0.
     opk : ndarray, shape (n_heads, 3)
         omega, phi, kappa of eq. (6) from the synthetic frame to the head, radians.
     cov_joint : ndarray, shape (15 n_heads, 15 n_heads)
-        A posteriori: head by head Xc, Yc, Zc (mm), omega, phi, kappa (rad), and then head by
-        head the interior orientations in the order of `camera.INTERIOR`, zero where held. What
-        a head's tilt has wrong its principal point makes up for; neither is known alone.
+        A posteriori: first for each head Xc, Yc, Zc (mm), omega, phi, kappa (rad), then for each
+        head the interior orientation in the order of `camera.INTERIOR`, zero where held. Tilt
+        and principal point of a head compensate each other, so both are needed together.
     n_exposures : int
     """
 
@@ -83,7 +84,7 @@ class RelativeOrientation:
 def calibrate_heads(
     block: Block, heads: Sequence[str], *, free: Sequence[str], refraction: str = "none"
 ) -> Heads:
-    """Adjust every head by itself, exterior orientation free, gross errors taken out.
+    """Adjust every head by itself with free exterior orientation, and reject gross errors.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def calibrate_heads(
     Returns
     -------
     Heads
-        A head that cannot be adjusted stands in `failures`.
+        A head that cannot be adjusted is in `failures`.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def calibrate_heads(
 
 
 def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> RelativeOrientation:
-    """Orient heads in the synthetic frame, averaged over the exposures that all heads have.
+    """Return the orientation of heads in the synthetic frame, mean of their common exposures.
 
     Parameters
     ----------
@@ -138,15 +139,15 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     Raises
     ------
     AdjustmentError
-        Where the heads share no oriented exposure.
+        Where there is no exposure at which all heads are oriented.
     ValueError
         For no bundles.
 
     Notes
     -----
-    Covariances come from the heads' full covariance matrices, from the control points that the
-    heads share, and from the trajectory; all exposures share a head's interior orientation, so
-    their scatter would claim too little.
+    The covariance is propagated from the heads' full covariance matrices, from the control points
+    that the heads share, and from the trajectory. The scatter of the exposures would be too
+    small: an error of a head's interior orientation is the same at all exposures.
     """
     if not isinstance(bundles, Mapping):
         msg = f"bundles: expected a mapping of Bundle, got {expected.given(bundles)}"
@@ -167,7 +168,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     xyz[:, 2] += fits[0].state.interiors[0].f
     xyz[:, :2] -= xyz[:, :2].mean(axis=0)
     J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
-    # all millimetres are proportional to the first head's focal length
+    # all positions in mm are proportional to the first head's focal length
     by_f = np.hstack([xyz / fits[0].state.interiors[0].f, np.zeros_like(opk)]).ravel()
     cov = _covariance(fits, images, exposures, (J, K, by_f))
     to_opk = np.eye(len(cov))
@@ -184,7 +185,7 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
 
 
 def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
-    """Return for every head its images at the exposures that all heads have, and these."""
+    """Return every head's images at the exposures that all heads have, and these exposures."""
     sets = []
     for fit in fits:
         exposure = fit.network.block.images.exposure_idx
@@ -208,13 +209,13 @@ def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
 
 
 def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:
-    """Return mm in a bundle's first camera per m on the ground, and its height over it in m.
+    """Return the image scale, mm per m on the ground, and the height over ground, m.
 
     Parameters
     ----------
     first : Bundle
     images : ndarray, shape (n,)
-        Of its first camera.
+        Images of the bundle's first camera.
 
     Returns
     -------
@@ -251,7 +252,7 @@ def _jacobians(
         d_b = np.einsum("nji,nj->ni", T_m_b.R, d_m)
         by_pose[k, :3, k, :, :3] += per_mm
         by_pose[k, :3, 0, :, :3] -= per_mm
-        # the scale itself hangs on the first head's height
+        # the scale itself depends on the first head's height
         by_pose[k, :3, 0, :, 2] -= np.einsum("inj,nj->in", per_mm, d_m) / height
         by_pose[k, 3:, k, :, 3:] = np.eye(3)[:, None, :] / n
         turned = scale[:, None, None] * R_b_s.T @ skew(d_b)
@@ -271,7 +272,7 @@ def _covariance(
 ) -> Array:
     """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory.
 
-    The derivatives are by the heads' poses, by the trajectory, by the first focal length.
+    `derivatives` are by the heads' poses, by the trajectory, by the first focal length.
     """
     J, K, by_f = derivatives
     n = 15 * len(fits)
@@ -307,7 +308,7 @@ def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
 def _by_control(fit: Bundle) -> Array:
     """Return d(columns) / d(control coordinates) in units of the coordinates' sigma.
 
-    Shape (n_columns, 3 n_control) over all control points of the block, so that heads match.
+    Shape (n_columns, 3 n_control), for all control points of the block: the same for all heads.
     """
     network = fit.network
     control = network.control

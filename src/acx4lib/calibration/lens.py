@@ -23,14 +23,14 @@ def radial_profile(fit: Bundle, *, n: int = 200) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     fit : Bundle
-        Of one camera.
+        An adjustment of one camera.
     n : int
         Number of radii.
 
     Returns
     -------
     r, px, sigma_px : ndarray, shape (n,)
-        Radius in mm, eqs (7)-(8) and their a posteriori standard deviation in pixels.
+        Radius, mm; distortion of eqs (7)-(8) and its a posteriori standard deviation, px.
     """
     camera, calibration = fit.cameras[0], from_bundle(fit)
     r = np.linspace(0.0, corner_radius(camera), n)

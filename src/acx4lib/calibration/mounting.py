@@ -8,28 +8,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import (
-    Bundle,
-    adjust,
-    free_orientation,
-    mounted_orientation,
-    require_control,
-)
+from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.observations import PoseObservations
-from acx4lib.bundle.unknowns import Layout, free_mount, layout
+from acx4lib.bundle.unknowns import free_mount
+from acx4lib.bundle.uses import free_orientation, mounted_orientation, require_control
+from acx4lib.calibration.averaged_mountings import averaged
 from acx4lib.calibration.estimates import Calibration, from_bundle
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Mask
 from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
-from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.parameters import LEVER_ARM
 
-METHODS = ("two_step", "two_step_gnss", "single_step")
-"""Names of the methods, in the order of Table 3; the paper's two-step is `two_step_gnss`."""
+TWO_STEP = ("two_step", "two_step_gnss")
+"""Methods that average over images, eqs (12) and (13); the paper's is the second of them."""
+
+METHODS = (*TWO_STEP, "single_step")
+"""All methods, in the order of Table 3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,9 +38,9 @@ class Mounting:
     method : str
     calibration : Calibration
     bundle : Bundle
-        The adjustment behind it.
+        The adjustment from which it comes.
     per_image : Pose, optional
-        Two-step only: eqs (12) and (13), the mounting that every image shows, T_b_c.
+        Two-step only: the mounting T_b_c of every image by eqs (12) and (13).
     averaged : ndarray, optional
         Two-step only: which images entered the mean, shape (n_images,).
     """
@@ -71,7 +68,7 @@ class Mountings:
     failures: dict[str, str]
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome; an AdjustmentError says why it has none."""
+        """Return one method's outcome; raise an AdjustmentError with the reason if it failed."""
         expected.one_of("method", method, METHODS)
         if method not in self.methods:
             raise AdjustmentError(self.failures[method])
@@ -86,19 +83,19 @@ def calibrate(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> Mountings:
-    """Calibrate by all methods; the two-step ones take over what single step rejected.
+    """Calibrate by all methods; the two-step ones use the rejections of the single step.
 
     Parameters
     ----------
     block, free, fix, refraction, gnss
-        As in `single_step`; `gnss` is for it alone.
+        As in `single_step`, which alone uses `gnss`.
 
     Raises
     ------
     AdjustmentError
-        Where no method has an outcome.
+        Where all methods fail.
     ValueError
-        For an unknown name, or something else than a block.
+        For an unknown name, or if `block` is no Block.
     """
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
@@ -139,12 +136,12 @@ def single_step(
     free : sequence of str
         Interior parameters, names of `camera.INTERIOR`.
     fix : sequence of str
-        ``"lever_arm"`` and ``"boresight"`` stay at the cameras' values where named.
+        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        ``"shift"`` and ``"drift"`` of GNSS positions are unknowns where named, as in
-        `adjust.mounted_orientation`.
+        ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
+        `uses.mounted_orientation`.
 
     Raises
     ------
@@ -176,19 +173,19 @@ def two_step(
     free, fix, refraction
         As in `single_step`.
     rejected : sequence of Rejection
-        Gross errors found elsewhere; none are looked for here.
+        Gross errors found by another method; none are searched for here.
 
     Raises
     ------
     AdjustmentError
-        Where control does not orient the block, or the bundle does not converge.
+        Where the control points do not orient the block, or the bundle does not converge.
     """
     estimated = free_mount(fix)
     cleaned = without(block, rejected)
     network = free_orientation(cleaned, free=free, refraction=refraction)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    return _averaged("two_step", bundle, free=free, estimated=estimated)
+    return _two_step("two_step", bundle, free=free, estimated=estimated)
 
 
 def two_step_gnss(
@@ -201,8 +198,8 @@ def two_step_gnss(
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
-    The cameras' lever arms are held; an unknown one is zero there, and the interior orientation
-    absorbs it.
+    The cameras' lever arms are held. An unknown one is held at zero, and the estimated interior
+    orientation compensates for it.
 
     Parameters
     ----------
@@ -226,125 +223,18 @@ def two_step_gnss(
     )
     network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
     bundle = replace(adjust(network), rejected=tuple(rejected))
-    return _averaged("two_step_gnss", bundle, free=free, estimated=estimated)
+    return _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
 
 
-# --- eqs (12) and (13) -----------------------------------------------------------------------
-
-
-def _averaged(
+def _two_step(
     method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> Mounting:
-    """Average the mountings of all images, camera by camera, and propagate their covariance."""
-    block = bundle.network.block
-    T_b_c = mountings_per_image(bundle)
-    trajectory, exposure = block.trajectory, block.images.exposure_idx
-    sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
-    known: Mask = np.all(np.isfinite(sigma), axis=1)
-    entering = bundle.oriented & known[exposure]
-    by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
-    cov_trajectory = trajectory.cov
-    per_image = propagate(by_camera_pose, _pose_covariances(bundle))
-    per_image += propagate(by_trajectory, cov_trajectory[exposure])
-    n_cameras, n_images = len(block.cameras), len(block.images)
-    weights = np.zeros((n_cameras, 6, n_images, 6))
-    cameras = list(bundle.cameras)
-    for k, camera in enumerate(block.cameras):
-        idx = np.flatnonzero(entering & (block.images.camera_idx == k))
-        if len(idx) == 0:
-            msg = f"no image of {camera.name} is oriented and has a trajectory row to compare with"
-            raise AdjustmentError(msg)
-        mean, weights[k][:, idx] = _weighted_mean(T_b_c[idx], per_image[idx])
-        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, estimated)
-    columns = layout(n_cameras, 0, free=free, free_mount=estimated)
-    J = _by_bundle(bundle, weights, by_camera_pose, columns)
-    K = _by_exposures(block, weights, by_trajectory, columns)
-    cov = propagate(J, bundle.solution.cov)
-    cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
-    calibration = Calibration(
-        cameras=tuple(cameras),
-        layout=columns,
-        cov=cov,
-        sigma0_sq=bundle.solution.sigma0_sq,
-        open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
-    )
+    """Return the second step of a method whose bundle is the first."""
+    calibration, per_image, entering = averaged(bundle, free=free, estimated=estimated)
     return Mounting(
-        method=method, calibration=calibration, bundle=bundle, per_image=T_b_c, averaged=entering
+        method=method,
+        calibration=calibration,
+        bundle=bundle,
+        per_image=per_image,
+        averaged=entering,
     )
-
-
-def mountings_per_image(bundle: Bundle) -> Pose:
-    """Return T_b_c of every image, eqs (12) and (13): trajectory against bundle."""
-    return bundle.network.block.T_m_b_images.inverse @ bundle.T_m_c
-
-
-def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
-    """Return d(lever arm, boresight) by the camera poses and by the trajectory.
-
-    Boresights turn about the camera's axes, attitudes about the body's.
-
-    Returns
-    -------
-    by_camera_pose, by_trajectory : ndarray, shape (n_images, 6, 6)
-    """
-    R_b_m = np.swapaxes(bundle.network.block.T_m_b_images.R, -1, -2)
-    by_camera_pose = np.zeros((len(T_b_c), 6, 6))
-    by_camera_pose[:, :3, :3] = R_b_m
-    by_camera_pose[:, 3:, 3:] = np.eye(3)
-    by_trajectory = np.zeros_like(by_camera_pose)
-    by_trajectory[:, :3, :3] = -R_b_m
-    by_trajectory[:, :3, 3:] = skew(T_b_c.r)
-    by_trajectory[:, 3:, 3:] = -np.swapaxes(T_b_c.R, -1, -2)
-    return by_camera_pose, by_trajectory
-
-
-def _pose_covariances(bundle: Bundle) -> Array:
-    """Return the covariances of the poses, shape (n_poses, 6, 6)."""
-    columns = bundle.network.layout.pose
-    return bundle.solution.inverse.at(columns[:, :, None], columns[:, None, :])
-
-
-def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
-    """Return the mean mounting and the weight matrices of its images, shape (6, n, 6)."""
-    weights = np.zeros((6, len(T_b_c), 6))
-    for part in (slice(0, 3), slice(3, 6)):
-        P = np.linalg.inv(cov[:, part, part])
-        weights[part, :, part] = np.moveaxis(np.linalg.inv(P.sum(axis=0)) @ P, 0, 1)
-    r = np.einsum("inj,nj->i", weights[:3, :, :3], T_b_c.r)
-    return Pose(R=mean_rotation(T_b_c.R, weights[3:, :, 3:]), r=r), weights
-
-
-def _with_mounting(
-    estimated_camera: Camera, declared: Camera, mean: Pose, estimated: Sequence[str]
-) -> Camera:
-    """Return the camera with the mean mounting, held parts as declared."""
-    return replace(
-        estimated_camera,
-        T_b_c=Pose(
-            R=mean.R if BORESIGHT[0] in estimated else declared.T_b_c.R,
-            r=mean.r if LEVER_ARM[0] in estimated else declared.T_b_c.r,
-        ),
-    )
-
-
-def _by_bundle(bundle: Bundle, weights: Array, by_pose: Array, columns: Layout) -> Array:
-    """Return d(interior, mean mounting) / d(columns of the bundle), shape (n, n_columns)."""
-    source = bundle.network.layout
-    J = np.zeros((columns.n_columns, source.n_columns))
-    free = source.interior >= 0
-    J[columns.interior[free], source.interior[free]] = 1.0
-    for k, mount in enumerate(columns.mount):
-        mean = np.einsum("ina,nab->inb", weights[k], by_pose).reshape(6, -1)
-        J[np.ix_(mount[mount >= 0], source.pose.ravel())] = mean[mount >= 0]
-    return J
-
-
-def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: Layout) -> Array:
-    """Return d(mean mounting) / d(body poses), shape (n, n_exposures, 6)."""
-    K = np.zeros((columns.n_columns, len(block.trajectory), 6))
-    for k, mount in enumerate(columns.mount):
-        mean = np.einsum("ina,nab->inb", weights[k], by_trajectory)
-        total = np.zeros((len(block.trajectory), 6, 6))
-        np.add.at(total, block.images.exposure_idx, np.moveaxis(mean, 1, 0))
-        K[mount[mount >= 0]] = np.moveaxis(total, 1, 0)[mount >= 0]
-    return K

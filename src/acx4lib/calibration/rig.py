@@ -1,8 +1,8 @@
 """A rig: all heads with their trajectory in one adjustment, each mounted rigidly on one body.
 
-Every head has an interior orientation, a boresight and a lever arm of its own; all heads of an
-exposure hang on one body pose by eq. (14), which GNSS and INS observe. The relative orientation
-follows from the mountings, and is the same at every exposure.
+Every head has its own interior orientation, boresight and lever arm. By eq. (14), all heads of an
+exposure depend on one body pose, which GNSS and INS observe. The relative orientation follows
+from the mountings, and is the same at every exposure.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
     Parameters
     ----------
     block : Block
-        Of at least two heads.
+        A block with at least two heads.
     free : sequence of str
         Interior parameters of every head, names of `camera.INTERIOR`. The focal lengths are
-        estimated besides, since GNSS observes the heights; where they are not named, and holding
-        them makes everything determined that is not with them, they stay at the cameras' values.
+        estimated too, since GNSS observes the heights. If they are not named, some parameter is
+        not determined, and holding them determines all, they keep the cameras' values.
     refraction : str
         ``"none"`` or ``"standard"``.
 
@@ -63,7 +63,7 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
 
 
 def _adjusted(block: Block, *, free: Sequence[str], refraction: str) -> Mounting:
-    """Adjust in a single step; a second time where points need the height of their neighbours."""
+    """Adjust in a single step; repeat it if points need the heights of their neighbours."""
     rig = single_step(block, free=free, refraction=refraction)
     lonely = one_exposure_points(block)
     if len(lonely):
@@ -76,10 +76,10 @@ def _adjusted(block: Block, *, free: Sequence[str], refraction: str) -> Mounting
 
 
 def one_exposure_points(block: Block) -> Index:
-    """Return the tie points that several heads show, all at the same exposure.
+    """Return the tie points that several heads measure, all at one exposure only.
 
-    Their rays start decimetres apart and meet at a thousandth of a degree, so that an ordinary
-    bundle leaves them out. To a rig they say how its heads are turned against each other.
+    Their rays start decimetres apart and meet at a thousandth of a degree. Therefore an ordinary
+    bundle leaves them out. In a rig they determine the rotations between its heads.
     """
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     points = block.image_points[used]
@@ -96,7 +96,7 @@ def one_exposure_points(block: Block) -> Index:
 
 
 def heads_at_once(block: Block) -> Index:
-    """Return how often a point is measured by 0, 1, 2, ... heads at one exposure."""
+    """Return how often a point is measured by 0, 1, 2, ... heads of one exposure."""
     points = block.image_points
     exposure = block.images.exposure_idx[points.image_idx]
     together = exposure * len(block.points) + points.point_idx
@@ -104,10 +104,10 @@ def heads_at_once(block: Block) -> Index:
 
 
 def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
-    """Return the block with points that lie as high as their nearest neighbours do.
+    """Return the block with points that have the observed height of their nearest neighbours.
 
-    What relief they may have moves a ray of a head by the distance between the heads' lenses
-    over the flying height, hundredths of a pixel: a rough height is all that they need.
+    The heads' lenses are so close together, compared with the flying height, that relief moves
+    the points by only hundredths of a pixel between heads. So a rough height is enough.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
     bundle : Bundle
         An adjustment of the block without these points.
     points : ndarray
-        Measured, not surveyed.
+        Points that are measured but not surveyed.
 
     Returns
     -------
     Block
-        The points are control in height; its standard deviation is the root mean square
-        difference in height of nearest neighbours among the points that the bundle has.
+        The points are height control. Their standard deviation is the RMS height difference of
+        nearest neighbours among the points of the bundle.
     """
     known = bundle.state.x_m[np.unique(bundle.network.image_points.point_idx)]
     tree = cKDTree(known[:, :2])
@@ -145,7 +145,7 @@ def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
 
 
 def _on_first_ray(block: Block, bundle: Bundle, points: Index, height: Array) -> Array:
-    """Return where the first ray of every point is at a height in the mapping frame, m."""
+    """Return the positions at given heights on the first ray of every point, mapping frame, m."""
     seen = np.flatnonzero(np.isin(block.image_points.point_idx, points))
     first = seen[np.unique(block.image_points.point_idx[seen], return_index=True)[1]]
     image = block.image_points.image_idx[first]
@@ -177,10 +177,10 @@ def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientatio
     Returns
     -------
     RelativeOrientation
-        As `relative_orientation` defines it: R_s_h = R_s_b R_b_h, and the
-        places are the lever arms' differences in the synthetic frame, reduced to the scale of
-        the first head, mean of the exposures that all heads have. The covariance takes the
-        heights over ground as known; they are, to some hundred thousandths.
+        As `heads.relative_orientation` defines it. R_s_h = R_s_b R_b_h. The positions are the
+        differences of the lever arms in the synthetic frame, at the first head's mean scale over
+        the exposures that all heads have. The covariance takes the heights over ground as
+        known; their relative errors are some hundred thousandths.
 
     Raises
     ------
@@ -235,9 +235,9 @@ def _jacobian(mm_per_m: Array, by_f: Array, opk: Array) -> Array:
     Parameters
     ----------
     mm_per_m : ndarray, shape (3, 3)
-        Body axes to synthetic axes, with the scale.
+        Body axes to synthetic axes, times the scale.
     by_f : ndarray, shape (n_heads, 3)
-        Of the places by the first focal length, to which they are proportional.
+        d(positions) / d(first focal length), to which they are proportional.
     opk : ndarray, shape (n_heads, 3)
 
     Returns

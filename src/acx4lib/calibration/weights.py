@@ -1,4 +1,4 @@
-"""Whose sigma weigh the observations: those given, or those that fit the residuals."""
+"""Weights of the observations: from the given sigma, or from sigma that fit the residuals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def weighted(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> tuple[Block, dict[str, float]]:
-    """Return a block with the sigma that its flight asks for, and by what they were multiplied.
+    """Return a block with the sigma that its flight asks for, and the factors applied to them.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def weighted(
 
 
 def estimated(block: Block, adjust_block: Callable[[Block], Bundle]) -> dict[str, float]:
-    """Return by what to multiply the sigma of every group so that they fit the residuals.
+    """Return the factor of every group's sigma that makes them fit the residuals.
 
-    A group that has too little effective redundancy keeps its sigma: its factor is one.
+    A group with too little effective redundancy keeps its sigma: its factor is one.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def estimated(block: Block, adjust_block: Callable[[Block], Bundle]) -> dict[str
 
 
 def _step(c: Component) -> float:
-    """Return by what to multiply the sigma of a group next."""
+    """Return the next factor of a group's sigma."""
     return float(np.clip(c.factor / c.applied, 1 / LARGEST_STEP, LARGEST_STEP))
 
 

@@ -1,10 +1,10 @@
 """A photogrammetric block: images, measurements, control and trajectory as plain arrays.
 
-Everything stands in the mapping frame; names are text and appear once. Observations are flat
-arrays that point into the names by index, which counts from zero.
+All coordinates are in the mapping frame. Every name is stored once, as text; observations are
+flat arrays that refer to the names by indices from zero.
 
-Values are checked at their birth, a `ValueError` says what is wrong: each part by itself, and
-its indices by the block that they point into. What is selected of a part is not checked again.
+Values are checked when they are made, and a `ValueError` says what is wrong. A part checks its
+own values, the block checks the indices into it. A selection from a part is not checked again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Images:
     names, strips : tuple of str
         One each per image; a strip may be empty.
     camera_idx, exposure_idx : ndarray, shape (n_images,)
-        Into the block's cameras and the trajectory's exposures.
+        Indices of the block's cameras and of the trajectory's exposures.
     """
 
     names: tuple[str, ...]
@@ -60,7 +60,7 @@ class ImagePoints:
     colrow : ndarray, shape (n, 2)
         Pixels.
     sigma_px : ndarray, shape (n,)
-        Positive; infinite where a measurement takes no part.
+        Positive; infinite where a measurement is not used.
     """
 
     image_idx: Index
@@ -93,13 +93,13 @@ class SurveyedPoints:
     Attributes
     ----------
     point_idx : ndarray, shape (k,)
-        Into the block's points, each once.
+        Indices of the block's points, all different.
     x_m : ndarray, shape (k, 3)
         m.
     R_g_m : ndarray, shape (k, 3, 3)
         Mapping axes to the grid axes along which sigma is given.
     sigma_m : ndarray, shape (k, 3)
-        East, north, height, m; zero means error-free, infinite not known.
+        East, north, height, m; zero means without error, infinite means not known.
     """
 
     point_idx: Index
@@ -136,12 +136,12 @@ class Trajectory:
     R_g_m : ndarray, shape (n_exposures, 3, 3)
         Mapping axes to the grid axes along which the positions' sigma is given.
     sigma_position : ndarray, shape (n_exposures, 3)
-        East, north, height, m; infinite where a position is not known. Zero, error-free, is for
-        georeferencing alone: no adjustment has such observations.
+        East, north, height, m; infinite where a position is not known. Zero, without error, is
+        allowed for georeferencing only, not for an adjustment.
     sigma_attitude : ndarray, shape (n_exposures, 3)
         About the body's x, y, z axes, radians; infinite where an attitude is not known.
     time_s : ndarray, shape (n_exposures,), or (1,) where no time is known
-        From any origin, s; NaN where it is not known.
+        Time from any origin, s; NaN where it is not known.
     """
 
     exposures: tuple[str, ...]
@@ -173,7 +173,7 @@ class Trajectory:
     def cov(self) -> Array:
         """Covariances of the poses, shape (n, 6, 6): mapping frame in m, body axes in radians.
 
-        Zero where a position or an attitude is not known, that is its sigma is infinite.
+        Zero where a position or an attitude is not known, that is, where its sigma is infinite.
         """
         out = np.zeros((len(self), 6, 6))
         variance = np.where(np.isfinite(self.sigma_position), self.sigma_position, 0.0) ** 2
@@ -186,7 +186,7 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
-    """A block of images with everything measured for it.
+    """A block of images with all its measurements.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class Block:
         Names of all points, measured or surveyed.
     image_points : ImagePoints
     control, check : SurveyedPoints
-        What takes part as control, and what is only compared; no point is both.
+        Points used as control, and points only used for comparison; no point is both.
     trajectory : Trajectory
     """
 
@@ -257,7 +257,7 @@ def _check_cameras(cameras: tuple[Camera, ...]) -> None:
 
 
 def _check_surveyed(block: Block) -> None:
-    """Raise where a surveyed point stands twice."""
+    """Raise where a surveyed point occurs twice."""
     control, check = block.control.point_idx.tolist(), block.check.point_idx.tolist()
     expected.different("control.point_idx", control, "points")
     expected.different("check.point_idx", check, "points")
@@ -288,7 +288,7 @@ def select_cameras(block: Block, names: Sequence[str]) -> Block:
     ----------
     block : Block
     names : sequence of str
-        Of the cameras, in the order that they are to have.
+        Names of the cameras, in their new order.
 
     Raises
     ------
@@ -311,7 +311,7 @@ def select_cameras(block: Block, names: Sequence[str]) -> Block:
 
 
 def select_images(block: Block, keep: Mask) -> Block:
-    """Return the part of a block that some images saw; exposures and points stay as they are.
+    """Return the part of a block that some images show; exposures and points stay as they are.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ def select_images(block: Block, keep: Mask) -> Block:
     Raises
     ------
     ValueError
-        Where `keep` is no such mask; indices of images are none.
+        Where `keep` is no such mask; indices are not accepted.
     """
     expected.instance("block", block, Block)
     expected.mask("keep", keep, len(block.images))

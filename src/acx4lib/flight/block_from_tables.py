@@ -1,4 +1,4 @@
-"""From the tables of a block to its arrays in the mapping frame."""
+"""The tables of a block, and its arrays in the mapping frame made from them."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
 BLOCKS = ("heads", "calibration", "validation")
 TABLES = ("images", "image_points", "trajectory")
 SIGMA_CONTROL = (0.01, 0.01, 0.02)
-"""East, north, height, m, of control points without their own."""
+"""East, north, height, m, of control points without sigma of their own."""
 
 
 NOWHERE = (0.0, 0.0, 1e6)
-"""Mapping frame, m, instead of a surveyed position that the CRS does not cover: far above the
-block, where no camera looks, so that it is rejected as a gross error."""
+"""Position in the mapping frame, m, for a surveyed point that the CRS does not cover. No camera
+looks so far up, so the point is rejected as a gross error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockTables:
-    """The four tables of a block, and the flight's folder that has its pictures."""
+    """The four tables of a block, and the folder of the flight with its pictures."""
 
     name: str
     pictures: Path
@@ -42,21 +42,21 @@ class BlockTables:
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """All four."""
+        """All four tables."""
         return self.images, self.image_points, self.trajectory, self.control
 
 
 def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
-    """Return the tables of a block, whatever is wrong with them.
+    """Return the tables of a block; what is wrong is in their `problems`.
 
     Parameters
     ----------
     folder : Path
-        Of the flight.
+        Folder of the flight.
     name : str
-        Of the block and its folder.
+        Name of the block and of its folder.
     pictures : Path
-        Folder of the flight that has its pictures.
+        Folder of the flight with its pictures.
     """
     own = folder / name / "control_points.csv"
     control = own if os.path.lexists(own) else folder / "control_points.csv"
@@ -76,7 +76,7 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
 
 
 def index_of(names: Iterable[str], known: Sequence[str]) -> Index:
-    """Return where names stand among known ones, -1 where they do not."""
+    """Return the indices of names among known ones, -1 for an unknown name."""
     where = {name: i for i, name in enumerate(known)}
     return np.array([where.get(name, -1) for name in names], dtype=np.intp)
 
@@ -94,14 +94,14 @@ def measured_control(tables: BlockTables) -> Mask:
 
 
 def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
-    """Return longitude and latitude of a trajectory of either form, degrees, shape (n, 2)."""
+    """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
     if "lat_deg" in trajectory.numbers:
         return trajectory.stack("lon_deg", "lat_deg")
     return grid.lonlat_from_grid(trajectory.stack("east_m", "north_m"))
 
 
 def assemble(tables: BlockTables, setup: Setup) -> Block:
-    """Return a block, after nothing wrong was found in its tables.
+    """Return the block of tables in which no problem was found.
 
     Parameters
     ----------
@@ -111,8 +111,8 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
     Returns
     -------
     Block
-        In its own mapping frame; trajectory rows without an image and control points without a
-        measurement are left out.
+        In its own mapping frame, without trajectory rows that have no image and without control
+        points that are not measured.
     """
     used = used_exposures(tables)
     frame = mean_origin(setup.grid, lonlat_of(tables.trajectory, setup.grid)[used])
@@ -155,7 +155,7 @@ def _image_points(tables: BlockTables, points: Sequence[str], setup: Setup) -> I
 
 
 def _sigma(table: Table, columns: Sequence[str], default: Sequence[float]) -> Array:
-    """Return standard deviations: a file's own go before the default."""
+    """Return standard deviations: those of the file, or the default where it has none."""
     sigma = [
         table.numbers.get(column, np.full(len(table), value))
         for column, value in zip(columns, default, strict=True)
@@ -179,7 +179,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
 
 
 def _poses(table: Table, used: Mask, frame: MappingFrame) -> Pose:
-    """Return T_m_b of either form of trajectory."""
+    """Return the poses T_m_b of a trajectory in either form."""
     if table.has(*GEOGRAPHIC):
         rph = np.radians(table.stack("roll_deg", "pitch_deg", "heading_deg"))
         lonlath = table.stack("lon_deg", "lat_deg", "height_m")

@@ -25,15 +25,15 @@ class Level:
     strips : tuple of str
     exposure_idx : ndarray
     height_m : float
-        Median above the mean of the surveyed points; NaN where there are none.
+        Median height above the mean of the surveyed points; NaN where there are none.
     gsd_m : float
-        Ground pixel, mean of the cameras.
+        Ground sample distance, mean of the cameras.
     images_per_strip : float
-        Mean, of one camera.
+        Mean number of images of one camera in a strip.
     forward_overlap, side_overlap : float
         Medians, 0 to 1, over flat ground at the surveyed points; NaN where not known.
     n_directions : int
-        Flying directions that differ by more than a right angle.
+        Number of flying directions that differ by more than a right angle.
     """
 
     strips: tuple[str, ...]
@@ -53,9 +53,9 @@ def ground_height(block: Block) -> float:
 
 
 def _on_the_ground(block: Block) -> Array:
-    """Return the surveyed points but those whose height is absurd, shape (n, 3).
+    """Return the surveyed points without those of an absurd height, shape (n, 3).
 
-    No relief is as high as the flight above it.
+    A point is absurd if its height differs from the median by more than the flying height.
     """
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     if not len(surveyed):
@@ -68,7 +68,7 @@ def _on_the_ground(block: Block) -> Array:
 def flying_heights(block: Block) -> Array:
     """Return the height of every exposure above the mean of the surveyed points, m.
 
-    Above the ellipsoid where there are none.
+    Above the ellipsoid where there are no surveyed points.
 
     Returns
     -------
@@ -78,6 +78,12 @@ def flying_heights(block: Block) -> Array:
     ground = block.frame.to_geographic(surveyed)[:, 2].mean() if len(surveyed) else 0.0
     above: Array = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
     return above
+
+
+def ground_sample_m(block: Block) -> float:
+    """Return the ground sampling distance of the first camera, mean of the exposures, m."""
+    camera = block.cameras[0]
+    return float(camera.pixel_mm * flying_heights(block).mean() / camera.interior.f)
 
 
 def strip_of_exposure(block: Block) -> list[str]:
@@ -91,7 +97,7 @@ def strip_of_exposure(block: Block) -> list[str]:
 def directions(block: Block) -> Array:
     """Return the flying direction at every exposure, unit vectors in the mapping frame.
 
-    From the neighbours in the strip; where there are none, the body's forward axis.
+    From the neighbours in the strip; without neighbours, the forward axis of the body.
 
     Returns
     -------
@@ -108,9 +114,9 @@ def directions(block: Block) -> Array:
 
 
 def footprints(block: Block) -> Array:
-    """Return the corners of every image on flat ground at the surveyed points.
+    """Return the footprint of every image on flat ground at the surveyed points.
 
-    With declared cameras and the trajectory.
+    Computed from the declared cameras and the trajectory.
 
     Returns
     -------
@@ -169,7 +175,7 @@ def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
 
 
 def _overlap(block: Block, images: Index, shift: Array) -> Array:
-    """Return the share of images that they keep when moved over flat ground, shape (n,)."""
+    """Return the overlap of each image with itself, moved over flat ground, 0 to 1, shape (n,)."""
     T_m_b = block.T_m_b_images[images]
     height = T_m_b.r[:, 2] - ground_height(block)
     share = np.zeros(len(images))
@@ -184,7 +190,7 @@ def _overlap(block: Block, images: Index, shift: Array) -> Array:
 
 
 def forward_overlaps(block: Block) -> tuple[Index, Array]:
-    """Return which images have a next one of their camera in the strip, and their overlap with it.
+    """Return the images that have a successor of their camera in the strip, and these overlaps.
 
     Valid for images that look down, over flat ground at the surveyed points.
 

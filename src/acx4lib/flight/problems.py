@@ -1,4 +1,4 @@
-"""What can be wrong in a flight's files, and how it is said: one line per problem."""
+"""Problems of a flight's files, and their messages: one line per problem."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from acx4lib.errors import visible
 from acx4lib.expected import Index
 
 SHOWN = 10
-"""So many problems of one kind in one file are written out; the others are counted."""
+"""Number of problems of one kind in one file that are written out; the others are counted."""
 
 LINES = 200
-"""So many lines of one file are written out."""
+"""Largest number of messages on one file."""
 
 QUOTED = 80
-"""So many characters of what stands in a file are repeated in a message."""
+"""Largest number of characters of a file that a message repeats."""
 
 COMPARED = 64
-"""Names longer than this are not compared with others: it takes the square of their length."""
+"""Length above which names are not compared: the time grows with the square of the length."""
 
 FEW = 500
-"""With so many names a name is compared; of more, with those that begin or end alike."""
+"""Number of names up to which all are compared; of more, those with an equal beginning or end."""
 
 MANY = 50_000
-"""Among more names the nearest one is not looked for."""
+"""Number of names above which no similar name is searched for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,15 +37,15 @@ class Problem:
     Attributes
     ----------
     file : str
-        As the user reaches it.
+        Path of the file for the user.
     line : int
-        From 1, the header's number; 1 as well where the whole file is meant.
+        Line number; the header is line 1, and so is the whole file.
     column : str
-        Of a table, or the key in flight.toml.
+        Column of a table, or key in flight.toml.
     found, expected : str
-        What stands there, and what should.
+        What is there, and what should be there.
     times : int
-        It stands for so many of its kind, from its line on.
+        Number of problems of this kind, from this line on, that it represents.
     """
 
     file: str
@@ -60,7 +60,7 @@ class Problem:
 
 
 def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:
-    """Yield one kind of problem in rows: as many as are shown, and one for all the others."""
+    """Yield the problem of each row, up to `SHOWN`, and one problem for all further rows."""
     for row in rows[:SHOWN]:
         yield problem(int(row))
     if len(rows) > SHOWN:
@@ -94,7 +94,7 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
 
 
 def quoted(value: object) -> str:
-    """Return what stands in a file for a message: the beginning of what is long."""
+    """Return a value of a file in quotes, for a message; of a long one the beginning."""
     if isinstance(value, str):
         return repr(value[:QUOTED]) + ("…" if len(value) > QUOTED else "")
     text = repr(value)
@@ -117,16 +117,16 @@ def did_you_mean(name: str, known: Collection[str]) -> str:
 
 @dataclass(frozen=True)
 class Range:
-    """Where a number must lie.
+    """The range in which a number must lie.
 
     Attributes
     ----------
     low, high : float
         Inclusive.
     says : str
-        The rule as a sentence; made from low and high where it is empty.
+        The rule as a sentence; if empty, it is made from low and high.
     whole : bool
-        No fractions.
+        Whether only whole numbers are allowed.
     """
 
     low: float
@@ -135,7 +135,7 @@ class Range:
     whole: bool = False
 
     def __contains__(self, value: float) -> bool:
-        """Tell whether a number lies here; NaN never does."""
+        """Tell whether a number lies in the range; NaN never does."""
         return self.low <= value <= self.high and (not self.whole or float(value).is_integer())
 
     def __str__(self) -> str:
@@ -143,7 +143,7 @@ class Range:
 
 
 TINY = 1e-9
-"""A smaller standard deviation is no weight that an adjustment can use."""
+"""Smallest standard deviation that gives an adjustment a useful weight."""
 
 POSITIVE = Range(TINY, 1e6, "must be positive, at most 1e6")
 NOT_NEGATIVE = Range(0.0, 1e6, "must be zero or positive, at most 1e6")
@@ -177,4 +177,4 @@ RANGES = {
     **dict.fromkeys(("sigma_east_m", "sigma_north_m", "sigma_height_m"), POSITIVE),
     **dict.fromkeys(("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg"), POSITIVE),
 }
-"""Every number of a flight by its column or key; what is not here is text."""
+"""Range of every number of a flight, by its column or key; other columns are text."""

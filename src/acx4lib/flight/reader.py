@@ -1,4 +1,4 @@
-"""Reading a flight: everything that is wrong with it at once, or the whole flight."""
+"""Reading a flight: either the whole flight, or a list of everything that is wrong with it."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
+from acx4lib.geometry.camera import Camera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,15 +45,15 @@ class Flight(Setup):
     path : Path
         Its folder.
     pictures : Path
-        The folder below which its pictures are: the same, but for a copy that a run has kept.
+        Folder with its pictures: the same as `path`, unless the flight is a copy kept by a run.
     sha256 : dict of str to str
-        Of every table as it was read, by its name below the folder.
+        Checksum of every table that was read, by its path below the folder.
     blocks : dict of str to Block
-        Those of heads, calibration and validation that are there.
+        The blocks that exist: heads, calibration, validation.
     image_files : dict of str to tuple of Path or None
-        For every block the pixels of every image, where there are any.
+        For every block, the image file of every image, None without one.
     notes : tuple of str
-        What is odd but allowed, a sentence each.
+        Strange but allowed values, one sentence each.
     """
 
     path: Path
@@ -64,18 +65,30 @@ class Flight(Setup):
 
     @property
     def heads(self) -> Block | None:
-        """Block 1, every camera head on its own, where it is there."""
+        """Block 1, the images of the camera heads; None without this block."""
         return self.blocks.get("heads")
 
     @property
     def calibration(self) -> Block | None:
-        """Block 2, synthetic or single-head images, where it is there."""
+        """Block 2, synthetic or single-head images; None without this block."""
         return self.blocks.get("calibration")
 
     @property
     def validation(self) -> Block | None:
-        """Block 3, the independent one, where it is there."""
+        """Block 3, the independent one; None without this block."""
         return self.blocks.get("validation")
+
+    @property
+    def head_names(self) -> tuple[str, ...]:
+        """Cameras of block heads that are heads: those of [synthetic] in its order, or all."""
+        present = tuple(camera.name for camera in self.blocks["heads"].cameras)
+        named = self.synthetic.heads if self.synthetic else present
+        return tuple(name for name in named if name in present)
+
+    @property
+    def synthetic_camera(self) -> Camera | None:
+        """Camera of the synthetic image; None where flight.toml has no table [synthetic]."""
+        return self.cameras[self.synthetic.camera] if self.synthetic else None
 
 
 def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
@@ -86,7 +99,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     path : str or Path
         Folder with a flight.toml.
     pictures : str or Path
-        The flight's own folder, where `path` is the copy of its tables that a run has kept.
+        The flight's own folder, if `path` is a copy of its tables kept by a run.
 
     Returns
     -------
@@ -95,7 +108,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     Raises
     ------
     FlightError
-        With everything that is wrong, one line each, files named below `path` as it was given.
+        With all problems, one line each; files are named below `path` as it was given.
     """
     folder = expected.path("path", path)
     if not _is_folder(folder):
@@ -124,12 +137,12 @@ def _read(folder: Path, pictures: Path) -> Flight:
 
 
 def read_kept(path: str | Path) -> Flight:
-    """Return a flight whose tables a run has kept, checked when they were read first.
+    """Return a flight from tables kept by a run, which were checked when they were first read.
 
     Parameters
     ----------
     path : str or Path
-        Folder with a flight.toml; the pixels need not be there.
+        Folder with a flight.toml; image files are not needed.
 
     Raises
     ------
@@ -147,7 +160,7 @@ def read_kept(path: str | Path) -> Flight:
 
 
 def table_files(flight: Flight) -> list[Path]:
-    """Return the files that a flight was read from, but no pixels, below its folder."""
+    """Return the files from which a flight was read, except images, relative to its folder."""
     tables = ("images.csv", "image_points.csv", "trajectory.csv", "control_points.csv")
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
@@ -164,7 +177,7 @@ def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
 def _flight(
     toml: Toml, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
 ) -> Flight:
-    """Put together what was found good."""
+    """Return the flight made from blocks without problems."""
     assembled = {tables.name: assemble(tables, setup) for tables in blocks}
     notes = [*notes, *area_notes(setup.grid, assembled)]
     for tables in blocks:
@@ -202,7 +215,7 @@ def _too_large(folder: Path) -> Problem:
 
 
 def _is_other(path: Path) -> bool:
-    """Tell where something has the name of a block and is no folder."""
+    """Tell whether a path with the name of a block exists and is no folder."""
     return os.path.lexists(path) and not _is_folder(path)
 
 
@@ -219,14 +232,14 @@ def _no_block(folder: Path) -> Problem:
 
 
 def _strays(folder: Path) -> list[str]:
-    """Return the tables of images that stand in no block: its folder may be misspelt."""
+    """Return the tables of images outside all blocks: a block's folder may be misspelt."""
     paths = [*folder.glob("images.csv"), *folder.glob("*/images.csv")]
     below = [path.relative_to(folder) for path in paths]
     return sorted(str(path) for path in below if path.parent.name not in BLOCKS)[:SHOWN]
 
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
-    """Return what is wrong with a block; its geometry only where nothing else is."""
+    """Return what is wrong with a block; its geometry is checked only if all else is right."""
     problems = [problem for table in tables.tables for problem in table.problems]
     problems += name_problems(tables, toml)
     if setup is None:

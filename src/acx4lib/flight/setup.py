@@ -1,4 +1,4 @@
-"""What flight.toml says, as the library's own values."""
+"""The content of flight.toml, as values of the library."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
-"""What a stage may estimate, and the library's name for it."""
+"""Interior parameters that a stage may estimate, with the library's names for them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Synthetic:
-    """The virtual camera that the synthetic stage renders, and the heads it is made of."""
+    """The virtual camera of the synthetic images, and the heads that make them."""
 
     camera: str
     heads: tuple[str, ...]
@@ -31,7 +31,7 @@ class Synthetic:
 
 @dataclass(frozen=True, kw_only=True)
 class Apriori:
-    """Standard deviations of what has none in its file; units as the names say."""
+    """Standard deviations for observations without their own; the names have the units."""
 
     image_point_px: float = 0.5
     gnss_horizontal_m: float = 0.05
@@ -42,7 +42,7 @@ class Apriori:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setup:
-    """What flight.toml says.
+    """The content of flight.toml.
 
     Attributes
     ----------
@@ -54,13 +54,13 @@ class Setup:
     synthetic : Synthetic or None
     apriori : Apriori
     estimate_heads, estimate_mounting : tuple of str
-        Interior parameters that the stages estimate, the library's names.
+        Interior parameters that the stages estimate, by the library's names.
     fix : tuple of str
-        What the mounting stage holds fixed: ``lever_arm``, ``boresight``.
+        Parts that the mounting stage holds: ``lever_arm``, ``boresight``.
     gnss : tuple of str
-        What the mounting stage estimates of GNSS positions: their ``shift``, and a ``drift``.
+        Errors of GNSS positions that the mounting stage estimates: ``shift``, ``drift``.
     weights : str
-        Whose sigma the mounting stage uses: ``given``, or ``estimated`` from the residuals.
+        Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Setup:
 
 
 def setup_of(toml: Toml) -> Setup:
-    """Return what a flight.toml says, after nothing wrong was found with it."""
+    """Return the content of a flight.toml in which no problem was found."""
     synthetic = toml.table("synthetic")
     heads = toml.table("stages", "heads").get("estimate", ["xp_mm", "yp_mm", "k1", "p1", "p2"])
     mounting = toml.table("stages", "mounting")
@@ -115,12 +115,12 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
 
 
 def grid_of(toml: Toml) -> GridSystem:
-    """Return the CRS and the heights; a geoid grid by its whole path."""
+    """Return the CRS and the heights; a geoid grid has its full path."""
     return GridSystem(crs=toml.values["crs"], heights=_heights(toml))
 
 
 def _heights(toml: Toml) -> str:
-    """Return the heights as the grid system takes them: a file by its whole path."""
+    """Return the heights for the grid system: a file has its full path."""
     heights: str = toml.values["heights"]
     inside = toml.folder.resolve()
     path, _ = named_file(inside, inside, heights)

@@ -1,4 +1,4 @@
-"""What `acx4 check` prints of a flight."""
+"""The summary of a flight that `acx4 check` prints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from acx4lib.geometry.geodesy import SHOWN
 
 
 def summary(flight: Flight) -> str:
-    """Return a flight in plain text: blocks, cameras, counts, scale, notes.
+    """Return the summary of a flight: blocks, cameras, counts, scale, notes.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def summary(flight: Flight) -> str:
 
 
 def _system(crs: str) -> str:
-    """Return a CRS and its name in one line; WKT may have many."""
+    """Return a CRS and its name in one line, although WKT may have many lines."""
     one_line = visible(" ".join(crs.split()))
     shown = one_line if len(one_line) <= SHOWN else f"{one_line[:SHOWN]}…"
     return f"{shown}, {visible(pyproj.CRS.from_user_input(crs).name)}"

@@ -26,7 +26,7 @@ class Interior:
     p1, p2 : float
         Decentring coefficients, mm^-1.
     b1 : float
-        Scale of x against y less one, dimensionless.
+        Difference of scale: x is multiplied by 1 + b1, dimensionless.
 
     Raises
     ------
@@ -66,7 +66,7 @@ INTERIOR = tuple(f.name for f in fields(Interior))
 """Names of the interior parameters, in the order of every column block."""
 
 LARGEST_FORMAT_MM = 1000.0
-"""No sensor has such a side; pixels in micrometres make one."""
+"""Longest side of a sensor; a pixel size given in micrometres leads to a longer one."""
 
 SMALLEST_F_MM = 1.0
 """No camera of a flight has a smaller focal length."""
@@ -83,14 +83,14 @@ class Camera:
     pixel_mm : float
         Pixel size.
     interior : Interior
-        Given, or the approximation from which it is estimated.
+        Known values, or approximate values for an adjustment.
     T_b_c : Pose
-        Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), given or approximate.
+        Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), known or approximate.
 
     Raises
     ------
     ValueError
-        Where a size is not positive, or the mounting is no single finite pose.
+        Where a size is not positive, or the mounting is not one finite pose.
     """
 
     name: str
@@ -127,13 +127,13 @@ class Camera:
     def with_interior(self, interior: Interior) -> Camera:
         """Return this camera with another interior orientation."""
         expected.instance("interior", interior, Interior)
-        camera = copy(self)  # the rest is checked
+        camera = copy(self)  # its other fields were checked before
         object.__setattr__(camera, "interior", interior)
         return camera
 
 
 def require_millimetres(cameras: Sequence[Camera]) -> None:
-    """Raise a ValueError where a focal length can only be meant in metres."""
+    """Raise a ValueError where a focal length, expected in mm, must be in metres."""
     for camera in cameras:
         if camera.interior.f < SMALLEST_F_MM:
             f = camera.interior.f
@@ -142,7 +142,7 @@ def require_millimetres(cameras: Sequence[Camera]) -> None:
 
 
 def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
-    """Return image coordinates of pixel coordinates.
+    """Convert pixel coordinates to image coordinates.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
 
 
 def colrow_from_xy(camera: Camera, xy: Array) -> Array:
-    """Return pixel coordinates of image coordinates; inverse of `xy_from_colrow`."""
+    """Convert image coordinates (mm) to pixel coordinates; inverse of `xy_from_colrow`."""
     expected.instance("camera", camera, Camera)
     xy = expected.numbers("xy", xy, (..., 2))
     centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
@@ -170,7 +170,7 @@ def colrow_from_xy(camera: Camera, xy: Array) -> Array:
 
 
 def inside(camera: Camera, colrow: Array) -> np.ndarray:
-    """Tell which pixel coordinates lie on the sensor, shape (...); outer pixel edges count."""
+    """Tell which pixel coordinates lie on the sensor or its outer edges, shape (...)."""
     upper = np.array([camera.width_px, camera.height_px]) - 0.5
     return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
 
@@ -211,12 +211,12 @@ def distortion(interior: Interior, xy: Array) -> Array:
 
 
 def reduced(interior: Interior, xy: Array) -> Array:
-    """Return measured points reduced to the principal point, x scaled by 1 + b1 before."""
+    """Return points relative to the principal point, mm; x is first multiplied by 1 + b1."""
     return xy * np.array([1 + interior.b1, 1.0]) - np.array([interior.xp, interior.yp])
 
 
 def correct(interior: Interior, xy: Array) -> Array:
-    """Return ideal image points of measured ones, the left sides of eqs (1)-(2).
+    """Return the ideal image points of measured points: the left sides of eqs (1)-(2).
 
     Parameters
     ----------
@@ -275,10 +275,10 @@ def _by_reduced_point(interior: Interior, bar: Array) -> Array:
 
 
 def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
-    """Return measured image points of ideal ones; inverse of `correct`.
+    """Return the measured image points of ideal points; inverse of `correct`.
 
-    Newton's method; valid where the distorted radius still grows with the ideal one, NaN where
-    no such point is found.
+    Newton's method. It is valid where the measured radius grows with the ideal radius; points
+    for which no such solution is found are NaN.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     ideal : ndarray, shape (n, 2)
         mm from the principal point.
     steps : int
-        At most so many.
+        Largest number of iterations.
 
     Returns
     -------
@@ -306,6 +306,6 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
             break
         J_adj = trace[:, None, None] * np.eye(2) - J
         xy = xy - transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
-    # beyond its turning point the model has other roots, on the image's other side
+    # beyond the largest valid radius there are other roots, on the opposite side of the image
     found = (misfit < 1e-9) & (det > 0) & (trace > 0)
     return np.where(found[:, None], xy, np.nan)

@@ -1,6 +1,6 @@
 """Collinearity: the paper's eqs (1)-(5), and eq. (14) as the chain of two poses.
 
-A camera pose varies by six numbers: the perspective centre in the mapping frame, m, and a small
+A camera pose has six unknowns: the perspective centre in the mapping frame, m, and a small
 rotation about the *camera's* axes, ``R_m_c <- R_m_c exp(delta)``, rad.
 """
 
@@ -114,7 +114,7 @@ def mounted_jacobian(T_m_b: Pose, T_b_c: Pose) -> tuple[Array, Array]:
 
 
 def project(camera: Camera, T_m_c: Pose, x_m: Array) -> Array:
-    """Return where a camera sees points, eqs (1)-(11) solved for the measured point.
+    """Return the pixel coordinates of points: eqs (1)-(11), solved for the measured point.
 
     Parameters
     ----------
@@ -132,10 +132,10 @@ def project(camera: Camera, T_m_c: Pose, x_m: Array) -> Array:
     Raises
     ------
     ValueError
-        For points of another shape, or poses that are not as many.
+        For points of another shape, or if the number of poses is neither one nor n.
     """
     x_m = expected.numbers("x_m", x_m, ("n", 3))
-    if len(T_m_c.R) != 1:  # one pose spreads over all points
+    if len(T_m_c.R) != 1:  # a single pose serves all points
         expected.shape("T_m_c.R", T_m_c.R, (len(x_m), 3, 3))
     ideal = pinhole(camera.interior.f, to_camera(T_m_c, x_m))
     colrow = np.full((len(x_m), 2), np.nan)
@@ -166,10 +166,10 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
 
 
 LAPSE, DENSITY = 0.0065 / 288.15, 4.2559
-"""Standard atmosphere: decrease of temperature with height as a share, 1/m, and the exponent."""
+"""Standard atmosphere: relative decrease of temperature with height, 1/m; exponent of density."""
 
 REFRACTION = ("none", "standard")
-"""What rays may be taken to do: go straight, or bend in the standard atmosphere."""
+"""Models of refraction: straight rays, or rays bent by the standard atmosphere."""
 
 REFRACTIVITY = 2.78e-4
 """n - 1 of visible light in air at sea level, 15 degrees Celsius and 1013.25 hPa."""
@@ -195,14 +195,14 @@ class Measurement:
     colrow: Array
 
     def by_camera(self) -> Iterator[tuple[Camera, Mask, Array]]:
-        """Yield every camera, which measurements are its own, and these in mm."""
+        """Yield each camera, the mask of its measurements, and these measurements in mm."""
         for k, camera in enumerate(self.cameras):
             own = self.camera_idx == k
             yield camera, own, xy_from_colrow(camera, self.colrow[own])
 
     @property
     def px_per_mm(self) -> Array:
-        """Along col and row, shape (n, 2); rows count downwards."""
+        """Pixels per mm along x and y, shape (n, 2); negative for y, as rows count downwards."""
         pixel_mm = np.array([camera.pixel_mm for camera in self.cameras])[self.camera_idx]
         return np.array([1.0, -1.0]) / pixel_mm[:, None]
 
@@ -222,7 +222,7 @@ def directions(seen: Measurement) -> Array:
 
 
 def image_residuals(seen: Measurement, x_m: Array) -> Array:
-    """Return projected less corrected measured image points, eqs (1)-(11), as col, row in px.
+    """Return the image residuals of eqs (1)-(11): projected minus corrected measured points.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def image_residuals(seen: Measurement, x_m: Array) -> Array:
     Returns
     -------
     v : ndarray, shape (n, 2)
-        NaN for points behind the camera.
+        Along col and row, px; NaN for points behind the camera.
     """
     v = pinhole(seen.f, to_camera(seen.T_m_c, x_m))
     for camera, own, xy in seen.by_camera():
@@ -272,11 +272,11 @@ def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Arra
 
 
 def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
-    """Return by how much refraction makes points appear too high, m.
+    """Return the height by which refraction makes points appear too high, m.
 
-    In level layers of air a ray that leaves the vertical by theta is bent by K tan(theta), K the
-    mean refractive index between point and camera less that at the camera. The straight ray
-    meets the point raised by K (Z_c - Z) / cos^2(theta).
+    In horizontal layers of air a ray at the angle theta from the vertical is bent by
+    K tan(theta). K is the mean refractive index between point and camera minus that at the
+    camera. The straight ray meets the point if it is raised by K (Z_c - Z) / cos^2(theta).
 
     Parameters
     ----------
@@ -289,8 +289,8 @@ def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
 
     Notes
     -----
-    The density is that of the ICAO standard atmosphere, (1 - LAPSE h)^DENSITY of its value at
-    sea level, and n - 1 is proportional to it.
+    In the ICAO standard atmosphere the density is (1 - LAPSE h)^DENSITY times its value at sea
+    level; n - 1 is proportional to the density.
     """
     camera, ground = 1 - LAPSE * r_m_c[:, 2], 1 - LAPSE * x_m[:, 2]
     down = x_m - r_m_c
@@ -300,7 +300,7 @@ def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
 
 
 def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
-    """Return where points appear to stand, so that rays to them are straight.
+    """Return the apparent positions of points, to which rays are straight, m.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which texts name a CRS: none that make PROJ open a file.
+"""Which texts are accepted as a CRS: none that makes PROJ open a file.
 
 A PROJ string may name grids, initialisation files and whole pipelines, and WKT may carry such
 strings. A flight is data; it does not say which files of the machine are opened.
@@ -9,17 +9,17 @@ from __future__ import annotations
 import re
 
 LONGEST = 20_000
-"""Characters of a CRS as WKT; those of EPSG have at most 3 000."""
+"""Largest number of characters of a CRS as WKT; those of EPSG have at most 3 000."""
 
 DEEPEST = 30
-"""Brackets of WKT inside each other."""
+"""Largest number of nested brackets in WKT."""
 
 _CODE = re.compile(r"\s*(?:[A-Z]\w*:[\w.]+(?:\+(?:[A-Z]\w*:)?[\w.]+)*|\d+)\s*", re.ASCII | re.I)
 _URN = re.compile(r"\s*urn:ogc:def:crs:\w+:[\w.]*:[\w.]+\s*", re.ASCII | re.I)
 _WKT = re.compile(r"\s*[A-Z_]+\s*[\[(]", re.ASCII | re.I)
 _PROJ = re.compile(r"\s*\+?[A-Z]\w*(?:=\S*)?(?:\s+\+?[A-Z]\w*(?:=\S*)?)*\s*", re.ASCII | re.I)
 
-# Whatever of WKT names a file, directly or inside a PROJ string.
+# The parts of WKT that name a file, directly or inside a PROJ string.
 _FILES_IN_WKT = re.compile(
     r"PARAMETERFILE|PROJ4_GRIDS|PROJ-based|grids\s*=|(?:init|file|catalog|model)\s*=|=\s*pipeline|"
     r"://|@",
@@ -36,11 +36,11 @@ _HARMLESS = re.compile(
 _VALUE = re.compile(r"[\w.,+'-]*", re.ASCII)
 
 _NO_GRID = re.compile(r"\+?nadgrids=@null(?![\w.,/])", re.ASCII)
-"""Web Mercator comes so: no grid at all."""
+"""Web Mercator is written with this entry; it means no grid, so no file is opened."""
 
 
 def crs_fault(text: str) -> str:
-    """Return why a text is not taken as a CRS, empty where it may be.
+    """Return why a text is refused as a CRS; empty if it is accepted.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def crs_fault(text: str) -> str:
 
 
 def is_code_or_wkt(text: str) -> bool:
-    """Tell what can be a vertical CRS from what can only be the name of a file."""
+    """Tell whether a text may be a vertical CRS; any other can only be the name of a file."""
     return bool(_CODE.fullmatch(text) or _URN.fullmatch(text) or _WKT.match(text))
 
 

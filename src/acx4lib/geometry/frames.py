@@ -218,8 +218,8 @@ def mean_rotation(R: Array, weights: Array | None = None) -> Array:
     ----------
     R : ndarray, shape (n, 3, 3)
     weights : ndarray, shape (3, n, 3), optional
-        Of the rotation vectors from the mean, about the turned axes; they sum to the identity.
-        By default all rotations count alike.
+        ``weights[:, i]`` is the weight matrix of rotation i, for the rotation vector from the
+        mean; these matrices sum to the identity. By default all rotations have equal weight.
 
     Returns
     -------
@@ -252,8 +252,8 @@ class Pose:
     Raises
     ------
     ValueError
-        For other shapes. Whether R turns is checked where poses are kept: in `Camera`,
-        `Trajectory` and the like.
+        For other shapes. `Camera`, `Trajectory` and other values that hold poses check that R
+        is a rotation.
     """
 
     R: Array
@@ -262,7 +262,7 @@ class Pose:
     def __post_init__(self) -> None:
         R, r = getattr(self.R, "shape", ()), getattr(self.r, "shape", ())
         if R[-2:] == (3, 3) and r[-1:] == (3,) and R[:-2] == r[:-1]:
-            return  # in a microsecond: poses are made everywhere
+            return  # the usual case, quickly: poses are made very often
         expected.shape("R", self.R, (..., 3, 3))
         expected.shape("r", self.r, (..., 3))
         if not _spread(R[:-2], r[:-1]):
@@ -283,7 +283,7 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
-        """T_b_a."""
+        """The inverse pose, T_b_a."""
         R_b_a = np.swapaxes(self.R, -1, -2)
         return Pose(R=R_b_a, r=-transform(R_b_a, self.r))
 
@@ -294,7 +294,7 @@ class Pose:
 
 
 def _spread(a: tuple[int, ...], b: tuple[int, ...]) -> bool:
-    """Tell whether two arrays of these shapes spread over each other."""
+    """Tell whether arrays of these shapes can be broadcast against each other."""
     pairs = zip(reversed(a), reversed(b), strict=False)
     return all(m == n or 1 in (m, n) for m, n in pairs)
 

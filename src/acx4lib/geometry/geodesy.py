@@ -1,7 +1,7 @@
-"""Between a flight's own CRS and the topocentric mapping frame in which everything is computed.
+"""Conversions between a flight's own CRS and the topocentric mapping frame of all computations.
 
-The mapping frame `m` is east-north-up at an origin on the ellipsoid, a rigid copy of ECEF: map
-grids have a scale and a curvature that a camera does not see.
+The mapping frame `m` is east-north-up at an origin on the ellipsoid. It is ECEF, only shifted
+and rotated: in a map grid, straight rays would be curved and lengths would change.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
 
 SHOWN = 80
-"""Characters of a CRS that a message repeats."""
+"""Number of characters of a CRS that a message repeats."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ class GridSystem:
             raise ValueError(msg) from error
 
     def undulation(self, lonlat: Array) -> Array:
-        """Return ellipsoidal height less the flight's, m, shape (n,); not finite off the grid."""
+        """Return ellipsoidal minus flight heights, m, shape (n,); not finite off the geoid grid."""
         if self._height_transformer is None:
             return np.zeros(len(lonlat))
         lon, lat = lonlat.T
@@ -140,11 +140,11 @@ class GridSystem:
         return np.stack(east_north, axis=-1).reshape(-1, 2)
 
     def convergence(self, lonlat: Array) -> Array:
-        """Return PROJ's meridian convergence in radians: true azimuth = grid azimuth + it.
+        """Return PROJ's meridian convergence, true minus grid azimuth, in radians, shape (n,).
 
-        NaN where PROJ knows none.
+        NaN where PROJ cannot compute it.
         """
-        if not len(lonlat):  # PROJ refuses none
+        if not len(lonlat):  # PROJ refuses an empty array
             return np.zeros(0)
         factors = self._projection.get_factors(*lonlat.T)
         degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
@@ -153,7 +153,7 @@ class GridSystem:
     def ecef_from_geographic(self, lonlath: Array) -> Array:
         """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
         x_e = np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
-        return np.where(np.isfinite(x_e), x_e, np.nan)  # PROJ's infinities warn in products
+        return np.where(np.isfinite(x_e), x_e, np.nan)  # PROJ's infinities would cause warnings
 
     def geographic_from_ecef(self, x_e: Array) -> Array:
         """Return longitude, latitude (deg) and ellipsoidal height (m), shape (n, 3)."""
@@ -186,14 +186,14 @@ class MappingFrame:
     Attributes
     ----------
     grid : GridSystem
-        What the outside world counts in.
+        The coordinate system of the flight's files.
     origin : ndarray, shape (2,)
         Longitude and latitude, degrees.
 
     Raises
     ------
     ValueError
-        Where the origin is not on the earth. Its functions raise for other shapes.
+        Where the origin is not on the earth; from the methods, for arrays of other shapes.
     """
 
     grid: GridSystem
@@ -203,7 +203,7 @@ class MappingFrame:
 
     def __post_init__(self) -> None:
         lon, lat = expected.numbers("origin", self.origin, (2,))
-        if abs(lon) > 360 or abs(lat) > 90:  # NaN: the reader looks for mistakes with any frame
+        if abs(lon) > 360 or abs(lat) > 90:  # NaN passes: the reader then finds the mistake
             msg = f"origin: expected longitude and latitude in degrees, got {lon}, {lat}"
             raise ValueError(msg)
         origin = np.array([[lon, lat]])
@@ -261,14 +261,14 @@ class MappingFrame:
         return R_g_t @ np.swapaxes(rotation_enu_to_ecef(lonlat), -1, -2) @ self._R_e_m
 
     def pose_from_grid(self, enh: Array, opk: Array) -> Pose:
-        """Return T_m_b of positions in the grid and attitudes against it.
+        """Return the poses T_m_b of grid positions and of attitudes relative to the grid.
 
         Parameters
         ----------
         enh : ndarray, shape (n, 3)
             m, in the flight's system.
         opk : ndarray, shape (n, 3)
-            omega, phi, kappa against grid east, grid north and the ellipsoid normal, radians.
+            omega, phi, kappa relative to grid east, grid north and ellipsoid normal, radians.
         """
         enh = expected.numbers("enh", enh, ("n", 3))
         opk = expected.numbers("opk", opk, (len(enh), 3))
@@ -281,14 +281,14 @@ class MappingFrame:
         return self.to_grid(T_m.r), Pose(R=R_g, r=T_m.r).opk
 
     def pose_from_geographic(self, lonlath: Array, rph: Array) -> Pose:
-        """Return T_m_b of geographic positions with roll, pitch and true heading.
+        """Return the poses T_m_b of geographic positions with roll, pitch and true heading.
 
         Parameters
         ----------
         lonlath : ndarray, shape (n, 3)
             Longitude, latitude in degrees, height in the flight's height system.
         rph : ndarray, shape (n, 3)
-            Radians, forward-right-down against north-east-down.
+            Radians, forward-right-down relative to north-east-down.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""From heights above a geoid to ellipsoidal heights, as PROJ has it."""
+"""Transformers of PROJ from heights above a geoid to ellipsoidal heights."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pyproj.exceptions import CRSError
 from acx4lib.geometry.crs_text import crs_fault
 
 UNQUOTABLE = re.compile('[",\x00-\x1f]')
-"""A pipeline of PROJ can name no file with these in its path."""
+"""Characters that the path of a file in a pipeline of PROJ cannot have."""
 
 
 def geoid_of_file(path: str) -> pyproj.Transformer:
-    """Return what takes longitude, latitude, height to ellipsoidal height, by a geoid grid file.
+    """Return the transformer of a geoid grid file to ellipsoidal heights.
 
     Raises
     ------
     CRSError, ProjError
-        Where PROJ cannot read it.
+        Where PROJ cannot read the file.
     """
     if not Path(path).is_file():
         msg = "there is no such file"
@@ -36,7 +36,7 @@ def geoid_of_file(path: str) -> pyproj.Transformer:
 
 
 def geoid_of_crs(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
-    """Return the same for heights of a vertical CRS, without a ballpark.
+    """Return the transformer of a vertical CRS to ellipsoidal heights, never an approximate one.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def geoid_of_crs(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
     Raises
     ------
     CRSError, ProjError
-        Where it is none, or its grid is not here.
+        Where `heights` is no vertical CRS, or its grid is not installed.
     """
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
     geographic = horizontal.geodetic_crs

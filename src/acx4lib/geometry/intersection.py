@@ -1,4 +1,4 @@
-"""Start values: forward intersection of rays and space resection of images."""
+"""Approximate values: forward intersection of rays and space resection of images."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from acx4lib.geometry.camera import Camera, correct, xy_from_colrow
 from acx4lib.geometry.frames import Pose
 
 R_C_CV = np.diag([1.0, -1.0, -1.0])
-"""OpenCV's camera looks along +z with y down."""
+"""Rotation from OpenCV's camera axes, z ahead and y down, to the library's."""
 
 NEARLY = 1e-6
-"""How far the squared length of a unit vector may be off."""
+"""Largest error of the squared length of a unit vector."""
 
 
 def intersect(
@@ -25,27 +25,27 @@ def intersect(
     *,
     weights: Array | float = 1.0,
 ) -> Array:
-    """Return the points nearest to bundles of rays, in the sense of least squared distances.
+    """Return the points with the least sum of squared distances from their rays.
 
     Parameters
     ----------
     origins, directions : ndarray, shape (n, 3)
-        Of the rays; unit directions.
+        Start points of the rays, m, and their unit vectors.
     point_idx : ndarray, shape (n,)
-        Which point a ray belongs to.
+        The point of each ray.
     n_points : int
     weights : ndarray, shape (n,), optional
-        Of the rays, at most about one.
+        Weights of the rays, at most about one.
 
     Returns
     -------
     ndarray, shape (n_points, 3)
-        NaN where fewer than two rays meet or all are parallel, or one has no direction.
+        m; NaN where a point has fewer than two rays, only parallel rays, or a zero direction.
 
     Raises
     ------
     ValueError
-        For directions that are no unit vectors, or a point that is none of n_points.
+        If a direction is neither a unit vector nor zero, or `point_idx` reaches n_points.
     """
     expected.shape("directions", directions, ("n", 3))
     expected.shape("origins", origins, (len(directions), 3))
@@ -53,7 +53,7 @@ def intersect(
     expected.places("point_idx", point_idx, n_points)
     length_sq = np.einsum("ni,ni->n", directions, directions)
     _check_lengths(length_sq)
-    middle = origins.mean(axis=0) if len(origins) else np.zeros(3)  # large numbers cost digits
+    middle = origins.mean(axis=0) if len(origins) else np.zeros(3)  # large numbers lose digits
     from_middle = origins - middle
     along = np.sum(from_middle * directions, axis=1)
     normal, right = np.empty((n_points, 3, 3)), np.empty((n_points, 3))
@@ -72,7 +72,7 @@ def intersect(
 
 
 def _check_lengths(length_sq: Array) -> None:
-    """Raise for directions that are neither unit vectors nor none."""
+    """Raise for a direction that is neither a unit vector nor zero."""
     wrong = (np.abs(length_sq - 1) > NEARLY) & (length_sq != 0)
     if wrong.any():
         row = int(np.argmax(wrong))
@@ -99,7 +99,7 @@ def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
     order = np.argsort(point_idx, kind="stable")
     counts = np.bincount(point_idx, minlength=n_points)
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    longest = np.zeros(n_points)  # chords stay exact where arc cosines of small angles do not
+    longest = np.zeros(n_points)  # chords, as arc cosines of small angles are not exact
     for count in np.unique(counts[counts > 1]):
         points = np.flatnonzero(counts == count)
         d = directions[order[starts[points][:, None] + np.arange(count)]]
@@ -112,15 +112,15 @@ def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
 def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     """Return a camera's pose from measured points with known coordinates.
 
-    A start value, not an adjustment: OpenCV's SQPnP on corrected image points.
+    An approximate value, not an adjustment: OpenCV's SQPnP on corrected image points.
 
     Parameters
     ----------
     camera : Camera
     colrow : ndarray, shape (n, 2)
-        Pixels, at least three.
+        Pixels; at least three points.
     x_m : ndarray, shape (n, 3)
-        m, in a plane or not.
+        m; they may lie in a plane.
 
     Returns
     -------

@@ -1,17 +1,17 @@
-"""Names of what is estimated, and of the axes along which something is off."""
+"""Names of the estimated parameters, and of the grid's axes."""
 
 MOUNT = ("lever_x", "lever_y", "lever_z", "boresight_x", "boresight_y", "boresight_z")
-"""The six ways a mounting varies: `collinearity.mounted_jacobian`'s order."""
+"""The six parameters of a mounting, in the order of `collinearity.mounted_jacobian`."""
 
 LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
 
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 
 GNSS = ("shift", "drift")
-"""What the errors of GNSS positions may have in common: over a block, and along a strip."""
+"""Systematic errors of GNSS positions: a shift of the whole block, a drift along each strip."""
 
 AXES = ("east", "north", "height")
-"""Axes of the grid, along which GNSS positions are off."""
+"""Axes of the grid, along which errors of GNSS positions are counted."""
 
 REPORTED = {
     "f": ("f_mm", "mm"),
@@ -33,4 +33,4 @@ REPORTED = {
 """The library's name of every parameter, and its name and unit in results."""
 
 BORESIGHT_ANGLES = tuple(REPORTED[name][0] for name in BORESIGHT)
-"""The boresight as results have it."""
+"""Names of the boresight angles in results."""

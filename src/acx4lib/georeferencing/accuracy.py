@@ -1,4 +1,4 @@
-"""What errors at check points say: size, bias, precision, and how sure each of them is."""
+"""Statistics of errors at check points: size, bias, precision, and how sure each of them is."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """Errors at check points, summed up; east, north, height in this order, m.
+    """Statistics of errors at check points; east, north, height in this order, m.
 
     Attributes
     ----------
     n : int
         Number of check points.
     mean, std, rms : tuple of three floats
-        `std` is about the mean with n - 1, `rms` about zero.
+        `std` is about the mean, with n - 1 degrees of freedom; `rms` is about zero.
     error_90 : tuple of three floats
-        What 90 % of the absolute errors of an axis do not exceed.
+        The size that 90 % of the absolute errors of an axis do not exceed.
     plan_90 : float
         The same for the planimetric resultant.
     """
@@ -74,7 +74,7 @@ class AxisTest:
 
 
 def from_differences(differences: Array) -> Accuracy:
-    """Sum up differences at check points.
+    """Compute the statistics of differences at check points.
 
     Valid for independent points: one difference per point, not per image pair.
 
@@ -86,7 +86,7 @@ def from_differences(differences: Array) -> Accuracy:
     Returns
     -------
     Accuracy
-        With the observed 90 % errors. NaN where n is too small.
+        Its 90 % errors are observed ones. NaN where n is too small.
     """
     d = expected.numbers("differences", differences, ("n", 3))
     expected.finite("differences", d)
@@ -103,10 +103,10 @@ def from_differences(differences: Array) -> Accuracy:
 
 
 def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
-    """Sum up from published statistics, where the differences are not known.
+    """Return the accuracy from published statistics, where the differences are not known.
 
-    The 90 % errors are those of normally distributed errors of this RMS, the planimetric one of
-    equal axes: 1.6449 RMS and 2.1460 RMS / sqrt(2) of the resultant.
+    The 90 % errors assume normally distributed errors: 1.6449 RMS of an axis; in planimetry, with
+    equal axes, 2.1460 RMS / sqrt(2) of the resultant.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     ----------
     accuracy : Accuracy
     probability : float
-        Of accepting errors without bias, two-sided.
+        Probability of accepting errors without bias, two-sided.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 
     sigma_0 : tuple of three floats
         Required standard deviations, m.
     probability : float
-        Of accepting errors that have just these deviations, one-sided.
+        Probability of accepting errors that have exactly these deviations, one-sided.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def rms_interval(rms: float, n: int, *, probability: float = 0.95) -> tuple[floa
     n : int
         Number of errors.
     probability : float
-        Of the interval, two-sided.
+        Probability of the interval, two-sided.
 
     Returns
     -------
@@ -218,7 +218,7 @@ def _error_90(size: Array) -> Array:
 
 
 def sizes(name: str, values: Triple) -> None:
-    """Raise where values are not three sizes of errors; those not known are NaN."""
+    """Raise where values are not three sizes of errors; NaN means unknown."""
     expected.three(name, values)
     expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
 

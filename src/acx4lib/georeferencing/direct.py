@@ -1,4 +1,4 @@
-"""Direct georeferencing: eq. (14) applied with known mountings, and intersection of its rays."""
+"""Direct georeferencing: camera poses by eq. (14) with known mountings, and intersection."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from acx4lib.least_squares.covariance import propagate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Georeferenced:
-    """Camera poses that the trajectory and a calibration give.
+    """Camera poses from the trajectory and a calibration, with their derivatives.
 
     Attributes
     ----------
@@ -40,8 +40,9 @@ class Georeferenced:
     interior_columns : ndarray, shape (n_cameras, 9)
         Columns of the calibration, -1 where held.
     cov_body : ndarray, shape (n_exposures, 6, 6)
-        Of the trajectory.
+        A priori covariances of the trajectory.
     cov_parameters : ndarray, shape (n, n)
+        A priori covariance of the calibration.
     """
 
     cameras: tuple[Camera, ...]
@@ -54,7 +55,7 @@ class Georeferenced:
 
 
 def georeference(block: Block, calibration: Calibration) -> Georeferenced:
-    """Return the camera poses of a block by eq. (14), with all that their errors depend on.
+    """Return the camera poses of a block by eq. (14), with their derivatives and covariances.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
 
 
 def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
-    """Return the covariances of the camera poses, shape (n_images, 6, 6): m, rad about c."""
+    """Return the covariances of the camera poses, shape (n_images, 6, 6), m and camera axes rad."""
     g = georeferenced
     own = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
     return own + propagate(g.by_parameters, g.cov_parameters)
@@ -104,7 +105,7 @@ def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rays:
-    """Measurements to intersect, sorted into groups; every group is one intersection.
+    """Measurements to intersect, sorted by group; every group is one intersection.
 
     Attributes
     ----------
@@ -137,7 +138,7 @@ class Rays:
         return int(self.group.max(initial=-1)) + 1
 
     def select(self, rows: Index, group: Index) -> Rays:
-        """Return some of the measurements in groups of their own."""
+        """Return some of the measurements in new groups."""
         return Rays(
             image_idx=self.image_idx[rows],
             group=group,
@@ -148,7 +149,7 @@ class Rays:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intersections:
-    """Intersected points and how their errors come about.
+    """Intersected points with the parts of their errors.
 
     Attributes
     ----------
@@ -157,11 +158,11 @@ class Intersections:
     v : ndarray, shape (n, 2)
         Residuals, px.
     cov : ndarray, shape (n_groups, 3, 3)
-        A priori: image points, trajectory and calibration.
+        A priori, from image points, trajectory and calibration, m^2.
     by_parameters : ndarray, shape (n_groups, 3, n)
         d(point) / d(columns of the calibration).
     cov_v : ndarray, shape (n, 2, 2)
-        Covariance of the misclosures of single rays: image point and trajectory.
+        Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
         d(v) / d(point).
     """
@@ -175,7 +176,7 @@ class Intersections:
 
 
 def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Measurement:
-    """Return measurements with the cameras and poses of direct georeferencing."""
+    """Return the measurements with the cameras and poses of direct georeferencing."""
     return Measurement(
         cameras=georeferenced.cameras,
         camera_idx=block.images.camera_idx[selected.image_idx],
@@ -200,7 +201,7 @@ def intersect_rays(
     georeferenced : Georeferenced
     selected : Rays
     weights : ndarray, shape (n, 2, 2), optional
-        By default from sigma_px.
+        Weight matrices, px^-2; by default from sigma_px.
     refraction : str
         ``"none"`` or ``"standard"``.
 
@@ -212,7 +213,7 @@ def intersect_rays(
     Raises
     ------
     ValueError
-        For images that the block does not have, or weights of another shape.
+        For images that are not in the block, or weights of another shape.
     """
     expected.places("selected.image_idx", selected.image_idx, len(block.images))
     if weights is not None:
@@ -262,7 +263,7 @@ def _propagated(
     by_interior: Array,
     by_pose: Array,
 ) -> tuple[Array, Array]:
-    """Carry image noise, trajectory and calibration through the gains d(point) / d(v)."""
+    """Propagate image noise, trajectory and calibration through the gains d(point) / d(v)."""
     g, image_idx = georeferenced, selected.image_idx
     from_image = _summed(
         gain @ np.swapaxes(gain, 1, 2) * selected.sigma_px[:, None, None] ** 2, selected

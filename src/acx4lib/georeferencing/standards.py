@@ -9,16 +9,16 @@ from __future__ import annotations
 import csv
 from dataclasses import asdict, dataclass
 from functools import cache
+from importlib import resources
 
 import numpy as np
 from scipy import stats
 
 from acx4lib import expected
-from acx4lib._data import data_path
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
-"""Check points below which a class is not stated."""
+"""Smallest number of check points for which a class is stated."""
 
 NSSDA_AXIS_RATIO = 0.6
 """Smaller over larger horizontal RMSE below which NSSDA gives no formula."""
@@ -35,9 +35,9 @@ class Limit:
     letter : str
         A (best) to D.
     pec : float
-        What 90 % of the errors must not exceed.
+        Limit of 90 % of the errors.
     ep : float
-        What the RMS must not exceed.
+        Limit of the RMS.
     """
 
     letter: str
@@ -56,9 +56,9 @@ class PecPcd:
     plan : str
         Class of the planimetric resultant: A to D, ``none``, or ``not stated, n = ...``.
     plan_by_axis : str
-        The milder practice: class that east and north reach each by itself.
+        The milder practice: the class that both east and north reach, each tested by itself.
     height : str
-        With the scale's standard contour interval.
+        Class for the standard contour interval of the scale.
     """
 
     scale: int
@@ -95,9 +95,9 @@ class Asprs2014:
     horizontal_95, vertical_95 : float
         Accuracies at 95 %, m (the vertical one in open terrain).
     mean_small : bool
-        Mean errors at most a quarter of the RMSE.
+        True where mean errors are at most a quarter of the RMSE.
     survey_sufficient : bool
-        Check points at least three times better than the product.
+        True where check points are at least three times better than the product.
     """
 
     horizontal: str
@@ -110,7 +110,7 @@ class Asprs2014:
 
 @dataclass(frozen=True, kw_only=True)
 class Asprs2023:
-    """ASPRS 2023 classes; the survey's error is part of them.
+    """ASPRS 2023 classes; they include the error of the survey.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class Asprs2023:
     rmse_h, rmse_v, rmse_3d : float
         m; `rmse_h` is that of the planimetric resultant.
     survey_sufficient : bool
-        Check points at least twice as good as the product.
+        True where check points are at least twice as good as the product.
     """
 
     horizontal: str
@@ -133,8 +133,8 @@ class Asprs2023:
 
 @cache
 def _pec_pcd_rows() -> tuple[dict[str, str], ...]:
-    with data_path("standards", "pec_pcd.csv").open(newline="", encoding="utf-8") as file:
-        return tuple(csv.DictReader(file))
+    table = resources.files("acx4lib.georeferencing").joinpath("limits", "pec_pcd.csv")
+    return tuple(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
 
 
 def scales() -> tuple[int, ...]:
@@ -179,7 +179,7 @@ def _limits(scale: int, kind: str) -> tuple[Limit, ...]:
 
 
 def best_class(rms: float, error_90: float, limits: tuple[Limit, ...]) -> str:
-    """Return the best class whose two limits hold, ``none`` where there is none.
+    """Return the best class of which both limits are kept; ``none`` where there is none.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def pec_pcd_precision_test(accuracy: Accuracy, plan: Limit, height: Limit) -> Ax
     ----------
     accuracy : Accuracy
     plan, height : Limit
-        Of the classes to test; each planimetric axis has EP / sqrt(2).
+        Limits of the classes to test; each planimetric axis has EP / sqrt(2).
 
     Returns
     -------
@@ -236,7 +236,7 @@ def pec_pcd_precision_test(accuracy: Accuracy, plan: Limit, height: Limit) -> Ax
 
 
 def nssda(accuracy: Accuracy) -> Nssda:
-    """State the accuracy after NSSDA (FGDC-STD-007.3-1998).
+    """State the accuracy according to NSSDA (FGDC-STD-007.3-1998).
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
 
 
 def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> dict[str, object]:
-    """Return what every standard says, as plain values for `summary.json`.
+    """Return the classes of all standards, as plain values for `summary.json`.
 
     Parameters
     ----------
@@ -338,11 +338,11 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
 
 
 def _state(standard: str, accuracy: Accuracy, reached: str) -> str:
-    """Return what was reached, unless the points are too few to say it."""
+    """Return the class reached; with too few points, that it is not stated."""
     too_few = accuracy.n < MINIMUM_POINTS[standard]
     return f"not stated, n = {accuracy.n}" if too_few else reached
 
 
 def _centimetres(rmse: float) -> str:
-    """Name the smallest whole-centimetre class that holds an RMSE in m."""
+    """Return the name of the smallest whole-centimetre class for an RMSE in m."""
     return f"{np.ceil(round(100 * rmse, 6)):.0f} cm"

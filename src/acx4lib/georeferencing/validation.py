@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import SMALLEST_ANGLE
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
+from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, SurveyedPoints
@@ -29,12 +29,12 @@ from acx4lib.least_squares.covariance import propagate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Differences:
-    """Estimated less surveyed coordinates along the axes of the flight's CRS.
+    """Estimated minus surveyed coordinates along the axes of the flight's CRS.
 
     Attributes
     ----------
     point_idx : ndarray, shape (n,)
-        Into the block's check points.
+        Indices of the block's check points.
     image_idx : ndarray, shape (n, 2)
         First and last image of the intersection.
     n_images : ndarray, shape (n,)
@@ -58,7 +58,7 @@ class Differences:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Validation:
-    """Check points of a block under one method's parameters.
+    """Check points of a block, compared with one method's calibration.
 
     Attributes
     ----------
@@ -70,13 +70,13 @@ class Validation:
     points : Differences
         One per point, from all its rays.
     rejected : tuple of Rejection
-        A control point is one of the block's check points.
+        In these, a ``control_point`` is one of the block's check points.
     n_failed : int
         Pairs whose rays meet at less than 2 degrees, or behind the cameras.
     n_left_out : int
         Check points in fewer than two images, or whose rays meet behind the cameras.
     cost : float
-        Weighted sum of squared residuals of all points' rays, the trajectory's sigma included.
+        Weighted sum of squared residuals of all points' rays; weights include the trajectory.
     redundancy : int
     """
 
@@ -103,26 +103,26 @@ class Validation:
 
     @property
     def chi_square_p(self) -> float:
-        """Two-sided probability of a cost as far from its expectation."""
+        """Two-sided probability of such a cost or a more extreme one."""
         return two_sided_p(self.cost, self.redundancy)
 
 
 def validate(
     block: Block, calibration: Calibration, *, method: str, refraction: str = "none"
 ) -> Validation:
-    """Intersect every check point pair by pair and from all rays, and compare.
+    """Intersect every check point from pairs of rays and from all rays, and compare.
 
-    A measurement that does not fit the point's other rays, three or more in all, is taken out
-    first, and so is a check point that was surveyed nowhere near where its rays meet, while the
-    others were.
+    First, a measurement is rejected if the point has three or more rays and it does not fit the
+    others. Then a check point is rejected if its surveyed position is far from where its rays
+    meet, unlike the other check points.
 
     Parameters
     ----------
     block : Block
-        Its check points are compared.
+        The block with the check points.
     calibration : Calibration
     method : str
-        Name of the calibration in the results; it chooses nothing.
+        Name of the calibration in the results; it has no other effect.
     refraction : str
         ``"none"`` or ``"standard"``.
 
@@ -133,7 +133,7 @@ def validate(
     Raises
     ------
     ValueError
-        Where the calibration lacks a camera, or for a name that results cannot hold.
+        Where the calibration lacks a camera, or the name cannot stand in results.
     """
     expected.one_of("refraction", refraction, REFRACTION)
     expected.text("method", method)
@@ -191,9 +191,9 @@ def _check_measurements(block: Block) -> tuple[Index, Rays]:
 def _fitting(
     block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
 ) -> tuple[Mask, Array]:
-    """Return which measurements fit the other rays of their point, and the w of those that do not.
+    """Return which measurements fit the other rays of their point, and the w of the others.
 
-    The trajectory's sigma is part of the test.
+    The test includes the trajectory's sigma.
     """
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
@@ -229,21 +229,21 @@ def _surveyed_nowhere(
 def _weighted_fit(
     block: Block, georeferenced: Georeferenced, group: Rays, refraction: str
 ) -> tuple[Array, Intersections]:
-    """Intersect with weights that have the trajectory's part."""
+    """Return weights that include the trajectory's sigma, and the intersections with them."""
     first = intersect_rays(block, georeferenced, group, refraction=refraction)
     P = np.linalg.inv(first.cov_v)
     return P, intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
 
 
 def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str) -> Array:
-    """Return the larger of the two standardised residuals of every measurement, shape (n,)."""
+    """Return the larger of the two normalised residuals of every measurement, shape (n,)."""
     P, fit = _weighted_fit(block, georeferenced, group, refraction)
     B = fit.by_point
     normal = np.zeros((group.n_groups, 3, 3))
     np.add.at(normal, group.group, np.swapaxes(B, 1, 2) @ P @ B)
     cov_v = fit.cov_v - B @ np.linalg.inv(normal)[group.group] @ np.swapaxes(B, 1, 2)
     Pv = np.einsum("nij,nj->ni", P, fit.v)
-    # Baarda's w for correlated observations: P v over the root of its own variance
+    # Baarda's w for correlated observations: P v divided by its own standard deviation
     variance = np.diagonal(P @ cov_v @ P, axis1=1, axis2=2)
     controlled = variance > 1e-6 * np.diagonal(P, axis1=1, axis2=2)
     w = np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf))
@@ -253,7 +253,7 @@ def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str)
 def _pairs(
     block: Block, georeferenced: Georeferenced, selected: Rays
 ) -> tuple[tuple[Rays, Index], int]:
-    """Return all pairs of rays of every point that meet, at 2 degrees or more."""
+    """Return the pairs of rays of every point that meet at 2 degrees or more; count the others."""
     a, b = _all_pairs(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
     paired = selected.select(np.column_stack([a, b]).ravel(), group)
@@ -288,7 +288,7 @@ def _all_pairs(group: Index) -> tuple[Index, Index]:
 
 
 def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
-    """Return the rays of some check points in groups without gaps, and the points."""
+    """Return the rays of some check points, with new group numbers, and these points."""
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
     return selected.select(rows, group), points
@@ -317,22 +317,22 @@ def _differences(
 
 
 def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Array, Array]:
-    """Return estimated less surveyed coordinates of check points and their sigma.
+    """Return estimated minus surveyed coordinates of check points and their sigma.
 
     Parameters
     ----------
     block : Block
     x_m : ndarray, shape (n, 3)
-        Estimated, mapping frame.
+        Estimated coordinates, mapping frame, m.
     cov : ndarray, shape (n, 3, 3)
-        Of the estimates, m^2.
+        Their covariances, m^2.
     check_idx : ndarray, shape (n,)
-        Into `block.check`.
+        Indices into `block.check`.
 
     Returns
     -------
     d, sigma : ndarray, shape (n, 3)
-        East, north, height in the flight's CRS, m; sigma has the survey's part.
+        East, north, height in the flight's CRS, m; sigma includes that of the survey.
     """
     x_m = expected.numbers("x_m", x_m, ("n", 3))
     expected.shape("cov", cov, (len(x_m), 3, 3))

@@ -1,8 +1,8 @@
 """Least squares that knows no camera.
 
-Unknowns are of two kinds: the columns of the reduced system, and points, three coordinates each,
-which the observations meet only in small groups and which are eliminated by the Schur
-complement. A `Problem` says what its observations are at a state; everything else is here.
+There are two kinds of unknowns: the columns of the reduced system, and points with three
+coordinates each. An observation depends on one point at most; therefore the Schur complement
+eliminates the points. A `Problem` linearises its observations; everything else is here.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from acx4lib.least_squares.normal_equations import (
 S = TypeVar("S")
 
 STEADY = 0.003
-"""Steps are not trusted to shrink by more than this factor from one to the next."""
+"""Smallest ratio of one step to the step before that the test of convergence assumes."""
 
 
 class Problem(Protocol[S]):
-    """What an adjustment has to know of its application.
+    """What an adjustment needs from its application.
 
     A problem may also have a method ``normals(state, damping)`` that returns `Normals` of its
     own; otherwise they are assembled from its equations.
@@ -59,7 +59,7 @@ class Problem(Protocol[S]):
         ...
 
     def equations(self, state: S) -> Sequence[Equations]:
-        """Linearise at a state; NaN in the residuals of a state that cannot be."""
+        """Return the linearised observations; residuals are NaN at an impossible state."""
         ...
 
     def moved(self, state: S, dx: Array, dp: Array) -> S:
@@ -76,12 +76,12 @@ class Normals(Protocol):
 
     @property
     def cost(self) -> float:
-        """Weighted sum of squared residuals; infinite for a state that cannot be."""
+        """Weighted sum of squared residuals; infinite at an impossible state."""
         ...
 
     @property
     def n_observations(self) -> int:
-        """Components that take part."""
+        """Number of observed components that take part."""
         ...
 
     def step(self) -> tuple[Array, Array, float]:
@@ -89,7 +89,7 @@ class Normals(Protocol):
         ...
 
     def precision(self) -> Precision:
-        """Return covariances, redundancy numbers and tests, undamped."""
+        """Return covariances, residuals and redundancy numbers, all without damping."""
         ...
 
 
@@ -104,10 +104,10 @@ class Solution:
     iterations : int
     n_observations, n_unknowns : int
     inverse : Inverse
-        Of the reduced normal matrix: the covariance of the reduced unknowns for unit weight one
-        (a priori), and what they leave open.
+        Of the reduced normal matrix: the a priori covariance of the reduced unknowns
+        (sigma0 = 1), and the directions that the observations leave open.
     cov_points : ndarray, shape (n_points, 3, 3)
-        A priori; zero for points that are held.
+        A priori covariances; zero for points that are held.
     groups : tuple of Group
     """
 
@@ -134,7 +134,7 @@ class Solution:
 
     @property
     def undetermined(self) -> Mask:
-        """Columns with a part in a direction that is left open, shape (n_columns,)."""
+        """Columns that take part in a direction left open, shape (n_columns,)."""
         return self.inverse.undetermined
 
     @property
@@ -144,7 +144,7 @@ class Solution:
 
     @property
     def weakest(self) -> Array:
-        """Its eigenvector with the smallest eigenvalue, in scaled unknowns."""
+        """Eigenvector of the scaled matrix's smallest eigenvalue, in scaled unknowns."""
         return self.inverse.weakest
 
     @property
@@ -159,7 +159,7 @@ class Solution:
 
     @property
     def chi_square_p(self) -> float:
-        """Two-sided probability of a cost as far from its expectation, were the weights right."""
+        """Two-sided probability of such a cost or a more extreme one, if the weights are right."""
         return two_sided_p(self.cost, self.redundancy)
 
     def group(self, kind: str) -> Group:
@@ -169,14 +169,14 @@ class Solution:
 
 
 def two_sided_p(cost: float, redundancy: int) -> float:
-    """Return the probability of a chi-square variable as far out; one without redundancy."""
+    """Return the two-sided probability of a chi-square value; one without redundancy."""
     if redundancy <= 0:
         return 1.0
     return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
 
 
 def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
-    """Return the normal equations of a problem at a state, its own where it has them."""
+    """Return a problem's normal equations at a state, from its own method if it has one."""
     own: Callable[[S, float], Normals] | None = getattr(problem, "normals", None)
     if own is not None:
         return own(state, damping)
@@ -199,7 +199,7 @@ def solve(
     state : start values
     max_iterations : int
     tolerance : float
-        In standard deviations of the unknowns: of the step that would come next.
+        Largest expected next step at the end, in standard deviations of the unknowns.
 
     Returns
     -------
@@ -212,8 +212,8 @@ def solve(
 
     Notes
     -----
-    Converged when the next full step would move the unknowns by less than `tolerance`, as far as
-    the last two tell, or when rounding lets no step reduce the cost any more.
+    The last two steps predict the size of the next full step. The iteration ends when it would
+    be smaller than `tolerance`, or when rounding errors let no step reduce the cost any more.
     """
     expected.whole("max_iterations", max_iterations)
     expected.positive_number("tolerance", tolerance)
@@ -272,10 +272,10 @@ def _iterate(
 def _descend(
     problem: Problem[S], state: S, here: Normals, *, damping: float, unit: float
 ) -> tuple[S, Normals, float, float] | None:
-    """Damp until a step reduces the cost; None where only rounding is left to reduce.
+    """Damp until a step reduces the cost; return None if only rounding errors remain.
 
-    Returns the new state with its normal equations, the damping that it took, and the decrease
-    that was predicted.
+    Otherwise return the new state, its normal equations, the damping used and the predicted
+    decrease of cost.
     """
     cost = here.cost
     while damping <= 1e12:
@@ -284,12 +284,12 @@ def _descend(
         there = normals(problem, trial, _less(damping))
         if there.cost <= cost:
             return trial, there, damping, decrement
-        # a damped step may also be small because the derivatives are wrong
+        # wrong derivatives lead to strong damping, and this also makes a small step
         little = max(1e-6 * unit, 1e-14)
         if decrement <= little:
             undamped = normals(problem, state).step()[2] if damping else decrement
             if undamped <= max(1e-4 * unit, 1e-14):
-                # so near the minimum the step is better known than the cost
+                # so near the minimum, rounding changes the cost more than the step
                 as_good = damping == 0.0 and there.cost <= cost + little
                 return (trial, there, 0.0, 0.0) if as_good else None
         damping = max(10 * damping, 1e-6)
@@ -299,7 +299,7 @@ def _descend(
 
 
 def _left_open(problem: Problem[S], state: S) -> str:
-    """Return which unknowns the observations leave open, for a message; empty for none."""
+    """Return the part of a message that names the unknowns left open; empty for none."""
     undetermined = normals(problem, state).precision().inverse.undetermined
     names = np.array(problem.column_names(), dtype=object)[undetermined].tolist()
     if not names:
@@ -309,7 +309,7 @@ def _left_open(problem: Problem[S], state: S) -> str:
 
 
 def _less(damping: float) -> float:
-    """Return the damping to go on with after a step that went well."""
+    """Return the damping for the step after a successful one."""
     return damping / 10 if damping > 1e-8 else 0.0
 
 

@@ -1,7 +1,7 @@
 """Reduced normal equations of large blocks: a border, and a band.
 
-The *border* are columns that touch everything; the poses, six columns each, touch their
-neighbours. Of the inverse only the border and the band are computed.
+The columns of the *border* are connected with all others. A pose has six columns, connected
+with its neighbours only: the band. Only border and band of the inverse are computed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.dense import SINGULAR
 
 LARGEST_DENSE = 4000
-"""Unknowns beyond which a singular system is not examined any more."""
+"""Largest number of unknowns for which a singular system is examined."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,12 +28,12 @@ class Bordered:
     Attributes
     ----------
     P : ndarray, shape (n_poses, band, 6, 6)
-        Pose i against pose i + d.
+        ``P[i, d]`` is the block of poses i and i + d.
     C : ndarray, shape (n_border, 6 n_poses)
     D : ndarray, shape (n_border, n_border)
     g : ndarray, shape (n_border + 6 n_poses,)
     diagonal : ndarray, shape (n_border + 6 n_poses,)
-        Before points were eliminated.
+        Diagonal before the points were eliminated.
     """
 
     P: Array
@@ -73,7 +73,7 @@ class BorderedCovariance:
 
     @classmethod
     def of(cls, cov: Array, n_border: int, band: int) -> BorderedCovariance:
-        """Cut it out of a dense matrix."""
+        """Return border and band of a dense matrix."""
         m, n_poses = n_border, (len(cov) - n_border) // 6
         P = np.zeros((n_poses, band, 6, 6))
         blocks = cov[m:, m:].reshape(n_poses, 6, n_poses, 6)
@@ -115,7 +115,7 @@ class Banded:
         return np.concatenate([border, poses])
 
     def solve(self, g: Array) -> Array:
-        """Return the solution, g of shape (n,) or (n, k)."""
+        """Return the solution for right-hand sides g, shape (n,) or (n, k)."""
         scale = self.scale if g.ndim == 1 else self.scale[:, None]
         return scale * self._solve_scaled(scale * g)
 
@@ -169,7 +169,7 @@ def _lower_band(P: Array, scale: Array) -> Array:
         block = P[i, d] * scale[i, :, None] * scale[d:, None, :]
         for a in range(6):  # the column starts at its diagonal
             by_column[i, a, 6 * d + 6 - a : 6 * d + 12 - a] = block[:, a]
-    # left of it stands what belongs to the upper triangle
+    # the entries to the left of the diagonal belong to the upper triangle
     return by_column[:, :, 6 : 6 * band + 6].reshape(6 * n_poses, 6 * band).T
 
 
@@ -228,7 +228,7 @@ class BandedInverse:
 
     @property
     def undetermined(self) -> Mask:
-        """No column: the system would not have been factored."""
+        """No column: a singular system cannot be factored."""
         return np.zeros(len(self.order), dtype=bool)
 
     @cached_property
@@ -239,7 +239,7 @@ class BandedInverse:
 
     @cached_property
     def dense(self) -> Array:
-        """All of it: large."""
+        """The whole inverse, shape (n, n), which is large."""
         solved = self.factored.solve(np.eye(len(self.order)))
         return np.asarray(solved[np.ix_(self._place, self._place)])
 
@@ -255,11 +255,11 @@ class BandedInverse:
 
     @property
     def weakest(self) -> Array:
-        """Eigenvector of its smallest eigenvalue, in scaled unknowns."""
+        """Eigenvector of the scaled matrix's smallest eigenvalue, in scaled unknowns."""
         return self._spectrum[1]
 
     def at(self, rows: Index, columns: Index) -> Array:
-        """Return entries; those outside border and band from the whole inverse."""
+        """Return entries; outside border and band they need the whole inverse."""
         i, j = np.broadcast_arrays(self._place[rows], self._place[columns])
         low, high = np.minimum(i, j), np.maximum(i, j)
         m = len(self.part.D)

@@ -1,4 +1,4 @@
-"""Covariance matrices: carried through a derivative, and what one reads from them."""
+"""Covariance matrices: propagation, standard deviations and correlations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from acx4lib.expected import Array
 
 
 def propagate(J: Array, cov: Array) -> Array:
-    """Return J cov J^T over leading axes.
+    """Return the propagated covariance J cov J^T, over leading axes.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def propagate(J: Array, cov: Array) -> Array:
     Raises
     ------
     ValueError
-        For matrices that do not go together.
+        Where the shapes of the matrices do not match.
     """
     expected.square("cov", cov)
     expected.shape("J", J, (..., "k", cov.shape[-1]))
@@ -34,7 +34,7 @@ def propagate(J: Array, cov: Array) -> Array:
 def sigmas(cov: Array) -> Array:
     """Return the standard deviations of covariance matrices, shape (..., n)."""
     expected.square("cov", cov)
-    # rounding may leave a variance of zero just below it
+    # rounding may make a variance of zero slightly negative
     return np.sqrt(np.maximum(np.diagonal(cov, axis1=-2, axis2=-1), 0.0))
 
 

@@ -1,6 +1,6 @@
-"""The reduced normal equations: solved, inverted, and asked what they leave open.
+"""Dense reduced normal equations: their solution, their inverse, what they leave open.
 
-Here they are dense; `banded_system` has those of large blocks.
+`banded` has those of large blocks.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ class Inverse(Protocol):
 
     @property
     def dense(self) -> Array:
-        """All of it, shape (n, n)."""
+        """The whole covariance matrix, shape (n, n)."""
         ...
 
     @property
     def undetermined(self) -> Mask:
-        """Columns with a part in a direction that is left open, shape (n,)."""
+        """Columns that take part in a direction left open, shape (n,)."""
         ...
 
     @property
@@ -43,7 +43,7 @@ class Inverse(Protocol):
 
     @property
     def weakest(self) -> Array:
-        """Eigenvector of its smallest eigenvalue, in scaled unknowns, shape (n,)."""
+        """Eigenvector of the scaled matrix's smallest eigenvalue, shape (n,), scaled unknowns."""
         ...
 
     def at(self, rows: Index, columns: Index) -> Array:
@@ -53,12 +53,12 @@ class Inverse(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dense:
-    """A dense system, scaled by what its diagonal was before points were eliminated.
+    """A dense system, scaled by the diagonal from before the points were eliminated.
 
     Attributes
     ----------
     N : ndarray, shape (n, n)
-        Lower triangle at least.
+        Normal matrix; its lower triangle is enough.
     diagonal : ndarray, shape (n,)
     """
 
@@ -90,7 +90,7 @@ class Dense:
         return values, vectors
 
     def solve(self, g: Array) -> Array:
-        """Return the solution, the shortest where directions are left open."""
+        """Return the solution; the shortest one where directions are left open."""
         if len(g) == 0:
             return np.zeros(0)
         if self._factor is not None:
@@ -102,7 +102,7 @@ class Dense:
         return np.asarray(self.scale * (part @ ((part.T @ (self.scale * g)) / values[keep])))
 
     def inverse(self) -> DenseInverse:
-        """Return the covariance, the pseudo-inverse where directions are left open."""
+        """Return the inverse; the pseudo-inverse where directions are left open."""
         n, scale = len(self.N), self.scale
         nothing_open = np.zeros(n, dtype=bool)
         if n == 0:
@@ -136,7 +136,7 @@ class DenseInverse:
     defect: int = 0
 
     def reordered(self, order: Index) -> DenseInverse:
-        """Return it for unknowns of which the system's columns are numbers `order`."""
+        """Return the inverse by unknowns: column i of the system is unknown ``order[i]``."""
         place = np.empty(len(order), dtype=np.intp)
         place[order] = np.arange(len(order))
         if np.array_equal(place, np.arange(len(place))):
@@ -158,7 +158,7 @@ class DenseInverse:
 
     @property
     def weakest(self) -> Array:
-        """Eigenvector of its smallest eigenvalue, in scaled unknowns."""
+        """Eigenvector of the scaled matrix's smallest eigenvalue, in scaled unknowns."""
         if len(self.dense) == 0:
             return np.zeros(0)
         weakest = self.system.spectrum[1][:, 0]
@@ -169,5 +169,5 @@ class DenseInverse:
         return out
 
     def at(self, rows: Index, columns: Index) -> Array:
-        """Return entries."""
+        """Return the entries at two arrays of columns."""
         return self.dense[rows, columns]

@@ -8,7 +8,7 @@ from acx4lib.expected import Array, Index
 
 
 def medians(values: Array, group: Index, n_groups: int) -> Array:
-    """Return the (lower) medians of groups, zero for an empty one; NaN counts as infinite."""
+    """Return the (lower) median of each group; zero for an empty one, NaN counts as infinite."""
     order = np.lexsort((values, group))
     count = np.bincount(group, minlength=n_groups)
     middle = np.cumsum(count) - count + (count - 1) // 2

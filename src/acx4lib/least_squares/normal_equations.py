@@ -1,6 +1,6 @@
 """Normal equations, assembled unit by unit and point by point; no camera, no iteration.
 
-This is the plain version, for any problem; `network_normals` is compiled for image points.
+This is the plain version, for any problem; `bundle.compiled.normals` is for image points.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Equations:
     Attributes
     ----------
     kind : str
-        For reports.
+        Name for reports.
     v, sigma : ndarray, shape (m, d)
         An infinite sigma takes a component out.
     A : ndarray, shape (m, d, k)
@@ -57,8 +57,8 @@ class Group:
     ----------
     kind : str
     v, sigma, redundancy : ndarray, shape (m, d)
-        `redundancy` is the share of an error that shows in its own residual; NaN where the
-        component takes no part.
+        The redundancy number is the share of an error that shows in its own residual; NaN
+        where the component takes no part.
     """
 
     kind: str
@@ -73,7 +73,7 @@ class Group:
 
     @cached_property
     def w(self) -> Array:
-        """Baarda's standardised residuals with the a priori sigma; NaN where nothing controls."""
+        """Baarda's normalised residuals, a priori sigma; NaN where no observation controls them."""
         w = np.full_like(self.v, np.nan)
         controlled = self.used & (self.redundancy > 1e-6)
         sigma, redundancy = self.sigma[controlled], self.redundancy[controlled]
@@ -82,7 +82,7 @@ class Group:
 
     @classmethod
     def of(cls, e: Equations, explained: Array) -> Group:
-        """Return the group of some equations.
+        """Return the residuals of a group of equations.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Precision:
-    """What the normal equations say of an adjustment.
+    """Covariances, residuals and redundancy numbers from the normal equations.
 
     Attributes
     ----------
@@ -113,8 +113,8 @@ class Precision:
 
 
 def cost_of(groups: Iterable[tuple[Array, Array]]) -> float:
-    """Return the weighted sum of squares of v with sigma; infinite where one is not finite."""
-    with np.errstate(over="ignore"):  # of a wild step
+    """Return the weighted sum of squares of (v, sigma); infinite where it is not finite."""
+    with np.errstate(over="ignore"):  # after a very large step
         cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
     return cost if np.isfinite(cost) else np.inf
 
@@ -133,7 +133,7 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
 
 
 def units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
-    """Yield the rows of every unit, its columns in the reduced system, and which are held."""
+    """Yield each unit's rows, its free columns in the reduced system, and which are held."""
     if e.A.shape[2] == 0:
         return
     order = np.argsort(e.unit, kind="stable")
@@ -224,7 +224,7 @@ class PlainNormals:
 
     @cached_property
     def n_observations(self) -> int:
-        """Components that take part."""
+        """Number of observed components that take part."""
         return sum(int(np.isfinite(e.sigma).sum()) for e in self.equations)
 
     def step(self) -> tuple[Array, Array, float]:
@@ -254,7 +254,7 @@ class PlainNormals:
         return dx, dp, decrement
 
     def precision(self) -> Precision:
-        """Return covariances, redundancy numbers and tests, undamped."""
+        """Return covariances, residuals and redundancy numbers, all without damping."""
         n, free_points = self.n_columns, self.free_points
         N, _ = column_normals(n, self.equations)
         diagonal = N.diagonal().copy()
@@ -284,7 +284,7 @@ class PlainNormals:
 def _add_explained_by_points(
     total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
 ) -> None:
-    """Add to the variance of adjusted observations what depends on the chunk's points."""
+    """Add the chunk's points' part to the variance of the adjusted observations."""
     if e.B is None or e.point is None:
         return
     rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))

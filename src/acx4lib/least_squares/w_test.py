@@ -1,4 +1,4 @@
-"""Tests of single observations: Baarda's w and Pope's tau, of those taken out too."""
+"""Tests of single observations, also of rejected ones: Baarda's w and Pope's tau."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.normal_equations import Group
 
 OUT = 1e4
-"""Factor on the sigma of an observation that is out: it has no effect, but a prediction."""
+"""Factor on the sigma of a rejected observation: no effect, but its residual is computed."""
 
 CONTROLLED = 1e-4
-"""Redundancy below which the others say nothing of an observation."""
+"""Redundancy number below which the other observations do not control an observation."""
 
 FEW = 20
 """Number of w below which their spread is not judged."""
 
 MEDIAN_SIGMA = 1.17
-"""Standard deviation of a spread from the median size of w, times the root of their number."""
+"""Standard deviation of a spread from the median of n values |w|, times sqrt(n)."""
 
 
 def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
-    """Return the test statistics of a group: of what takes part, and of what is out.
+    """Return the test statistics of a group's observations, used and rejected ones.
 
     Parameters
     ----------
     group : Group
-        Adjusted with `OUT` times the sigma of what is out.
+        Adjusted with `OUT` times the sigma of rejected observations.
     out : ndarray
-        Of the group's shape, or one that spreads over it.
+        Mask of rejected components; it is broadcast to the group's shape.
 
     Returns
     -------
     w : ndarray, shape (m, d)
-        Size of w; of what is out, the one that it would have if it alone took part. That is the
-        residual against the prediction from the others over their common standard deviation.
+        Absolute value of w. A rejected component is tested as if it alone were used again: its
+        difference from the prediction by the others, over the sigma of this difference.
     controlled : ndarray, shape (m, d)
-        Where the others say something of it.
+        Components that the other observations control.
     """
     explained = np.maximum(1 - group.redundancy, 0.0) * group.sigma**2
     sigma_sq = np.square(np.where(out, group.sigma / OUT, group.sigma))
@@ -51,14 +51,14 @@ def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
 
 
 def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
-    """Return the limit of w for each group, in units of its spread where that is more than one.
+    """Return the limit of |w| for each group, times the spread of w where that exceeds one.
 
     Parameters
     ----------
     groups, outs
         As in `statistics`.
     critical : float
-        Of a normal variable.
+        Critical value of a normal variable.
     """
     return [
         critical * _excess(np.where(out, np.nan, group.w))
@@ -67,7 +67,7 @@ def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> 
 
 
 def _excess(w: Array) -> float:
-    """Return by how much the spread of w exceeds one; one where chance alone may do so."""
+    """Return the spread of w where it exceeds one by more than chance explains; else one."""
     known = np.abs(w[np.isfinite(w)])
     if len(known) < FEW:
         return 1.0
@@ -76,7 +76,7 @@ def _excess(w: Array) -> float:
 
 
 def tau_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
-    """Return the limit of w for each group, the same for all: tau's, in units of sigma0.
+    """Return the limit of |w| for each group: the critical tau times sigma0, the same for all.
 
     Parameters
     ----------
@@ -93,14 +93,16 @@ def tau_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -
 
 
 def critical_tau(critical: float, redundancy: float) -> float:
-    """Return the critical value of tau as probable as one of a normal variable.
+    """Return the critical tau with the probability of a normal variable's critical value.
+
+    Infinite for a redundancy of one or less, as tau is then always one.
 
     Parameters
     ----------
     critical : float
-        Of a normal variable, two-sided.
+        Critical value of a normal variable, two-sided.
     redundancy : float
-        Degrees of freedom of sigma0; infinite where there is one or less, as tau is then one.
+        Degrees of freedom of sigma0.
 
     Notes
     -----

@@ -21,7 +21,13 @@ from acx4lib.production.head_images import HeadImages, read_heads
 from acx4lib.production.image_files import fingerprint
 from acx4lib.production.tiff import COMPRESSIONS, TILE, Format, write, write_preview
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
-from acx4lib.synthetic_image.rendering import Interpolation, RenderPlan, render_plan, render_rows
+from acx4lib.synthetic_image.rendering import (
+    FEATHER_PX,
+    Interpolation,
+    RenderPlan,
+    render_plan,
+    render_rows,
+)
 from acx4lib.synthetic_image.response import Response, estimate_response
 from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.refinement import refine_by_rotations
@@ -73,7 +79,7 @@ class RenderOptions:
     """
 
     blend: str = "feather"
-    feather_px: float = 150.0
+    feather_px: float = FEATHER_PX
     interpolation: Interpolation = "bilinear"
     equalise: str = "flight"
     refine: str = "flight"

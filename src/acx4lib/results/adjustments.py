@@ -14,7 +14,7 @@ from acx4lib.bundle.variance_components import as_json, components, sentences
 from acx4lib.calibration import determination, gnss_shift
 from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
 from acx4lib.results import folder as results
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
@@ -32,7 +32,7 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
 )
 """What summary.json says of every adjustment, where there was none."""
 
-OPTIONAL = ("two_step", "two_step_gnss", "rig")
+OPTIONAL = (*TWO_STEP, "rig")
 """Methods that need more than a flight must give: their gaps end no run."""
 
 
@@ -107,7 +107,7 @@ def of_bundle(
     unknown = [f"{key}: {line}" for line in open_lines]
     found = components(bundle, applied=applied)
     # a lever arm that is held makes sigma look wrong that are not
-    judged = () if method.startswith("two_step") else found
+    judged = () if method in TWO_STEP else found
     entry: dict[str, object] = {
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
@@ -122,7 +122,7 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
-        "notes": [*_notes(key, bundle), *(f"{key}: {line}" for line in sentences(judged))],
+        "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],
     }
     return Record(
         stage=stage,
@@ -132,13 +132,13 @@ def of_bundle(
     )
 
 
-def _notes(key: str, bundle: Bundle) -> list[str]:
+def _notes(method: str, bundle: Bundle) -> list[str]:
     """Return what a user should know of an adjustment, in sentences."""
     notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over what the single step rejected, and this was said of it
-    if n_rejected > MANY_REJECTED * n_measured and "two_step" not in key:
+    if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = height_scale(bundle)
     if abs(scale - 1) > SCALE_LIMIT:
@@ -146,7 +146,7 @@ def _notes(key: str, bundle: Bundle) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    return [f"{key}: {note}" for note in (*notes, *gnss_shift.notes(bundle))]
+    return [*notes, *gnss_shift.notes(bundle)]
 
 
 def height_scale(bundle: Bundle) -> float:

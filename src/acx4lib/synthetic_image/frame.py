@@ -1,8 +1,8 @@
 """The geometry of the synthetic image (section 2.1, Table 2, Figure 1).
 
 The synthetic image is the plane Z = 0 of the frame `s`, x right, y up, in mm from the middle of
-the image; its perspective centre stands at (0, 0, f). A head stands at (Xc, Yc, Zc) over that
-plane and sees a synthetic point (X, Y, 0) by eqs (1)-(11).
+the image; its perspective centre is (0, 0, f). A head's perspective centre is (Xc, Yc, Zc), and
+it sees a synthetic point (X, Y, 0) by eqs (1)-(11).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Coverage:
         Nodes over the synthetic image, mm.
     seen : ndarray, shape (n_heads, rows, cols)
     share : ndarray, shape (n_heads + 1,)
-        Share of the image that 0, 1, ... heads see.
+        Share of the image that is seen by 0, 1, ... heads.
     """
 
     xy: Array
@@ -45,15 +45,15 @@ def head_pose(orientation: RelativeOrientation, k: int) -> Pose:
 
 
 def head_from_synthetic(orientation: RelativeOrientation, k: int, xy: Array) -> Array:
-    """Return where a head sees points of the synthetic image.
+    """Return the pixel coordinates of synthetic image points in a head, eqs (1)-(11).
 
     Parameters
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     xy : ndarray, shape (n, 2)
-        Synthetic image, mm.
+        Points of the synthetic image, mm.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def head_from_synthetic(orientation: RelativeOrientation, k: int, xy: Array) -> 
     Raises
     ------
     ValueError
-        For a head that is not there, or points of another shape.
+        For an unknown head, or points of another shape.
     """
     xy = expected.numbers("xy", xy, ("n", 2))
     T, camera = head_pose(orientation, k), orientation.heads[k]
@@ -88,7 +88,7 @@ def synthetic_from_head(orientation: RelativeOrientation, k: int, colrow: Array)
 def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) -> Array:
     """Return the outline of a head in the synthetic image, shape (4 per_side + 1, 2), mm.
 
-    Outer pixel edges, from the head's upper-left corner clockwise, closed.
+    It follows the outer pixel edges from the upper-left corner clockwise, and is closed.
     """
     expected.place("k", k, len(orientation.heads))
     expected.whole("per_side", per_side)
@@ -103,7 +103,7 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:
-    """Return which heads see the nodes of a grid over the synthetic image, borders included."""
+    """Return which heads see the nodes of a grid over the synthetic image and its borders."""
     expected.whole("spacing_px", spacing_px)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(0, w - 1, max(w // spacing_px, 1) + 1)
@@ -123,13 +123,13 @@ def coverage(
 
 
 def reduced_camera(camera: Camera, k: int) -> Camera:
-    """Return a camera whose image has 1/k of the size, as if k x k pixels were one.
+    """Return a camera whose image has 1/k of the size: k x k pixels become one.
 
     Parameters
     ----------
     camera : Camera
     k : int
-        Where it does not divide the size, the image covers the middle of the sensor.
+        If it does not divide the size, the image covers the middle of the sensor.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Grey values of the same ground in two heads, from patches of their overlaps."""
+"""Ratios of grey values of the same ground in two heads, from patches of their overlaps."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Image = np.ndarray
 """A head's image: uint8 or uint16, shape (rows, cols, bands)."""
 
 POINTS = 20_000
-"""Samples of an overlap."""
+"""Number of samples of an overlap."""
 
 DARK_DN = 16.0
-"""Mean of a patch below which counting noise and offsets are too much of it."""
+"""Mean of a patch below which photon noise and offsets are a too large part of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,13 +33,13 @@ class Samples:
     ----------
     head_a, head_b : int
     xy : ndarray, shape (n, 2)
-        Where, mm in the synthetic image.
+        Positions in the synthetic image, mm.
     q_a, q_b : ndarray, shape (n,)
-        Squared distance from the middle of the head's image over that of its corner.
+        Squared distance from the middle of the head's image, divided by that of its corner.
     log_ratio : ndarray, shape (n, n_bands)
-        Of the means of a patch, a over b; NaN where it is saturated or dark.
+        Logarithm of the ratio of a patch's means, a over b; NaN if it is saturated or dark.
     saturated, dark : ndarray, shape (n, n_bands)
-        Why samples are left out.
+        The samples left out for these two reasons.
     """
 
     head_a: int
@@ -53,13 +53,13 @@ class Samples:
 
 
 def corner_share(camera: Camera, colrow: Array) -> Array:
-    """Return q, the squared distance from the middle of the image over that of its corner.
+    """Return q, the squared distance from the middle of the image divided by the corner's.
 
     Parameters
     ----------
     camera : Camera
     colrow : ndarray, shape (..., 2)
-        Pixels; outer pixel edges are the corner.
+        Pixels; the corner is that of the outer pixel edges.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def overlap_samples(
     expected.whole("n_points", n_points)
     images = [with_bands(image) for image in images]
     _check_images(images, orientation)
-    # patches of reduced images cover more ground already
+    # patches of reduced images cover more ground, so fewer pixels are enough
     patch = 5 if max(images[0].shape) >= 4000 else 3
     out = []
     for a, b in combinations(range(len(images)), 2):
@@ -125,7 +125,7 @@ def _points(
     n_points: int,
     patch: int,
 ) -> Array:
-    """Return points that two heads see with the whole of their patches, shape (n, 2), mm."""
+    """Return points whose whole patches are seen by both heads, shape (n, 2), mm."""
     half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
     outlines = [footprint(orientation, k, per_side=8) for k in pair]
     low = np.max([-half, *(outline.min(axis=0) for outline in outlines)], axis=0)
@@ -138,14 +138,14 @@ def _points(
         camera, colrow = orientation.heads[k], head_from_synthetic(orientation, k, xy)
         last = np.array([camera.width_px, camera.height_px]) - 1
         seen &= np.all((colrow >= patch) & (colrow <= last - patch), axis=1)
-    # more patches than the overlap has room for would count the same pixels twice
+    # the patches must not overlap, or the same pixels would count twice
     room = np.prod((high - low) / synthetic.pixel_mm) * seen.mean() / patch**2
     return xy[seen][: min(n_points, int(room))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Patches:
-    """Grey values of one head around points: mean, and which are saturated, (n, n_bands)."""
+    """Grey values of one head's patches: their mean, and which are saturated, (n, n_bands)."""
 
     colrow: Array
     mean: Array
@@ -160,7 +160,7 @@ def _patches(
     synthetic: Camera,
     patch: int,
 ) -> _Patches:
-    """Return means over patch x patch pixels of the synthetic image: of the same ground."""
+    """Return means over patch x patch synthetic pixels, which show both heads' same ground."""
     step = synthetic.pixel_mm * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     here, right, up = (head_from_synthetic(orientation, k, xy + s) for s in step)
     offset = np.arange(patch) - (patch - 1) / 2
@@ -181,8 +181,8 @@ def _patches(
 def _saturation(values: Image) -> Array:
     """Return the grey value from which pixels are saturated, shape (n_bands,).
 
-    That of the type; or the largest found where it stands out by its number: heads clip below
-    the type's end, too.
+    It is the largest value of the data type, or the largest value found if it is unusually
+    frequent, as some heads clip at a smaller value.
     """
     levels = np.full(values.shape[-1], float(np.iinfo(values.dtype).max))
     for band, level in enumerate(levels):

@@ -1,4 +1,4 @@
-"""Where the heads see the pixels of the synthetic image: exact nodes of a grid, cells between."""
+"""Positions of synthetic pixels in the heads: exact at the nodes of a grid, bilinear between."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from acx4lib.geometry.camera import Camera, inside, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic
 
 TOLERANCE = 0.0006
-"""How far a position between nodes may be off, px; rounding to 16 bits then outweighs it."""
+"""Largest allowed error of a position between nodes, px: less than rounding to 16 bits."""
 
 STEPS = (16, 8, 4, 2)
-"""Pixels from node to node that are tried for it."""
+"""Distances of the nodes, px, that are tried for it."""
 
 DEGREE = 16
-"""Of the polynomial through positions; those of aerial lenses need less."""
+"""Degree of the polynomial through positions; aerial lenses need less."""
 
 EXACT = 1e-7
-"""How well it must have them, px."""
+"""Largest allowed error of this polynomial, px."""
 
-COARSE = 8  # every so manieth node tells whether those around it are worth computing
+COARSE = 8  # every eighth node is tested first, to decide whether its neighbours are computed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeadMap:
-    """Where one head sees the nodes of a grid over another image.
+    """Positions in one head's image of the nodes of a grid over another image.
 
-    A node stands at every `step_px`-th pixel from the first on, and the last node behind the
-    last pixel. Between nodes positions are bilinear. Any geometry may fill the nodes.
+    There is a node at every `step_px`-th pixel from the first on; the last node lies behind the
+    last pixel. Between nodes positions are bilinear. Nodes may come from any geometry.
 
     Attributes
     ----------
@@ -63,9 +63,9 @@ class HeadMap:
 
 
 def fitting_step(orientation: RelativeOrientation, synthetic: Camera) -> int:
-    """Return how far apart nodes may stand for positions to be right to `TOLERANCE`.
+    """Return the largest distance of nodes, px, for which position errors are below `TOLERANCE`.
 
-    The error of a position, px, grows with the step squared, and with the size of a pixel: an
+    The error of a position, px, is proportional to the squared step and to the pixel size. So an
     image at 1/4 of the size needs half the step.
 
     Parameters
@@ -80,7 +80,7 @@ def fitting_step(orientation: RelativeOrientation, synthetic: Camera) -> int:
 
 
 def _largest_error(orientation: RelativeOrientation, synthetic: Camera, step: int) -> float:
-    """Return the largest error in the middle of cells all over the image, px."""
+    """Return the largest position error in the middle of cells all over the image, px."""
     size = np.array([synthetic.width_px, synthetic.height_px])
     corners = [np.unique(np.linspace(0, n, 40).astype(int) // step * step) for n in size]
     first = np.stack(np.meshgrid(*corners), axis=-1).reshape(-1, 2)
@@ -98,16 +98,16 @@ def _largest_error(orientation: RelativeOrientation, synthetic: Camera, step: in
 def head_map(
     orientation: RelativeOrientation, k: int, synthetic: Camera, *, step_px: int = 16
 ) -> HeadMap:
-    """Return where a head sees the synthetic image.
+    """Return the map from the synthetic image to a head.
 
-    With the heads of Table 1 a step of 16 px leaves errors below 0.0022 px between the nodes,
-    which grow with the step squared.
+    With the heads of Table 1 and a step of 16 px, errors between the nodes are below 0.0022 px;
+    they are proportional to the squared step.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     synthetic : Camera
     step_px : int
         Synthetic pixels from node to node.
@@ -115,7 +115,7 @@ def head_map(
     Returns
     -------
     HeadMap
-        Exact at its nodes; these are NaN where they are far outside the head's sensor.
+        Exact at its nodes; those far outside the head's sensor are NaN.
     """
     window = (0, synthetic.height_px, 0, synthetic.width_px)
     return window_map(orientation, k, synthetic, window, step_px=step_px)
@@ -129,16 +129,16 @@ def window_map(
     *,
     step_px: int = 16,
 ) -> HeadMap:
-    """Return where a head sees a part of the synthetic image, as if the part were all of it.
+    """Return the map from a part of the synthetic image to a head; its nodes begin at the part.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     synthetic : Camera
     window : tuple of int
-        First row, row behind the last, first column, column behind the last.
+        First row, row after the last, first column, column after the last.
     step_px : int
         Synthetic pixels from node to node.
     """
@@ -163,16 +163,16 @@ def window_map(
 
 
 def _positions(orientation: RelativeOrientation, k: int, x: Array, y: Array, wanted: Mask) -> Array:
-    """Return where a head sees the nodes of a grid, shape (rows, cols, 2).
+    """Return the positions of a grid's nodes in a head, px, shape (rows, cols, 2).
 
-    The map is smooth: a polynomial through few points of it is as good as the map itself, and
-    much quicker. Where a few nodes say that it is not, all are computed.
+    The map is smooth. Therefore a polynomial through few points is as good as the map itself, and
+    much faster. A few nodes are used to check it; if it is not good enough, all are computed.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     x, y : ndarray, shape (cols,), (rows,)
         mm.
     wanted : ndarray of bool, shape (rows, cols)
@@ -185,7 +185,7 @@ def _positions(orientation: RelativeOrientation, k: int, x: Array, y: Array, wan
         some = np.linspace(0, len(rows) - 1, DEGREE**2).astype(int)
         rows, cols = rows[some], cols[some]
         error = np.abs(found[rows, cols] - _exact(orientation, k, x[cols], y[rows]))
-        if error.max() < EXACT:  # never of what is not a number
+        if error.max() < EXACT:  # False for NaN
             return found
     found = np.full((len(y), len(x), 2), np.nan)
     rows, cols = np.nonzero(wanted)
@@ -194,13 +194,13 @@ def _positions(orientation: RelativeOrientation, k: int, x: Array, y: Array, wan
 
 
 def _exact(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Array:
-    """Return where a head sees points x, y of the synthetic image, shape (..., 2)."""
+    """Return the positions of points x, y of the synthetic image in a head, px, (..., 2)."""
     xy = np.stack([x, y], axis=-1)
     return head_from_synthetic(orientation, k, xy.reshape(-1, 2)).reshape(xy.shape)
 
 
 def _through_points(at: Array) -> tuple[Array, Array]:
-    """Return where a polynomial takes its values, and what they count at given places.
+    """Return the points of an interpolating polynomial, and their weights at given positions.
 
     Parameters
     ----------
@@ -221,20 +221,20 @@ def _through_points(at: Array) -> tuple[Array, Array]:
 
 
 def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Mask:
-    """Tell which nodes a head may see, or lie in a cell of which it may see a part.
+    """Tell which nodes a head may see, and which belong to a cell that it may see in part.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     x, y : ndarray, shape (cols,), (rows,)
         Synthetic image, mm.
     """
     camera = orientation.heads[k]
     rows, cols = (np.unique(np.r_[0:n:COARSE, n - 1]) for n in (len(y), len(x)))
     colrow = _exact(orientation, k, *np.meshgrid(x[cols], y[rows]))
-    # what lies in a coarse cell is no farther from its corners than twice its longest side
+    # a point of a coarse cell is at most twice its longest side away from its corners
     sides = [np.abs(np.diff(colrow, axis=axis)).ravel() for axis in (0, 1)]
     reach = 2 * np.nanmax(np.concatenate([*sides, [0.0]]))
     size = np.array([camera.width_px, camera.height_px])
@@ -251,14 +251,14 @@ def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -
 def levelled(head: HeadMap) -> HeadMap:
     """Return a map that is right on the average of each cell instead of at its nodes.
 
-    Between exact nodes a bilinear position is off to one side everywhere, by h^2 / 12 times the
-    second derivatives on average. Nodes moved by that leave less than half of the error (root
-    mean square), and two thirds of the largest.
+    Between exact nodes, bilinear positions all have an error to the same side, on average
+    h^2 / 12 times the second derivatives. Moving the nodes by it reduces the RMS error to less
+    than half, and the largest error to two thirds.
 
     Parameters
     ----------
     head : HeadMap
-        Exact at its nodes.
+        A map that is exact at its nodes.
     """
     nodes = head.nodes
     moved = nodes.copy()
@@ -271,12 +271,12 @@ def levelled(head: HeadMap) -> HeadMap:
 
 
 def _n_nodes(n_px: int, step_px: int) -> int:
-    """Return how many nodes enclose a line of pixels."""
+    """Return the number of nodes that enclose a line of pixels."""
     return -(-n_px // step_px) + 1
 
 
 def between_nodes(head: HeadMap, rows: Array, cols: Array) -> Array:
-    """Return the bilinear positions at rows x columns of the grid's image.
+    """Return the bilinear positions, in the head, of rows x columns of the grid's image.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def between_nodes(head: HeadMap, rows: Array, cols: Array) -> Array:
     Returns
     -------
     colrow : ndarray, shape (n, m, 2)
-        Of the head; NaN in cells with a node that is NaN.
+        Pixels of the head; NaN in cells with a node that is NaN.
     """
     i, t = _cell(rows, head.step_px, head.nodes.shape[0])
     j, s = _cell(cols, head.step_px, head.nodes.shape[1])
@@ -298,6 +298,6 @@ def between_nodes(head: HeadMap, rows: Array, cols: Array) -> Array:
 
 
 def _cell(at: Array, step_px: int, n: int) -> tuple[np.ndarray, Array]:
-    """Return the node before a place, and the place's share of the way to the next."""
+    """Return the node before each position, and the fraction of the way to the next node."""
     before = np.clip(at // step_px, 0, n - 2).astype(np.intp)
     return before, at / step_px - before

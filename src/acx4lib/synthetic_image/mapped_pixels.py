@@ -1,4 +1,4 @@
-"""Images that are mapped from their files: what was read of them can be forgotten."""
+"""Images mapped from their files: memory of pixels that were read can be given back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def mapped_file(image: np.ndarray) -> mmap.mmap | None:
-    """Return the mapping that an image lies in; None where it lies in memory."""
+    """Return the file mapping of an image; None for an image in memory."""
     base: object = image
     while isinstance(base, np.ndarray | memoryview):
         base = base.base if isinstance(base, np.ndarray) else base.obj
@@ -16,10 +16,10 @@ def mapped_file(image: np.ndarray) -> mmap.mmap | None:
 
 
 def forget(image: np.ndarray) -> None:
-    """Give back the memory of mapped pixels; they are read again where they are needed.
+    """Give back the memory of mapped pixels; they are read again when they are needed.
 
-    An image that lies in memory stays as it is. Four heads of an aerial camera are more than
-    what a renderer should hold at a time.
+    An image in memory is not changed. The images of four aerial heads are too large to be held in
+    memory during rendering.
     """
     mapped = mapped_file(image)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,37 +21,33 @@ from acx4lib.synthetic_image.compiled.blend_weights import Heads, Recipe, Window
 from acx4lib.synthetic_image.compiled.pixel_lanes import MOST_BANDS, method_number
 from acx4lib.synthetic_image.compiled.resampling import resample_cells
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
+from acx4lib.synthetic_image.response import Response
 
 Interpolation = Literal["bilinear", "cubic"]
 
+FEATHER_PX = 150.0
+"""Usual width of the blend of two heads, px of a head at full size."""
+
 STRIPE = 1024  # rows that are rendered at a time; more would not be faster
-CELLS = 32  # columns of cells that a thread takes at a time; fewer cost more than they make even
-
-
-class HasCoefficients(Protocol):
-    """The response of heads, `response.Response`."""
-
-    @property
-    def coefficients(self) -> Array:
-        """g, a, b of exp(g + a q + b q^2), shape (n_heads, n_bands, 3)."""
+CELLS = 32  # columns of cells that a thread takes at a time; with fewer, handing out costs more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderPlan:
-    """All that an image is rendered by, but the images of the heads.
+    """Everything needed to render an image, except the images of the heads.
 
     Attributes
     ----------
     maps : tuple of HeadMap
-        One of each head, with nodes at the same pixels.
+        One for each head, with nodes at the same pixels.
     width_px, height_px : int
         Size of the image.
     coefficients : ndarray, shape (n_heads, n_bands, 3), or None
-        g, a, b: a head's numbers are those of the scene times exp(g + a q + b q^2), q the
-        squared distance from the middle of the head's image, 1 at its corners. None for 1.
+        g, a, b. A head's grey values are those of the scene times exp(g + a q + b q^2), where q
+        is the squared distance from the middle of the head's image, 1 at its corners. None: 1.
     feather_px : float
-        Where heads overlap, they blend over so many pixels of theirs on either side of the line
-        that is equally far from their borders; 0 makes that line a hard seam.
+        Heads blend on both sides of the line at the same distance from their borders, over this
+        number of pixels of theirs; 0 makes this line a hard seam.
     interpolation : str
         ``"bilinear"``, or ``"cubic"`` after Catmull and Rom, which is sharper.
     """
@@ -60,7 +56,7 @@ class RenderPlan:
     width_px: int
     height_px: int
     coefficients: Array | None = None
-    feather_px: float = 150.0
+    feather_px: float = FEATHER_PX
     interpolation: Interpolation = "bilinear"
 
     def __post_init__(self) -> None:
@@ -89,8 +85,8 @@ def render_plan(
     orientation: RelativeOrientation,
     synthetic: Camera,
     *,
-    response: HasCoefficients | None = None,
-    feather_px: float = 150.0,
+    response: Response | None = None,
+    feather_px: float = FEATHER_PX,
     interpolation: Interpolation = "bilinear",
     step_px: int | None = None,
 ) -> RenderPlan:
@@ -99,12 +95,12 @@ def render_plan(
     Parameters
     ----------
     orientation : RelativeOrientation
-        Heads as large as their images.
+        Its heads have the size of the images.
     synthetic : Camera
     response : Response, optional
-        By which the heads are equalised.
+        Response by which the heads are equalised.
     feather_px, interpolation
-        Of `RenderPlan`.
+        As in `RenderPlan`.
     step_px : int, optional
         Pixels from node to node of the maps; `head_map.fitting_step` by default.
 
@@ -144,36 +140,36 @@ def render_rows(
 ) -> np.ndarray:
     """Return some rows of the image.
 
-    The same bytes, however the image is cut into rows and on however many threads.
+    The result does not depend on the division into rows or on the number of threads.
 
     Parameters
     ----------
     plan : RenderPlan
     images : sequence of ndarray, shape (rows, cols, bands)
-        Of the heads, in the order of the plan: uint8 or uint16, 1 to 4 bands, contiguous; they
-        may be mapped from files.
+        Images of the heads in the order of the plan: uint8 or uint16, 1 to 4 bands, contiguous;
+        they may be mapped from files.
     start, stop : int
-        The first row, and the one behind the last. Cells that are cut cost as much as whole
-        ones, so multiples of the plan's step are best.
+        First row, and row after the last. A part of a cell takes as long as a whole one, so
+        multiples of the plan's step are best.
     threads : int, optional
-        As many as there are cores by default.
+        Number of threads; by default one per core.
 
     Returns
     -------
     ndarray, shape (stop - start, width, bands)
-        Of the images' type. 0 where no head sees; a head sees what lies inside the outer edges
-        of its pixels, and beyond their centres the outermost pixels go on.
+        Same type as the images; 0 where no head sees. A head sees everything inside the outer
+        edges of its pixels; the outermost pixels are extended to these edges.
 
     Raises
     ------
     ValueError
-        Where the images are not what the plan is for.
+        Where the images do not match the plan.
 
     Notes
     -----
-    Weight of head k: max(0, min(d_k, d_k - d_max + feather_px)) with d the distance from a
-    head's border, px, divided by the sum over the heads. Results are rounded to the nearest,
-    never stretched. A sample between saturated pixels is saturated, whatever the response.
+    The weight of head k is max(0, min(d_k, d_k - d_max + feather_px)), divided by the sum over
+    the heads; d is the distance from a head's border, px. Results are rounded to the nearest
+    number and never stretched. A sample between saturated pixels remains saturated.
     """
     expected.place("stop", stop, plan.height_px + 1)
     expected.place("start", start, stop + 1)
@@ -192,7 +188,7 @@ def resample(
     synthetic: Camera,
     window: tuple[int, int, int, int],
 ) -> tuple[Array, Mask]:
-    """Return one head in the synthetic geometry, as it is: no response, no rounding.
+    """Return one head's image in the synthetic geometry, neither equalised nor rounded.
 
     Parameters
     ----------
@@ -200,10 +196,10 @@ def resample(
         As for `render_rows`.
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     synthetic : Camera
     window : tuple of int
-        First row, row behind the last, first column, column behind the last.
+        First row, row after the last, first column, column after the last.
 
     Returns
     -------
@@ -225,7 +221,7 @@ def resample(
 
 
 def _require_images(plan: RenderPlan, images: Sequence[np.ndarray]) -> None:
-    """Raise a ValueError where images do not go with a plan or with each other."""
+    """Raise a ValueError where images do not match a plan or each other."""
     if len(images) != len(plan.maps):
         msg = f"{len(images)} images for {len(plan.maps)} heads"
         raise ValueError(msg)
@@ -264,10 +260,10 @@ def _resample(
     out: np.ndarray,
     threads: int | None,
 ) -> None:
-    """Fill `out`, several threads taking columns of cells by turns."""
+    """Fill `out`; several threads take columns of cells in turn."""
     step, recipe = plan.step_px, _recipe(plan, images[0], out)
     n_cells = -(-plan.width_px // step)
-    stripe = max(STRIPE // step, 1) * step  # no cell in two stripes
+    stripe = max(STRIPE // step, 1) * step  # so that no cell is in two stripes
     cuts = [rows[0], *range((rows[0] // stripe + 1) * stripe, rows[1], stripe), rows[1]]
     parts = [
         (plan, images, recipe, out[start - rows[0] : stop - rows[0]], start, cell)
@@ -289,7 +285,7 @@ def _make(
 ) -> None:
     """Make some columns of cells of the rows from `start` on.
 
-    What is handed over by its address is held meanwhile: an interrupted caller may let go of it.
+    The arguments keep the images and `out`, passed by address, alive if the caller is interrupted.
     """
     step, stop = plan.step_px, start + len(out)
     above = start // step
@@ -303,7 +299,7 @@ def _make(
 
 
 def _cores() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
@@ -319,13 +315,13 @@ def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, sl
 
 
 def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
-    """Return 1 / exp(g + a q + b q^2) at nodes, shape (n_heads, cols, rows, n_bands); or none."""
+    """Return 1 / exp(g + a q + b q^2) at nodes, (n_heads, cols, rows, n_bands); empty for 1."""
     if plan.coefficients is None:
         return np.zeros((len(nodes), 0, 0, 1), np.float32)
     factors = np.empty((*nodes.shape[:3], plan.coefficients.shape[1]), np.float32)
     for k, head in enumerate(plan.maps):
         if np.isnan(nodes[k, ..., 0]).all():
-            continue  # the head sees nothing here, and its factors are not asked for
+            continue  # the head sees nothing here, and its factors are not used
         x, y = np.moveaxis(2 * nodes[k].astype(np.float32), -1, 0)
         x, y = x - np.float32(head.width_px - 1), y - np.float32(head.height_px - 1)
         q = (x * x + y * y) * np.float32(1 / (head.width_px**2 + head.height_px**2))

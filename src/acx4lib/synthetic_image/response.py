@@ -1,8 +1,8 @@
-"""What makes one head brighter than another: gain and falloff to the border, from the overlaps.
+"""Radiometric response of the heads, from their overlaps: gain, and falloff towards the border.
 
-Heads see the ground of an overlap through different parts of their lenses. The logarithm of the
-ratio of their grey values there tells their gains and radial falloff apart, band by band; what
-all heads have in common, the level itself, it does not tell.
+Two heads see the ground of their overlap through different parts of their lenses. Therefore the
+log ratios of their grey values determine the gains and the radial falloff, band by band. They
+do not determine the brightness that all heads share.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from acx4lib.synthetic_image.grey_samples import (
 )
 
 PER_CELL = 20
-"""Samples of a cell of an overlap over which responses are taken to be constant."""
+"""Samples in a cell of an overlap; responses are taken as constant in a cell."""
 
 ENOUGH = 200
-"""Samples of an overlap and a band below which it is said to be poor."""
+"""Samples of an overlap and a band below which the overlap is called poor."""
 
 SIGMA_GAIN, SIGMA_RADIAL = 0.2, 0.3
-"""A priori, of a log gain and of a radial term: lenses lose 20 to 30 % at their corners."""
+"""A priori sigma of a log gain and of a radial term: lenses lose 20 to 30 % at their corners."""
 
 HUBER, TUKEY, STEPS, SETTLED = 2.0, 5.0, 12, 1e-6
-"""Widths of the losses in spreads, most steps with each, and the one after which they end."""
+"""Widths of the two losses in spreads, most steps with each, size of a step that ends them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """How the heads' grey values depend on head, band and place.
+    """Dependence of grey values on head, band and position in the image.
 
-    A head's grey value is the true one times exp(g + a q + b q^2), q the squared distance from
-    the middle of its image over that of its corner.
+    A head's grey value is the true one times exp(g + a q + b q^2), where q is the squared
+    distance from the middle of its image, divided by that of its corner.
 
     Attributes
     ----------
@@ -61,19 +61,19 @@ class Response:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapResponse:
-    """How far two heads disagree about the same ground.
+    """Differences between two heads in grey values of the same ground.
 
     Attributes
     ----------
     head_a, head_b : int
     before, after : ndarray, shape (n_bands,)
-        Robust root mean square of the log ratio, as it is and with the responses taken out; NaN
-        without samples.
+        Robust RMS of the log ratio, before and after correction for the responses; NaN without
+        samples.
     floor : ndarray, shape (n_bands,)
-        The same of what changes from one sample to the next: noise, and ground that the heads
-        see differently. No smooth response is below it.
+        Robust RMS of the part that changes from sample to sample: noise, and ground that looks
+        different to the two heads. No smooth response can make `after` smaller.
     n_used, n_saturated, n_dark : ndarray, shape (n_bands,)
-        Samples.
+        Numbers of samples.
     """
 
     head_a: int
@@ -88,13 +88,14 @@ class OverlapResponse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResponseFit:
-    """Estimated responses and what they leave.
+    """Estimated responses and the differences that remain.
 
     Attributes
     ----------
     response : Response
     sigma : ndarray, shape (n_heads, n_bands, 3)
-        Of the coefficients, from the samples' scatter; a falloff of another shape is not in it.
+        Of the coefficients, from the scatter of the samples; it does not include the error that
+        a falloff of another shape causes.
     overlaps : tuple of OverlapResponse
     """
 
@@ -132,14 +133,14 @@ def estimate_response(
     Parameters
     ----------
     images : sequence of ndarray, shape (rows, cols, bands)
-        Of the orientation's heads; only patches of them are read.
+        Images of the orientation's heads; only patches of them are read.
     orientation : RelativeOrientation
-        Its cameras have the images' sizes.
+        Its heads have the size of the images.
     synthetic : Camera
     rng : numpy.random.Generator
         Draws the points.
     n_points : int
-        At most so many of an overlap.
+        Largest number of points of an overlap.
 
     Returns
     -------
@@ -147,7 +148,7 @@ def estimate_response(
 
     Notes
     -----
-    Of several exposures join their `overlap_samples` and use `fit_response`.
+    For several exposures, join their `overlap_samples` and use `fit_response`.
     """
     samples = overlap_samples(images, orientation, synthetic, rng=rng, n_points=n_points)
     n_bands = with_bands(images[0]).shape[2]
@@ -161,8 +162,8 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
     """Estimate the responses of heads from samples of their overlaps.
 
     Robust least squares band by band, with a priori knowledge: the mean log gain of all heads is
-    zero, and gains and radial terms are small (`SIGMA_GAIN`, `SIGMA_RADIAL`). It decides nothing
-    but what the overlaps leave open: the level, and heads without samples.
+    zero, and gains and radial terms are small (`SIGMA_GAIN`, `SIGMA_RADIAL`). It matters only
+    for what the overlaps leave open: the common brightness, and heads without samples.
 
     Parameters
     ----------
@@ -193,7 +194,7 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
 
 
 def _equations(samples: Sequence[Samples], n_heads: int, band: int) -> tuple[Array, Array]:
-    """Return design matrix and log ratios of the good samples of a band."""
+    """Return the design matrix and the log ratios of the good samples of a band."""
     rows, values = [np.zeros((0, 3 * n_heads))], [np.zeros(0)]
     for s in samples:
         good = np.isfinite(s.log_ratio[:, band])
@@ -206,7 +207,7 @@ def _equations(samples: Sequence[Samples], n_heads: int, band: int) -> tuple[Arr
 
 
 def _robust(A: Array, y: Array) -> tuple[Array, Array]:
-    """Return the solution with priors and its covariance."""
+    """Return the solution with a priori knowledge, and its covariance."""
     n = A.shape[1]
     prior = np.diag(1 / np.tile([SIGMA_GAIN, SIGMA_RADIAL, SIGMA_RADIAL], n // 3) ** 2)
     x, N = np.zeros(n), prior
@@ -228,12 +229,12 @@ def _robust(A: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _robust_rms(v: Array) -> float:
-    """Return the root mean square that normal errors of this median size have."""
+    """Return the RMS of normally distributed errors with the same median size."""
     return max(1e-9, float(np.median(np.abs(v))) / 0.6745) if len(v) else 1.0
 
 
 def _zero_mean_gain(n_heads: int) -> Array:
-    """Return the matrix that takes the mean off the gains."""
+    """Return the matrix that subtracts the mean from the gains."""
     out = np.eye(3 * n_heads)
     out[::3, ::3] -= 1 / n_heads
     return out
@@ -270,7 +271,7 @@ def _modelled(s: Samples, response: Response) -> Array:
 
 
 def _rough(samples: Samples, left: Array) -> Array:
-    """Return what is left of log ratios without the medians of cells of some twenty samples."""
+    """Return log ratios minus the medians of their cells, of some twenty samples each."""
     per_side = max(1, int(np.sqrt(len(left) / PER_CELL)))
     low, high = samples.xy.min(axis=0), samples.xy.max(axis=0)
     place = (per_side * (samples.xy - low) / np.maximum(high - low, 1e-12)).astype(int)
@@ -289,13 +290,13 @@ def _rough(samples: Samples, left: Array) -> Array:
 
 
 def poor_overlaps(fit: ResponseFit, names: Sequence[str]) -> list[str]:
-    """Say which overlaps and heads have too few samples, so that what is known before decides.
+    """Return sentences on overlaps and heads with too few samples, where the a priori decides.
 
     Parameters
     ----------
     fit : ResponseFit
     names : sequence of str
-        Of the heads.
+        Names of the heads.
     """
     out, met = [], set()
     for o in fit.overlaps:

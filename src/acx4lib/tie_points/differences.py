@@ -1,4 +1,4 @@
-"""How far heads disagree in the synthetic image: at tie points, and over the whole frame."""
+"""Differences between heads in the synthetic image: at tie points, and over the whole frame."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from acx4lib.tie_points.ties import TiePoints
 
 
 def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
-    """Return where the second head has tie points less where the first has them.
+    """Return the positions of tie points from the second head minus those from the first.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
 
 
 def sides(ties: TiePoints) -> Iterator[tuple[int, Array, Index, float]]:
-    """Yield head, its pixels, the tie points' rows, and the sign in their differences."""
+    """Yield each head, its pixels, the rows of its tie points, and its sign in the differences."""
     both = ((ties.head_a, ties.colrow_a, -1.0), (ties.head_b, ties.colrow_b, 1.0))
     for heads, colrow, sign in both:
         for k in np.unique(heads):
@@ -53,7 +53,7 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
     ----------
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     colrow : ndarray, shape (n, 2)
         Pixels of the head.
 
@@ -61,7 +61,7 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
     -------
     ndarray, shape (n, 2, 15)
         By Xc, Yc, Zc (mm), a rotation about the head's axes (R exp(delta), rad), and the nine
-        of `camera.INTERIOR`.
+        parameters of `camera.INTERIOR`.
     """
     camera, R = orientation.heads[k], rotation_from_opk(orientation.opk[k])
     xy = xy_from_colrow(camera, colrow)
@@ -80,16 +80,16 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameDifferences:
-    """How far the image of one orientation is off that of another, over the whole frame.
+    """Differences between the synthetic images of two orientations, over the whole frame.
 
     Attributes
     ----------
     xy : ndarray, shape (n, 2)
         Nodes of the synthetic image that a head sees, mm.
     head : ndarray, shape (n,)
-        Whose pixels are used there.
+        The head whose pixels are used there.
     d_px : ndarray, shape (n, 2)
-        x and y, pixels of the synthetic image.
+        Differences in x and y, pixels of the synthetic image.
     """
 
     xy: Array
@@ -98,12 +98,12 @@ class FrameDifferences:
 
     @property
     def rms_px(self) -> float:
-        """Root mean square length."""
+        """RMS length, px."""
         return float(np.sqrt(np.mean(np.sum(self.d_px**2, axis=1))))
 
     @property
     def largest_px(self) -> float:
-        """Largest length."""
+        """Largest length, px."""
         return float(np.max(np.hypot(*self.d_px.T)))
 
 
@@ -114,20 +114,20 @@ def frame_differences(
     *,
     spacing_px: int = 120,
 ) -> FrameDifferences:
-    """Return where points of an orientation's synthetic image stand in that of another one.
+    """Return the position differences between the synthetic images of two orientations.
 
     Parameters
     ----------
     orientation, other : RelativeOrientation
-        The same heads; `other` is the truth, say.
+        Orientations of the same heads; `other` may be the truth.
     synthetic : Camera
     spacing_px : int
-        Of the nodes, the frame's borders included.
+        Spacing of the nodes, which include the frame's borders.
 
     Returns
     -------
     FrameDifferences
-        `orientation` less `other`, with the head whose border is farthest at each node.
+        `orientation` minus `other`; at each node for the head whose border is farthest away.
     """
     expected.whole("spacing_px", spacing_px)
     expected.many("other", other.heads, len(orientation.heads), "heads, as of orientation")
@@ -147,7 +147,7 @@ def frame_differences(
 
 
 def _border_distance(camera: Camera, colrow: Array) -> Array:
-    """Return how far inside its border a head has a pixel, px; negative where it has none."""
+    """Return the distances of pixels from a head's border, px; negative outside it."""
     upper = np.array([camera.width_px, camera.height_px]) - 0.5
     inside_by = np.minimum(colrow + 0.5, upper - colrow).min(axis=1)
     return np.nan_to_num(inside_by, nan=-1.0)

@@ -8,8 +8,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
 
-BLOCK, SOBEL, K = 5, 3, 0.04  # of Harris' response: side of the sum, of the derivative; trace
-NOISE_MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)  # knows no plane
+BLOCK, SOBEL, K = 5, 3, 0.04  # sides of sum and derivative, factor of the trace, after Harris
+NOISE_MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)  # zero on planes
 _PATCH, _N_PATCHES, _QUIET = 24, 400, 0.05
 
 
@@ -35,22 +35,22 @@ def response(grey: Array) -> Array:
 
 
 def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
-    """Return the place of the largest positive value in each cell.
+    """Return the position of the largest positive value in each cell.
 
     Parameters
     ----------
     values : ndarray, shape (rows, cols)
     allowed : ndarray of bool, shape (rows, cols)
-        Where a place may be.
+        Allowed positions.
     cell : int
-        Side of the cells, px; the last row and column of them are narrower.
+        Side of the cells, px; the cells of the last row and column are narrower.
 
     Returns
     -------
     colrow : ndarray, shape (n, 2)
-        Cell by cell; cells without any are left out.
+        Cell by cell, without cells that have no positive value.
     n_cells : int
-        Cells in which a place may be, with a corner or without.
+        Number of cells with allowed positions.
     """
     expected.shape("values", values, ("rows", "cols"))
     expected.whole("cell", cell)
@@ -71,33 +71,33 @@ def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
 
 
 def _by_cell(values: np.ndarray, cell: int) -> np.ndarray:
-    """Return the values of each cell in a row."""
+    """Return a row of values for each cell."""
     rows, cols = (n // cell for n in values.shape)
     return values.reshape(rows, cell, cols, cell).swapaxes(1, 2).reshape(rows * cols, -1)
 
 
 def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
-    """Estimate the noise of an image, as the variance of a grey value per grey value.
+    """Estimate the noise of an image: the variance of a grey value divided by the grey value.
 
-    Photons arrive by a Poisson law: the variance is proportional to the grey value. The
-    quietest of many small patches tell it, so that texture in the others does not matter; where
-    all of an image has texture down to the pixel, some of it counts as noise.
+    The number of photons has a Poisson distribution, so the variance is proportional to the grey
+    value. It comes from the quietest of many small patches; texture in the others has no effect.
+    If the whole image has texture of the size of a pixel, some of it counts as noise.
 
     Parameters
     ----------
     image : ndarray, shape (rows, cols, bands)
-        The mean of the bands is meant.
+        The noise is that of the mean of the bands.
     rng : Generator
         Chooses the patches.
 
     Returns
     -------
     float
-        Not less than what rounding to whole numbers makes.
+        At least the variance that rounding to whole numbers causes.
 
     Notes
     -----
-    Each patch by the filter of Immerkaer [1]_, which is blind to planes.
+    The noise of a patch is found with the filter of Immerkaer [1]_, which is zero on planes.
 
     References
     ----------

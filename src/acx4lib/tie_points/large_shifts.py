@@ -1,4 +1,4 @@
-"""Shifts between heads that reduced images show, and which matches agree with each other."""
+"""Large shifts between heads, found in reduced images, and matches that agree with each other."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow
 
 LEAST_CELL_PX = 14  # windows of neighbours overlap by a third
 NARROW_PX = 220  # shorter side of an overlap in reduced images
-LEAST_TIES = 12  # of an overlap, so that a homography has witnesses
+LEAST_TIES = 12  # of an overlap, so that a homography is checked by other points
 NO_SHIFT = np.zeros((2, 3))
-_LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten coefficients, ten witnesses each
+_LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten matches for each of ten coefficients
 
 
 def coarse_factor(windows: Sequence[SharedWindow]) -> int:
-    """Return by how much images are reduced so that overlaps are about `NARROW_PX` wide."""
+    """Return the factor of reduction with which overlaps are about `NARROW_PX` wide."""
     sides = [min(w.window[1] - w.window[0], w.window[3] - w.window[2]) for w in windows]
     return max(1, round(max(sides, default=NARROW_PX) / NARROW_PX))
 
 
 def coarse_task(task: OverlapTask, coarse: GreyExposure) -> OverlapTask:
-    """Return the same overlap in reduced images, with a wide search."""
+    """Return the matching of the same overlap in reduced images, with a wide search."""
     options = task.options
     row_0, row_1, col_0, col_1 = task.shared.window
     k = coarse.factor
@@ -49,15 +49,15 @@ def coarse_task(task: OverlapTask, coarse: GreyExposure) -> OverlapTask:
 
 
 def coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
-    """Return what reduced images show of the shift of an overlap, shape (2, 3).
+    """Return the shift of an overlap, found in reduced images, shape (2, 3).
 
-    Zero where they show nothing for sure.
+    Zero where they give no reliable shift.
     """
     matches = match_overlap(coarse_task(task, coarse))
     agree = consensus(matches, 2 * task.options.consensus_px)
     if not agree.any():
         return NO_SHIFT
-    # pixel centres: reduced col 0 lies in the middle of k cols
+    # coordinates are those of pixel centres: reduced col 0 is in the middle of k cols
     k = coarse.factor
     a = k * matches.colrow_a[agree] + (k - 1) / 2
     d = k * (matches.colrow_b - matches.colrow_a)[agree]
@@ -72,20 +72,19 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     ----------
     matches : OverlapMatches
     threshold_px : float
-        Largest misfit.
+        Largest allowed misfit.
 
     Returns
     -------
     ndarray of bool
-        None at all where fewer than `LEAST_TIES` agree, or less than a tenth: that could be
-        chance.
+        All False where fewer than `LEAST_TIES` agree, or less than a tenth: that may be chance.
 
     Notes
     -----
-    First on a homography, by MAGSAC [1]_, always from the same seed: in the synthetic geometry
-    it is exact for errors of the heads' rotations, and calibrated lenses add hundredths of a
-    pixel. Then on the cubic polynomial that grows from these, so that an overlap of heads whose
-    lenses are known badly is kept as a whole. Moving things and false matches follow neither.
+    The first model is a homography, by MAGSAC [1]_ with a fixed seed. In the synthetic geometry
+    it is exact for errors of the heads' rotations; calibrated lenses add hundredths of a pixel.
+    The second is a cubic polynomial that starts from these matches; with badly known lenses, it
+    keeps the matches of the whole overlap. Moving objects and false matches fit neither model.
 
     References
     ----------
@@ -96,7 +95,7 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     least = max(LEAST_TIES, 0.1 * n)
     if n < least:
         return np.zeros(n, dtype=bool)
-    for wider in (1, 4):  # of badly known lenses the homography is a poor start
+    for wider in (1, 4):  # with badly known lenses few matches fit a homography
         agree = _on_homography(matches, wider * threshold_px)
         if agree.sum() >= max(least, _LEAST_CUBIC):
             agree = _grown(matches, agree, threshold_px)
@@ -114,7 +113,7 @@ def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
     )
     if found is None or agree.sum() < LEAST_TIES:
         return np.zeros(len(matches.colrow_a), dtype=bool)
-    # MAGSAC's own limit is a soft one
+    # MAGSAC itself has no sharp limit
     misfits = homography_misfits(matches, agree.ravel() > 0)
     near: Mask = np.hypot(*misfits.T) <= threshold_px
     return near
@@ -135,7 +134,7 @@ def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
 
 
 def homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
-    """Return all matches less the homography through those that agree, shape (n, 2), px."""
+    """Return the misfits of all matches to the homography of those that agree, (n, 2), px."""
     found, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
     fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], found)[:, 0]
     return matches.colrow_b - np.asarray(fitted, float)

@@ -12,13 +12,13 @@ from acx4lib.expected import Array, Index
 from acx4lib.tie_points.compiled.cross_correlation import correlate_points
 from acx4lib.tie_points.compiled.least_squares_matching import match_points
 
-POLE = np.sqrt(3.0) - 2.0  # of the filter that makes coefficients of a cubic spline
-REACH = 12  # px after which that filter has less than 1e-6 of its weight left
+POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
+REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Where windows of an image were found in another one.
+    """Positions of the windows of an image in another one.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Matches:
     sigma_px : ndarray, shape (n, 2)
         Standard deviation along columns and rows, from the residuals.
     gain : ndarray, shape (n,)
-        Grey values of the other image by those of the first.
+        Ratio of grey values, the other image over the first.
     noise : ndarray, shape (n,)
         Standard deviation of a grey value's residual.
     """
@@ -41,7 +41,7 @@ class Matches:
 def spline_coefficients(image: Array) -> Array:
     """Return the coefficients of the cubic spline through an image's pixels.
 
-    The image continues mirrored at its borders.
+    The image is mirrored at its borders.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def spline_coefficients(image: Array) -> Array:
 
     Notes
     -----
-    As a symmetric filter that is cut off where it has decayed, instead of a recursive one [1]_.
+    Computed by a symmetric filter, cut off where it is negligible, not a recursive one [1]_.
 
     References
     ----------
@@ -63,7 +63,7 @@ def spline_coefficients(image: Array) -> Array:
     expected.shape("image", image, ("rows", "cols"))
     taps = POLE ** np.abs(np.arange(-REACH, REACH + 1))
     taps = (taps / taps.sum()).astype(np.float32)
-    # small numbers keep their digits
+    # subtracted, so that the numbers are small and keep their digits
     level = np.float32(image[image.shape[0] // 2, image.shape[1] // 2])
     level = level if np.isfinite(level) else np.float32(0)
     out = cv2.sepFilter2D(
@@ -73,7 +73,7 @@ def spline_coefficients(image: Array) -> Array:
 
 
 def noise_correlation(scale: float, *, reach: int = 4) -> Array:
-    """Return how the noise of pixels correlates after interpolation by cubic splines.
+    """Return the correlation of the noise of pixels after interpolation by cubic splines.
 
     Parameters
     ----------
@@ -85,13 +85,13 @@ def noise_correlation(scale: float, *, reach: int = 4) -> Array:
     Returns
     -------
     ndarray, shape (reach + 1,)
-        Of two pixels 0, 1, ... apart along a row or a column, averaged over all places between
-        the original pixels.
+        For two pixels 0, 1, ... apart along a row or a column, averaged over all positions
+        between the original pixels.
 
     Notes
     -----
-    The autocorrelation of the cardinal spline: a cubic B-spline, twice through the filter of
-    `spline_coefficients`, correlated with itself.
+    It is the autocorrelation of the cardinal spline, which is a cubic B-spline after the filter of
+    `spline_coefficients`.
     """
     expected.positive_number("scale", scale)
     expected.whole("reach", reach, least=0)
@@ -118,11 +118,11 @@ def correlate(
     Parameters
     ----------
     a, b : ndarray of float32, shape (rows, cols)
-        NaN where there is nothing.
+        NaN where nothing is seen.
     at : ndarray, shape (n, 2)
         Whole col, row of the windows' middles in `a`.
     near : ndarray, shape (n, 2)
-        Where in `b` to search, rounded to whole pixels.
+        Positions in `b` around which to search; they are rounded to whole pixels.
     half : int
         Windows have 2 half + 1 pixels a side.
     search : int
@@ -131,10 +131,10 @@ def correlate(
     Returns
     -------
     colrow : ndarray, shape (n, 2)
-        Places in `b`, to fractions of a pixel; NaN where a window or the search does not lie in
-        the images, or the maximum lies on the border of the search.
+        Positions in `b`, to fractions of a pixel; NaN where a window or the search does not lie
+        in the images, or the maximum lies on the border of the search.
     coefficient : ndarray, shape (n,)
-        At the maximum.
+        Its maximum.
     """
     _check(a, b, at, near)
     expected.whole("half", half)
@@ -147,26 +147,26 @@ def match(
 ) -> Matches:
     """Match windows of an image with another one by least squares [1]_.
 
-    Unknown are an affine transformation of the window, a gain, and an offset with its slopes: where
-    two heads overlap, their vignetting falls off in different directions.
+    The unknowns are an affine transformation of the window, a gain, and an offset with slopes,
+    because the vignetting of two overlapping heads falls off in different directions.
 
     Parameters
     ----------
     a, b : ndarray of float32, shape (rows, cols)
-        NaN where there is nothing.
+        NaN where nothing is seen.
     at : ndarray, shape (n, 2)
         Whole col, row of the windows' middles in `a`.
     near : ndarray, shape (n, 2)
-        Approximate places in `b`, good to a pixel or two.
+        Approximate positions in `b`, with errors of one or two pixels.
     half : int
         Windows have 2 half + 1 pixels a side.
     correlation : ndarray, optional
-        Of the noise of two pixels 0, 1, ... apart; white without it.
+        Correlation of the noise of two pixels 0, 1, ... apart; by default the noise is white.
 
     Returns
     -------
     Matches
-        The place in `a` has no error by definition.
+        The position in `a` has no error by definition.
 
     References
     ----------
@@ -189,7 +189,7 @@ def match(
 
 
 def _check(a: Array, b: Array, at: Index, near: Array) -> None:
-    """Raise a ValueError for what are no two images and places in them."""
+    """Raise a ValueError where the arguments are not two images and positions in them."""
     expected.shape("a", a, ("rows", "cols"))
     expected.shape("b", b, ("rows", "cols"))
     expected.whole_numbers("at", at, ("n", 2))
@@ -197,7 +197,7 @@ def _check(a: Array, b: Array, at: Index, near: Array) -> None:
 
 
 def _spline_of_seen(image: Array) -> Array:
-    """Return spline coefficients, NaN where they hang on pixels that are NaN."""
+    """Return spline coefficients, NaN where they depend on pixels that are NaN."""
     unseen = np.isnan(image)
     if not unseen.any():
         return spline_coefficients(image)

@@ -17,32 +17,32 @@ from acx4lib.tie_points.harris import best_of_cells, response
 from acx4lib.tie_points.least_squares_matching import correlate, match, noise_correlation
 from acx4lib.tie_points.overlaps import SharedWindow, SyntheticWindow, grey_window
 
-TILE_PX = 1024  # memory, and how long a tile stays in the cache
+TILE_PX = 1024  # small enough for the memory and for the processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
 class TieOptions:
-    """How tie points are measured; pixels of the images at hand.
+    """Settings for the measurement of tie points; px of the images given.
 
     Attributes
     ----------
     cell_px : int
-        Side of the cells that give one corner each, at most.
+        Largest side of the cells, which give at most one corner each.
     cells : int
-        In smaller overlaps cells are smaller, so that there are about so many.
+        Approximate number of cells: those of small overlaps are smaller.
     correlation_px, window_px : int
         Odd sides of the windows of correlation and of least-squares matching.
     search_px : int
-        Largest shift from what reduced images have shown.
+        Largest difference from the shift found in reduced images.
     coarse_search_px : int
         Largest shift in reduced images, in their pixels.
     least_correlation : float
-        Of the windows' grey values.
+        Smallest correlation coefficient of the windows.
     least_texture : float
-        Mean squared derivative of the grey values in its weakest direction, by the one that
-        noise alone would have.
+        Smallest mean squared derivative of the grey values in its weakest direction, divided by
+        that of noise alone.
     largest_sigma_px : float
-        Predicted, of a point's difference along columns or rows.
+        Largest predicted sigma of a point's difference along columns or rows.
     consensus_px : float
         Largest misfit of a point with the others of its overlap.
     """
@@ -78,24 +78,24 @@ class TieOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapTask:
-    """What is to be matched.
+    """The matching of one overlap.
 
     Attributes
     ----------
     images : sequence of ndarray, shape (rows, cols, bands) or (rows, cols)
-        Of all heads.
+        Images of all heads.
     orientation : RelativeOrientation
-        Nominal.
+        Nominal orientation.
     synthetic : Camera
     shared : SharedWindow
-        Of two heads.
+        The part that the two heads share.
     shift : ndarray, shape (2, 3)
-        Approximate place in the second head's grey values less the one in the first's: an affine
-        function of synthetic col, row.
+        Approximate position in the second head minus position in the first: an affine function
+        of synthetic col, row.
     cell : int
-        px.
+        Side of the cells, px.
     noise : float
-        Variance of the first head's grey values by these.
+        Variance of the first head's grey values, divided by these.
     options : TieOptions
     """
 
@@ -110,12 +110,12 @@ class OverlapTask:
 
     @property
     def halo(self) -> int:
-        """How far a tile needs grey values around it, px."""
+        """Width of the border of grey values that a tile needs around it, px."""
         return self.options.window_px // 2 + self.options.search_px + 6
 
     @property
     def correlation(self) -> Array:
-        """Of the noise of neighbours in the synthetic geometry."""
+        """Correlation of the noise of neighbouring pixels in the synthetic geometry."""
         a, b = self.shared.head_a, self.shared.head_b
         pixel_mm = (self.orientation.heads[a].pixel_mm + self.orientation.heads[b].pixel_mm) / 2
         return noise_correlation(pixel_mm / self.synthetic.pixel_mm)
@@ -123,16 +123,16 @@ class OverlapTask:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapMatches:
-    """Where two heads see the same, in pixels of the synthetic image by the nominal orientation.
+    """Positions of the same points in two heads, in pixels of the nominal synthetic image.
 
     Attributes
     ----------
     colrow_a, colrow_b : ndarray, shape (n, 2)
-        As the first head sees it, and as the second.
+        Positions from the first head and from the second.
     sigma_px : ndarray, shape (n, 2)
-        Predicted, of the difference along columns and rows.
+        Predicted sigma of their difference along columns and rows.
     counts : ndarray, shape (4,)
-        Cells, those with texture, points that correlate, points matched.
+        Numbers of cells, of those with texture, of points that correlate, of points matched.
     """
 
     colrow_a: Array
@@ -142,7 +142,7 @@ class OverlapMatches:
 
 
 def match_overlap(task: OverlapTask) -> OverlapMatches:
-    """Return all matches of an overlap, false ones and moving ones among them."""
+    """Return all matches of an overlap, including false ones and those on moving objects."""
     parts = [_match_corners(task, tile) for tile in _tiles(task)]
     return OverlapMatches(
         colrow_a=np.concatenate([part.colrow_a for part in parts]),
@@ -170,7 +170,7 @@ class _Tile:
     size : tuple of int
         Rows and columns of the part itself, without its halo.
     first_a, first_b : ndarray, shape (2,)
-        Synthetic col, row at which they begin.
+        Synthetic col, row of their first pixels.
     """
 
     a: Array
@@ -181,7 +181,7 @@ class _Tile:
 
 
 def _tiles(task: OverlapTask) -> Iterator[_Tile]:
-    """Yield the tiles of an overlap, whole cells each; the second head's are shifted alike."""
+    """Yield the tiles of an overlap, each of whole cells; those of the second head are shifted."""
     row_0, row_1, col_0, col_1 = task.shared.window
     side = max(TILE_PX // task.cell, 1) * task.cell
     for row in range(row_0, row_1, side):
@@ -208,7 +208,7 @@ def _tile(task: OverlapTask, part: SyntheticWindow) -> _Tile:
 
 
 def _whole(tile: _Tile, half: int) -> Mask:
-    """Return where both heads have a whole window, about the same place."""
+    """Return the positions at which both heads have a whole window."""
     seen = np.isfinite(tile.a) & np.isfinite(tile.b)
     window = np.ones((2 * half + 1, 2 * half + 1), np.uint8)
     whole = cv2.erode(
@@ -244,7 +244,7 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
 
 
 def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
-    """Return the best corner of each cell, col, row in the tile, and how many cells there are."""
+    """Return the best corner of each cell, col, row in the tile, and the number of cells."""
     halo, (rows, cols) = task.halo, tile.size
     core = np.s_[halo : halo + rows, halo : halo + cols]
     whole = _whole(tile, task.options.window_px // 2 + 2)[core]
@@ -258,6 +258,6 @@ def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
 def _has_texture(task: OverlapTask, grey: Array, at: Index) -> Mask:
     """Tell where grey values change by more than noise in every direction."""
     weakest = weakest_gradients(grey, at.astype(np.int64), task.options.window_px // 2)
-    # central differences of white noise have half its variance; interpolation makes it less
+    # central differences of white noise have half its variance; interpolation reduces it
     by_noise = task.noise * np.maximum(grey[at[:, 1], at[:, 0]], 1) / 2
     return weakest >= task.options.least_texture * by_noise

@@ -1,4 +1,4 @@
-"""Whether the pictures of an exposure belong together: turned heads, other exposures."""
+"""Check that the pictures of an exposure belong together: turned heads, other exposures."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from acx4lib.tie_points.large_shifts import (
 from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap
 from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_exposure, shared_windows
 
-# which of two pictures was turned by 180 degrees so that they fit
+# whether each of two pictures must be turned by 180 degrees to fit the other
 Turns = tuple[bool, bool]
 
-LEAST_CELLS = 30  # with texture, to say anything
-LEAST_SHARE = 0.2  # of them, that agree where two pictures show the same
+LEAST_CELLS = 30  # with texture; with fewer nothing is said
+LEAST_SHARE = 0.2  # of these cells, that agree where two pictures show the same
 _AS_THEY_ARE: Turns = (False, False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Verdict:
-    """What the overlap of two heads shows.
+    """Result for the overlap of two heads.
 
     Attributes
     ----------
     head_a, head_b : int
     turns : tuple of bool, optional
-        How the pictures fit; None where they do not.
+        Turns with which the pictures fit; None where they never fit.
     """
 
     head_a: int
@@ -48,16 +48,16 @@ class _Verdict:
 def check_overlaps(
     images: Sequence[np.ndarray], orientation: RelativeOrientation, synthetic: Camera
 ) -> list[str]:
-    """Tell which pictures of an exposure do not fit their neighbours.
+    """Return sentences on the pictures of an exposure that do not fit their neighbours.
 
-    Quick: on images reduced so far that overlaps are some two hundred pixels wide, within a
-    search of some hundred and fifty full-size pixels. Where an overlap has no texture (water,
-    cloud), nothing is said of it.
+    A quick check: images are reduced until overlaps are about two hundred pixels wide, and
+    shifts are searched up to about 150 full-size pixels. Nothing is said of overlaps without
+    texture (water, cloud).
 
     Parameters
     ----------
     images : sequence of ndarray, shape (rows, cols, bands)
-        Of all heads.
+        Images of all heads.
     orientation : RelativeOrientation
         Its heads have the size of the images.
     synthetic : Camera
@@ -65,14 +65,14 @@ def check_overlaps(
     Returns
     -------
     list of str
-        A sentence a problem; empty where all is well.
+        One sentence per problem; empty where there is none.
     """
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
     windows = [shared for shared in windows if shared.area_px > largest / 2]
     right = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
     turned = tuple(np.ascontiguousarray(image[::-1, ::-1]) for image in right.images)
-    rng = np.random.default_rng(0)  # of the same images always the same
+    rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
     verdicts = []
     for shared in windows:
@@ -105,7 +105,7 @@ def _task(
 def _verdict(
     task: OverlapTask, right: GreyExposure, turned: Sequence[np.ndarray]
 ) -> list[_Verdict]:
-    """Return how two pictures fit; nothing where there is too little texture to tell."""
+    """Return the result for two pictures; empty where there is too little texture."""
     a, b = task.shared.head_a, task.shared.head_b
     enough = False
     for turn_a, turn_b in product((False, True), repeat=2):
@@ -123,7 +123,7 @@ def _verdict(
 
 
 def _has_texture(task: OverlapTask, b: int) -> bool:
-    """Tell whether the second head sees texture too: glitter and clouds are one head's."""
+    """Tell whether the second head sees texture too: only one head may see glitter or a cloud."""
     images = list(task.images)
     shared = replace(task.shared, head_a=b, head_b=task.shared.head_a)
     counts = match_overlap(replace(task, images=images, shared=shared)).counts
@@ -131,7 +131,7 @@ def _has_texture(task: OverlapTask, b: int) -> bool:
 
 
 def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
-    """Return a sentence for every head that is wrong, and for pairs that do not tell which."""
+    """Return a sentence for every wrong head, and for pairs of which either may be wrong."""
     turned, fits = set(), set()
     for verdict in verdicts:
         heads = (verdict.head_a, verdict.head_b)
@@ -158,7 +158,7 @@ def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
 
 
 def _alone(strangers: Sequence[tuple[int, int]], fits: set[int]) -> set[int]:
-    """Return the heads that fit nothing, all of whose neighbours fit something."""
+    """Return the heads that fit no neighbour, although each neighbour fits another head."""
     neighbours: Mapping[int, set[int]] = {head: set() for pair in strangers for head in pair}
     for a, b in strangers:
         neighbours[a].add(b)

@@ -1,4 +1,4 @@
-"""What two heads share of the synthetic image, and their grey values in its geometry."""
+"""The parts of the synthetic image that two heads share, and grey values in its geometry."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points.compiled.spline import sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 
-# first row, row behind the last, first column, column behind the last
+# first row, row after the last, first column, column after the last
 SyntheticWindow = tuple[int, int, int, int]
 
-STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, which leaves 0.002 px between
-_NODES = 100  # along the longer side of the synthetic image, to find overlaps by
+STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, with errors of 0.002 px between
+_NODES = 100  # along the longer side of the synthetic image, to find overlaps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +33,9 @@ class SharedWindow:
     head_a, head_b : int
         head_a < head_b.
     window : tuple of int
-        Around it: first row, row behind the last, first column, column behind the last.
+        Rectangle around it: first row, row after the last, first column, column after the last.
     area_px : float
-        Synthetic pixels that both heads see.
+        Number of synthetic pixels that both heads see.
     """
 
     head_a: int
@@ -52,9 +52,9 @@ class GreyExposure:
     ----------
     images : tuple of ndarray of float32, shape (rows, cols)
     orientation : RelativeOrientation
-        With heads of that size.
+        With heads of this size.
     synthetic : Camera
-        Reduced alike.
+        Reduced by the same factor.
     factor : int
     """
 
@@ -65,7 +65,7 @@ class GreyExposure:
 
 
 def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[SharedWindow]:
-    """Return what pairs of heads share, found on a grid of nodes over the synthetic image."""
+    """Return the parts that pairs of heads share, found on a grid over the synthetic image."""
     size = np.array([synthetic.height_px, synthetic.width_px])
     seen = coverage(orientation, synthetic, spacing_px=max(int(size.max()) // _NODES, 1)).seen
     spacing = (size - 1) / (np.array(seen.shape[1:]) - 1)
@@ -75,7 +75,7 @@ def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[
             both = np.argwhere(seen[a] & seen[b])
             if not len(both):
                 continue
-            # what they share may reach up to the next node
+            # the shared part may extend up to the next node
             first = np.maximum(np.floor((both.min(axis=0) - 1) * spacing), 0)
             last = np.minimum(np.ceil((both.max(axis=0) + 1) * spacing) + 1, size)
             window = (int(first[0]), int(last[0]), int(first[1]), int(last[1]))
@@ -102,19 +102,19 @@ def grey_window(
 ) -> Array:
     """Return the grey values of one head in a part of the synthetic image.
 
-    By cubic splines: bilinear interpolation would shift fine structures by hundredths of a pixel
-    that depend on where between the pixels they fall.
+    Interpolated by cubic splines. Bilinear interpolation would shift fine structures by
+    hundredths of a pixel, depending on their position between the pixels.
 
     Parameters
     ----------
     image : ndarray, shape (rows, cols, bands)
-        Of the head; or its grey values, shape (rows, cols).
+        Image of the head; or its grey values, shape (rows, cols).
     orientation : RelativeOrientation
     k : int
-        Head.
+        Number of the head.
     synthetic : Camera
     window : tuple of int
-        First row, row behind the last, first column, column behind the last; it may reach over
+        First row, row after the last, first column, column after the last; it may extend beyond
         the synthetic image's border.
 
     Returns
@@ -136,7 +136,7 @@ def grey_window(
 
 
 def _part(head: HeadMap) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and last (excluded) col, row of the pixels that a map needs."""
+    """Return the first col, row of the pixels that a map needs, and those after the last."""
     size = np.array([head.width_px, head.height_px])
     flat = head.nodes.reshape(-1, 2)
     flat = flat[np.isfinite(flat[:, 0])]
@@ -172,7 +172,7 @@ def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
     row, col = (np.array(image.shape[:2]) - size) // 2
     out = np.empty((camera.height_px, camera.width_px), np.float32)
     rows = max(512 // factor, 1)
-    for start in range(0, len(out), rows):  # a few rows at a time: the image may lie on a disk
+    for start in range(0, len(out), rows):  # a few rows at a time: the image may be on a disk
         stop = min(start + rows, len(out))
         part = image[row + factor * start : row + factor * stop, col : col + size[1]]
         small = cv2.resize(

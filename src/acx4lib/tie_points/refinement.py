@@ -1,11 +1,11 @@
-"""Heads turned until their overlaps agree: rotations by least squares over all tie points (2.1).
+"""Refinement of the heads' rotations by least squares over all tie points (section 2.1).
 
-The paper shifts the heads by mean differences (`ties.refine_by_mean_differences`). An error
-of a head's rotation, though, shifts its pixels by amounts that vary over the overlap; here it is
-the rotations that are estimated, of all heads together, the first of them held.
+The paper shifts the heads by mean differences (`ties.refine_by_mean_differences`). But an error
+of a head's rotation shifts its pixels by amounts that vary over the overlap. Here the rotations
+of all heads are estimated together; the first head is held.
 
-What is held is a datum, not the truth: an error of the first head, or one that all heads share,
-leaves no trace in the overlaps and stays.
+The held head is a datum, not the truth. Tie points cannot detect an error of the first head, or
+one that all heads share; it remains.
 """
 
 from __future__ import annotations
@@ -33,35 +33,35 @@ FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
 
 PER_HEAD = 6 + len(INTERIOR)
-"""Parameters of a head: Xc, Yc, Zc, three of its rotation, its interior orientation."""
+"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
 
 STEPS = 30
-"""Most steps with one loss."""
+"""Largest number of steps with one loss."""
 
 SETTLED_MM, NEARLY_MM = 1e-9, 1e-5
-"""Step in the image that ends the adjustment (2e-7 px), and each loss of its robust phase."""
+"""Step in the image that ends the adjustment (2e-7 px), and a loss of its robust phase."""
 
 TUKEY_WIDTH = 5.0
-"""In spreads; of normal errors in two coordinates it wastes a twentieth."""
+"""In spreads; with normally distributed errors in two coordinates, efficiency is 95 %."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refined:
-    """Heads that fit each other, and how well.
+    """The refined orientation of heads, and its quality.
 
     Attributes
     ----------
     orientation : RelativeOrientation
-        `cov_joint` has what the tie points repair of the heads' errors, interior orientations
-        included, and their noise.
+        Its `cov_joint` takes into account that tie points reduce the heads' errors, including
+        those of interior orientations, and that tie points have noise.
     sigma0 : float
-        Of a tie point's difference, in units of what its `sigma_px` promises.
+        Standard deviation of unit weight; one if the `sigma_px` of the tie points are right.
     rejected : ndarray, shape (n_ties,)
-        Tie points that most others contradict; they have no weight.
+        Tie points that disagree with most others; they have no weight.
     held : str
-        Head whose orientation the others are turned to.
+        The head whose orientation is held.
     unreached : tuple of str
-        Heads without tie points; their orientation is as it was.
+        Heads without tie points; their orientation does not change.
     """
 
     orientation: RelativeOrientation
@@ -82,33 +82,33 @@ class Refined:
 def refine_by_rotations(
     orientation: RelativeOrientation, ties: TiePoints, *, free: str = "rotations"
 ) -> Refined:
-    """Turn the heads so that all their overlaps agree, the first head held.
+    """Turn the heads so that all their overlaps agree; hold the first head.
 
-    Robust least squares over the differences in the synthetic image: Huber's loss, which has one
-    minimum, then Tukey's; points that stand out by more than `robust.SUSPECT` spreads are taken
-    out, and the rest is adjusted by Gauss-Newton.
+    Robust least squares over the differences in the synthetic image: first with Huber's loss,
+    which has one minimum, then with Tukey's. Then points with misfits above `robust.SUSPECT`
+    spreads are rejected, and the others are adjusted by Gauss-Newton.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     ties : TiePoints
-        Of one exposure, or of many that share the result.
+        Of one exposure, or of many exposures for a common result.
     free : {"rotations", "six"}
-        Three rotations of every head, or Xc, Yc, Zc as well. The heads' places take up what
-        errors of interior orientations do to the overlaps; the rest of the frame need not be
-        better for it.
+        Three rotations of every head, or Xc, Yc, Zc as well. The positions of the heads then
+        compensate effects of interior orientations in the overlaps; the rest of the frame does
+        not always improve.
 
     Returns
     -------
     Refined
-        A head without tie points keeps its orientation; the first of the others is held.
+        Heads without tie points keep their orientation; the first head with tie points is held.
 
     Raises
     ------
     AdjustmentError
         Where groups of heads share no tie points, or too few.
     ValueError
-        For tie points of other heads, or another word for `free`.
+        For tie points of other heads, or another value of `free`.
     """
     expected.one_of("free", free, FREE)
     check_ties(ties, orientation)
@@ -136,7 +136,7 @@ def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
         for step in 0.5 * np.eye(2):
             ahead = synthetic_from_head(orientation, k, colrow + step)
             behind = synthetic_from_head(orientation, k, colrow - step)
-            # the mean over the two directions of the synthetic image
+            # mean of the two directions of the synthetic image
             variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
     return ties.sigma_px * np.sqrt(variance)
 
@@ -145,13 +145,13 @@ def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
 
 
 def _columns(orientation: RelativeOrientation, ties: TiePoints, free: tuple[int, ...]) -> Index:
-    """Return the columns of the unknowns, counted head by head in `PER_HEAD`."""
+    """Return the columns of the unknowns; every head has `PER_HEAD` columns."""
     tied = _tied(orientation, ties)
     return np.array([PER_HEAD * k + j for k in tied[1:] for j in free], dtype=np.intp)
 
 
 def _tied(orientation: RelativeOrientation, ties: TiePoints) -> Index:
-    """Return the heads that tie points reach, all of them together."""
+    """Return the heads with tie points; raise if these do not connect all of them."""
     n = len(orientation.heads)
     links = sparse.coo_array((np.ones(len(ties)), (ties.head_a, ties.head_b)), shape=(n, n))
     n_groups, group = sparse.csgraph.connected_components(links, directed=False)
@@ -175,7 +175,7 @@ def _names(orientation: RelativeOrientation, heads: Index) -> str:
 
 
 def _in_spreads(d: Array, sigma: Array) -> Array:
-    """Return the lengths of differences in units of their robust standard deviation."""
+    """Return the lengths of differences, divided by their robust standard deviation."""
     each = np.broadcast_to(sigma[:, None], d.shape)
     return sizes(d, each)[:, 0] / spread(d, each)
 
@@ -197,9 +197,9 @@ def _settled(
     factors: Callable[[Array], Array],
     enough_mm: float = NEARLY_MM,
 ) -> tuple[RelativeOrientation, float]:
-    """Return the orientation after steps with the weights that the differences ask for.
+    """Return the orientation after reweighted steps, and the last step's size in the image, mm.
 
-    And how large the last step was, mm in the image.
+    The weights follow from the differences.
     """
     f = orientation.heads[0].interior.f
     last_mm = np.inf
@@ -282,13 +282,13 @@ def _covariance(
 ) -> Array:
     """Return the joint covariance after the refinement.
 
-    What is estimated forgets its former value, and takes up the errors of all that is held, so
-    far as the tie points show them.
+    Estimated parameters no longer depend on their former values. They depend on the errors of the
+    held parameters as far as these affect the tie points.
     """
     n_heads = len(start.heads)
     pose = (PER_HEAD * np.arange(n_heads)[:, None] + np.arange(6)).ravel()
     interior = np.setdiff1d(np.arange(PER_HEAD * n_heads), pose)
-    order = np.concatenate([pose, interior])  # of cov_joint, by columns
+    order = np.concatenate([pose, interior])  # the order of cov_joint, in columns
     J = np.eye(len(N))
     J[columns] = -np.linalg.solve(N[np.ix_(columns, columns)], N[columns])
     J[np.ix_(columns, columns)] = 0.0

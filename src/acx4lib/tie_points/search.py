@@ -33,18 +33,18 @@ from acx4lib.tie_points.ties import TiePoints
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapTies:
-    """What became of the cells of an overlap.
+    """The tie points of an overlap in numbers.
 
     Attributes
     ----------
     head_a, head_b : int
     names : tuple of str
-        Of the two heads.
+        Names of the two heads.
     n_cells, n_textured, n_correlated, n_matched, n_ties : int
-        Cells, those with texture, points that correlate, points matched by least squares, points
-        that agree with each other.
+        Numbers of cells, of those with texture, of points that correlate, of points matched by
+        least squares, of points that agree with each other.
     shift_px : ndarray, shape (2,)
-        Found in reduced images, mean over the overlap, synthetic col, row.
+        Shift found in reduced images, mean over the overlap, synthetic col, row.
     """
 
     head_a: int
@@ -59,7 +59,7 @@ class OverlapTies:
 
     @property
     def sentence(self) -> str:
-        """What a user should know of the overlap; empty where all is well."""
+        """A warning on the overlap for the user; empty where there is nothing to warn of."""
         heads = " and ".join(self.names)
         if self.n_textured < 0.25 * self.n_cells:
             return (
@@ -82,8 +82,8 @@ class ImageTies:
     Attributes
     ----------
     ties : TiePoints
-        Head pixels. The first head's place is exact by definition; `sigma_px` is that of either
-        measurement, as if both had the same share in their difference.
+        In head pixels. Position in the first head is exact by definition; but `sigma_px` is given
+        as if both measurements had an equal part in their difference.
     sigma : ndarray, shape (n, 2)
         Predicted standard deviation of the differences along columns and rows, synthetic px.
     overlaps : tuple of OverlapTies
@@ -95,7 +95,7 @@ class ImageTies:
 
     @property
     def sentences(self) -> list[str]:
-        """What a user should know of the overlaps."""
+        """Warnings on the overlaps for the user."""
         return [report.sentence for report in self.overlaps if report.sentence]
 
 
@@ -109,17 +109,17 @@ def find_ties(
 ) -> ImageTies:
     """Measure tie points between all heads that share enough of the synthetic image.
 
-    Overlaps without texture give few points or none, and say so.
+    Overlaps without texture give few points or none; a sentence then says so.
 
     Parameters
     ----------
     images : sequence of ndarray, shape (rows, cols, bands)
-        Of all heads, 8 or 16 bit.
+        Images of all heads, 8 or 16 bit.
     orientation : RelativeOrientation
-        Nominal; its heads have the size of the images.
+        Nominal orientation; its heads have the size of the images.
     synthetic : Camera
     exposure : int
-        `exposure_idx` of the ties.
+        The `exposure_idx` of the tie points.
     options : TieOptions, optional
 
     Returns
@@ -136,7 +136,7 @@ def find_ties(
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
     coarse = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
-    rng = np.random.default_rng(0)  # of the same images always the same
+    rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
     found = []
     for shared in windows:
@@ -172,7 +172,7 @@ def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> No
 
 
 def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
-    """Return the side of the cells of an overlap; what diagonal heads share has few cells."""
+    """Return the side of an overlap's cells; the small overlaps of diagonal heads have fewer."""
     area = max(shared.area_px, largest / 2)
     return min(options.cell_px, max(LEAST_CELL_PX, int(np.sqrt(area / options.cells))))
 
@@ -181,7 +181,7 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
 
 
 def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
-    """Return the matches of an overlap that agree, and a report."""
+    """Return the matches of an overlap that agree, and their numbers."""
     matches = match_overlap(task)
     agree = consensus(matches, task.options.consensus_px)
     kept = OverlapMatches(
@@ -240,7 +240,7 @@ def _assembled(
             point_idx=np.arange(n),
             colrow_a=colrow_a,
             colrow_b=colrow_b,
-            # half the variance of the difference for each of the two measurements
+            # each of the two measurements has half the variance of the difference
             sigma_px=per_px * np.sqrt(np.mean(sigma**2, axis=1) / 2),
         ),
         sigma=sigma,
@@ -249,5 +249,5 @@ def _assembled(
 
 
 def _grouped(number: int) -> str:
-    """Return a whole number with its thousands apart."""
+    """Return a whole number as text, with spaces between thousands."""
     return f"{number:,}".replace(",", " ")

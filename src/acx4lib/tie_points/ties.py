@@ -26,7 +26,7 @@ class TiePoints:
     exposure_idx, point_idx : ndarray, shape (n,)
     colrow_a, colrow_b : ndarray, shape (n, 2)
     sigma_px : ndarray, shape (n,)
-        Of a measurement, the larger of the two; infinite where it takes no part.
+        The larger sigma of the two measurements; infinite where the tie point is not used.
 
     Raises
     ------
@@ -70,15 +70,15 @@ class TiePoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlap:
-    """Differences b less a of one pair of heads in the synthetic image.
+    """Differences b minus a of one pair of heads in the synthetic image.
 
     Attributes
     ----------
     head_a, head_b : int
     xy : ndarray, shape (n, 2)
-        Where, mm.
+        Positions, mm.
     d : ndarray, shape (n, 2)
-        mm.
+        Differences, mm.
     """
 
     head_a: int
@@ -103,9 +103,9 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
     Parameters
     ----------
     block : Block
-        Of the heads; measurements with an infinite sigma are left out.
+        The block of the heads; measurements with an infinite sigma are left out.
     orientation : RelativeOrientation
-        Says which cameras are heads and in which order.
+        It has the names of the heads and their order.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
 
 
 def check_ties(ties: TiePoints, orientation: RelativeOrientation) -> None:
-    """Raise a ValueError where tie points are of other heads."""
+    """Raise a ValueError where tie points belong to other heads."""
     expected.instance("ties", ties, TiePoints)
     expected.places("ties.head_a", ties.head_a, len(orientation.heads))
     expected.places("ties.head_b", ties.head_b, len(orientation.heads))
@@ -165,10 +165,10 @@ def overlaps(ties: TiePoints, orientation: RelativeOrientation) -> list[Overlap]
 def refine_by_mean_differences(
     orientation: RelativeOrientation, ties: TiePoints
 ) -> RelativeOrientation:
-    """Shift the heads so that the average differences of their overlaps vanish.
+    """Shift the heads so that the mean differences of their overlaps become smallest.
 
     The paper's refinement: Xc and Yc of every head by least squares over the pairs' mean
-    differences, each weighted with its number of points; the mean of all heads stays.
+    differences, each weighted with its number of points. The mean of all heads does not move.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ def refine_by_mean_differences(
     Returns
     -------
     RelativeOrientation
-        Its covariance has what the tie points repair of the heads' errors, interior
-        orientations included, and their noise.
+        Its covariance takes into account that tie points reduce the heads' errors, including
+        those of interior orientations, and that tie points have noise.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def refine_by_mean_differences(
 
 
 def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
-    """Return the orientation with one parameter changed, counted as in `cov_joint`."""
+    """Return the orientation with one parameter changed, numbered as in `cov_joint`."""
     n = 6 * len(orientation.heads)
     if i >= n:
         k, j = divmod(i - n, len(INTERIOR))
@@ -234,7 +234,7 @@ def _shifts(orientation: RelativeOrientation, ties: TiePoints) -> tuple[Array, A
         A[row, overlap.head_a], A[row, overlap.head_b] = -1.0, 1.0
     counts = np.array([len(overlap.d) for overlap in found], dtype=float)
     root = np.sqrt(counts)[:, None]
-    # minimum norm: the shifts sum to zero, the mean of the heads stays where it is
+    # minimum norm: the shifts sum to zero, so the mean of the heads does not move
     gain = -np.linalg.pinv(root * A) * root.T
     means = np.array([overlap.mean for overlap in found])
     return gain @ means, gain, counts

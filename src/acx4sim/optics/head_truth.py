@@ -26,8 +26,8 @@ HEAD_ANGLES_DEG = MappingProxyType(
 # smallest f lie equally far from 74, where terrain strains the adjustment least. A wrong f in
 # a head that looks aside also shifts its x_p and y_p (by up to 0.04 mm here) and turns it (by up
 # to 0.03 deg). These constants are such that an adjustment of exact data of seed 1 gives Table
-# 1's x_p, y_p, k1, p1, p2 and Zc; tests/support/flights/find_head_truth.py found them. The lens centres sit in
-# a square of 16 cm around the synthetic camera's.
+# 1's x_p, y_p, k1, p1, p2 and Zc; tests/support/flights/find_head_truth.py found them. The lens
+# centres sit in a square of 16 cm around the synthetic camera's.
 HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] = MappingProxyType(
     {
         "CAM1": (

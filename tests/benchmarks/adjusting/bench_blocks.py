@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle import adjust
+from acx4lib.bundle import uses
 from acx4lib.bundle.network import Network
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
@@ -161,7 +161,7 @@ def make(design: Design, *, seed: int = 1) -> Made:
 
 def network(made: Made, *, seed: int = 2) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
-    ready = adjust.mounted_orientation(made.block, free=FREE)
+    ready = uses.mounted_orientation(made.block, free=FREE)
     rng = np.random.default_rng(seed)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m

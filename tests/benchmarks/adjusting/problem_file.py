@@ -137,7 +137,7 @@ def _block(
 
 
 def _network(block: Block, observed: PoseObservations, x_m: np.ndarray) -> Network:
-    """Return what `adjust.mounted_orientation` does, without a search for start values."""
+    """Return what `uses.mounted_orientation` does, without a search for start values."""
     n, camera = len(block.images), block.cameras[0]
     return Network(
         block=block,

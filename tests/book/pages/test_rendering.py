@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from acx4book.pages import rendering, rendering_goals
-from acx4lib._data import data_path
 
 ABOUT = {
     "date": "2026-01-02",
@@ -164,8 +163,8 @@ def test_a_missing_benchmark_names_the_cure(tmp_path):
         rendering_goals.read(tmp_path)
 
 
-def test_the_page_builds_from_the_stored_files():
-    stored = rendering_goals.read(data_path("benchmarks", "rendering.csv").parent)
+def test_the_page_builds_from_the_stored_files(pytestconfig):
+    stored = rendering_goals.read(pytestconfig.rootpath / "data" / "benchmarks")
     json.dumps(stored.about)
     text = rendering.page(stored)
     assert all(goal.measured > 0 for goal in rendering_goals.goals(stored))

@@ -10,7 +10,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from acx4book.pages import sigma
 from acx4book.pages.figure_sigma import normalised_errors
-from acx4lib._data import data_path
 
 ABOUT = {
     "date": "2026-01-02",
@@ -148,8 +147,8 @@ def test_files_that_are_missing_are_named(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def stored():
-    return sigma.read(data_path("benchmarks", "coverage.json").parent)
+def stored(pytestconfig):
+    return sigma.read(pytestconfig.rootpath / "data" / "benchmarks")
 
 
 def test_the_stored_flights_are_seeds_1_to_200(stored):

@@ -8,7 +8,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from acx4book.pages import speed
 from acx4book.pages.figure_speed import seconds_by_points
-from acx4lib._data import data_path
 
 SIZE = {"images": 52, "points": 556, "image_points": 6694, "observations": 13868}
 ABOUT = {
@@ -159,8 +158,8 @@ def test_files_that_are_missing_are_named(tmp_path):
         speed.read(tmp_path)
 
 
-def test_the_files_of_the_repository_make_a_page():
-    folder = data_path("benchmarks", "adjustment.csv").parent
+def test_the_files_of_the_repository_make_a_page(pytestconfig):
+    folder = pytestconfig.rootpath / "data" / "benchmarks"
     stored = speed.read(folder)
     assert stored.about == json.loads((folder / "adjustment.json").read_text("utf-8"))
     text = speed.page(stored)

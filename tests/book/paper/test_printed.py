@@ -9,7 +9,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import printed
-from acx4lib import _data
 
 TABLES = (1, 2, 3, 4)
 NUMBER = r"(-?\d*\.?\d+(?:E[+-]\d+)?)(?:\^(-?)(\d+))?"
@@ -136,8 +135,3 @@ def test_formats():
 def test_what_the_paper_does_not_have_is_an_error(ask):
     with pytest.raises(ValueError, match=r"Table|statement"):
         ask()
-
-
-def test_missing_data_names_the_remedy():
-    with pytest.raises(FileNotFoundError, match=r"nothing\.csv is missing: .* clone"):
-        _data.data_path("paper", "nothing.csv")

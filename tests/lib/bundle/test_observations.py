@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import adjust
+from acx4lib.bundle import uses
 from acx4lib.bundle.observations import Strips, position_errors, strips_of
 from acx4lib.errors import AdjustmentError
 from support import blocks
@@ -52,7 +52,7 @@ def test_an_exposure_alone_or_in_no_strip_does_not_drift(block):
 
 
 def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
-    net = adjust.mounted_orientation(blocks.standard(), free=())
+    net = uses.mounted_orientation(blocks.standard(), free=())
     strips = Strips(names=("A", "B"), idx=np.array([0, 1, -1]), elapsed=np.array([2.0, -3.0, 0.0]))
     drift = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.01]])
     found = position_errors(replace(net.observed, strips=strips), np.array([1.0, 2.0, 3.0]), drift)
@@ -61,10 +61,10 @@ def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
 
 def test_observed_positions_are_the_true_ones_and_their_errors(block):
     """At the truth, positions shifted and drifting along the grid's axes leave no residual."""
-    net = adjust.mounted_orientation(block, free=(), gnss=("shift", "drift"))
+    net = uses.mounted_orientation(block, free=(), gnss=("shift", "drift"))
     shift, drift = np.array([0.3, -0.2, 0.1]), 0.01 * np.arange(9).reshape(3, 3)
     by = position_errors(net.observed, shift, drift)
-    off = adjust.mounted_orientation(
+    off = uses.mounted_orientation(
         blocks.changed(block, "gnss", by), free=(), gnss=("shift", "drift")
     )
     truth = replace(off.start, T_m_b=net.start.T_m_b, shift=shift, drift=drift)
@@ -74,4 +74,4 @@ def test_observed_positions_are_the_true_ones_and_their_errors(block):
 
 def test_a_block_without_strips_cannot_drift():
     with pytest.raises(AdjustmentError, match=r"images\.csv needs its column strip"):
-        adjust.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
+        uses.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.reliability import gains, noncentrality, parameter_effects, reliability
+from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations, Group
 from support import blocks

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.determination import (
     SHARE,
     STRONG,

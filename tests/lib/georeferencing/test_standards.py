@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib._data import data_path
 from acx4lib.georeferencing import accuracy, standards
 
 # Table 4 of the paper, east, north, height, m; n = 36
@@ -171,13 +170,13 @@ def test_one_gross_error_in_twenty_spoils_the_rms_but_not_the_90_percent():
     assert standards.pec_pcd(accuracy.from_differences(errors(20, 0.1)), 2000).height == "A"
 
 
-def test_limits_of_the_printed_table_follow_the_rules_but_for_rounding():
+def test_limits_of_the_printed_table_follow_the_rules_but_for_rounding(pytestconfig):
     """0.28/0.17 ... 1.0/0.6 mm at map scale; shares of the contour interval."""
     rules = {"A": (0.28, 0.17), "B": (0.5, 0.3), "C": (0.8, 0.5), "D": (1.0, 0.6)}
     for scale in standards.scales():
         for limit in standards.plan_limits(scale):
             assert_allclose((limit.pec, limit.ep), 1e-3 * scale * np.array(rules[limit.letter]))
-    with data_path("standards", "pec_pcd.csv").open() as file:
+    with (pytestconfig.rootpath / "data" / "standards" / "pec_pcd.csv").open() as file:
         intervals = {int(row["scale"]): float(row["interval_m"]) for row in csv.DictReader(file)}
     odd = set()
     for scale, interval in intervals.items():

@@ -21,13 +21,13 @@ import traceback
 import warnings
 from pathlib import Path
 
-from acx4book.chapters.heads import steps as heads_stage
 from acx4book.command import acx4
 from acx4lib import flight
 from acx4lib.calibration import mounting
 from acx4lib.errors import UNSEEN, AdjustmentError, FlightError
 from acx4lib.georeferencing import validation
 from acx4lib.production.image_files import image_from_file
+from acx4lib.stages import heads
 from support.fuzz.mutations import spoil
 
 SECONDS = 20
@@ -93,7 +93,7 @@ def compute(read: flight.Flight) -> str:
     """Adjust a flight as the stages do, and return how that ended."""
     with contextlib.suppress(AdjustmentError):
         if read.heads is not None:
-            heads_stage.orient(read, heads_stage.calibrate(read))
+            heads.orient(read, heads.calibrate(read))
     if read.calibration is None:
         return "computed"
     try:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.chapters.mounting import variants as mounting_experiments
-from acx4lib.bundle import adjust, observations, unknowns, variance_components
+from acx4lib.bundle import adjust, observations, unknowns, uses, variance_components
 from acx4lib.bundle.gross_errors import data_snooping
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
 from acx4lib.errors import AdjustmentError
@@ -92,7 +92,7 @@ def adjusted() -> list[Wrong]:
             "refraction: expected one of none, standard, got 'air'",
         ),
         Wrong(
-            lambda: adjust.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
+            lambda: uses.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
             "free_mount: expected names of lever_x, .*, got 'lever_arm'",
         ),
         Wrong(lambda: mounting.calibrate(None, free=FREE), "block: expected a Block, got None"),
@@ -101,9 +101,7 @@ def adjusted() -> list[Wrong]:
             "block: expected a Block, got a SimulatedFlight",
         ),
         Wrong(lambda: mounting.two_step(None, free=FREE), "block: expected a Block, got None"),
-        Wrong(
-            lambda: adjust.free_orientation(None, free=FREE), "block: expected a Block, got None"
-        ),
+        Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
             lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),
             "block: expected a Block, got None",
@@ -142,7 +140,7 @@ def adjusted() -> list[Wrong]:
             r"CAM: expected a focal length in mm, got f=0.05 \(metres\?\)",
         ),
         Wrong(
-            lambda: adjust.free_orientation(
+            lambda: uses.free_orientation(
                 block.select_images(BLOCK, IMAGES.exposure_idx < 6),
                 free=FREE,
                 positions=with_positions,
@@ -150,7 +148,7 @@ def adjusted() -> list[Wrong]:
             "positions: expected 6 poses, got 12",
         ),
         Wrong(
-            lambda: adjust.free_orientation(BLOCK, free=FREE, positions=POSES),
+            lambda: uses.free_orientation(BLOCK, free=FREE, positions=POSES),
             "positions: expected a PoseObservations, got a Pose",
         ),
         Wrong(
@@ -183,19 +181,19 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=-3.9
+                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=-3.9
             ),
             "critical: expected a positive number, got -3.9",
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=np.nan
+                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=np.nan
             ),
             "critical: expected a positive number, got nan",
         ),
         Wrong(
             lambda: data_snooping.adjust_rejecting(
-                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), sigma0="guess"
+                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), sigma0="guess"
             ),
             "sigma0: expected one of known, estimated, got 'guess'",
         ),

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from acx4book.chapters.heads.tables import SYMBOLS
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4book.typesetting.style import (
     INK,
@@ -30,20 +31,6 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import EXTERIOR, interior_exterior
 from acx4lib.calibration.lens import radial_profile
 from acx4lib.expected import Array
-
-SYMBOLS = {
-    "f_mm": "$f$",
-    "xp_mm": "$x_p$",
-    "yp_mm": "$y_p$",
-    "east_m": "$X_0$",
-    "north_m": "$Y_0$",
-    "height_m": "$Z_0$",
-    "omega_deg": r"$\omega$",
-    "phi_deg": r"$\varphi$",
-    "kappa_deg": r"$\kappa$",
-    **{name: f"${name[0]}_{name[1]}$" for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
-}
-"""The paper's symbols of parameters by their names in results."""
 
 NO_HEADS = "No head could be adjusted."
 

@@ -1,4 +1,4 @@
-"""Heads with a wrong focal length."""
+"""The heads calibrated with a wrong focal length."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.adjust import Bundle, adjust, free_orientation
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.heads import RelativeOrientation, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
+from acx4lib.flight import Flight
 from acx4lib.flight.block import Block, select_camera
-from acx4lib.geometry.camera import Camera
+from acx4lib.stages.heads import HeadsStage
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,9 +58,30 @@ class HeldFocalLength:
         return rise
 
 
-def held_focal_length(
-    fits: dict[str, Bundle], free: Sequence[str], *, synthetic: Camera | None, change_mm: Array
-) -> HeldFocalLength:
+def all_heads(
+    flight: Flight, stage: HeadsStage, changes_mm: Sequence[float]
+) -> list[HeldFocalLength]:
+    """Calibrate all heads again with the focal length held at other values.
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : HeadsStage
+    changes_mm : sequence of float
+        Against the first calibration, the same for all heads.
+    """
+    n = len(stage.heads.bundles)
+    return [hold(flight, stage, np.full(n, float(change))) for change in changes_mm]
+
+
+def last_head(flight: Flight, stage: HeadsStage, change_mm: float) -> HeldFocalLength:
+    """Calibrate the heads again with the focal length of the last one held at another value."""
+    change = np.zeros(len(stage.heads.bundles))
+    change[-1:] = change_mm
+    return hold(flight, stage, change)
+
+
+def hold(flight: Flight, stage: HeadsStage, change_mm: Array) -> HeldFocalLength:
     """Calibrate the heads again with other focal lengths held.
 
     Gross errors that were found before stay out, and none are looked for: a wrong focal length
@@ -66,21 +89,13 @@ def held_focal_length(
 
     Parameters
     ----------
-    fits : dict of str to Bundle
-        The heads as they were calibrated, by name.
-    free : sequence of str
-        Interior parameters to estimate; f is held in any case.
-    synthetic : Camera or None
-        For the relative orientation.
+    flight : Flight
+    stage : HeadsStage
     change_mm : ndarray, shape (n_heads,)
-        Added to the focal lengths of `fits`.
-
-    Returns
-    -------
-    HeldFocalLength
+        Added to the focal lengths of the first calibration.
     """
-    held = tuple(name for name in free if name != "f")
-    bundles = {}
+    held = tuple(name for name in flight.estimate_heads if name != "f")
+    fits, bundles = stage.heads.bundles, {}
     for (name, fit), change in zip(fits.items(), change_mm, strict=True):
         block = _with_focal_length(fit, float(change))
         try:
@@ -89,8 +104,8 @@ def held_focal_length(
             )
         except AdjustmentError:
             continue
-    orientation = None
-    if synthetic is not None and len(bundles) == len(fits) > 1:
+    orientation, synthetic = None, flight.synthetic_camera
+    if stage.orientation is not None and synthetic is not None and len(bundles) == len(fits) > 1:
         orientation = relative_orientation(bundles, synthetic)
     return HeldFocalLength(change_mm=change_mm, bundles=bundles, orientation=orientation)
 

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acx4book.chapters.heads.figures import SYMBOLS
 from acx4book.chapters.heads.held_focal_length import HeldFocalLength, asked_by_gnss
-from acx4book.chapters.heads.steps import HeadsStage
-from acx4book.chapters.heads.tables import apart, claim, oriented, printed_border_px
+from acx4book.chapters.heads.tables import (
+    SYMBOLS,
+    apart,
+    claim,
+    oriented,
+    printed_border_px,
+)
 from acx4book.paper import printed as paper
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import shown
@@ -19,6 +23,7 @@ from acx4lib.calibration.lens import radial_profile
 from acx4lib.flight import Flight
 from acx4lib.flight.design import levels
 from acx4lib.geometry.parameters import REPORTED
+from acx4lib.stages.heads import HeadsStage
 
 
 def agreement(flight: Flight, stage: HeadsStage) -> str:

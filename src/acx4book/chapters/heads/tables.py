@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from acx4book.chapters.heads.held_focal_length import HeldFocalLength
-from acx4book.chapters.heads.steps import HeadsStage
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, value_and_sigma
 from acx4book.typesetting.plain_text import Markup
@@ -16,9 +15,24 @@ from acx4lib.calibration.estimates import Parameter, from_bundle, parameters
 from acx4lib.calibration.lens import corner_radius, largest_at_corners, radial_profile
 from acx4lib.flight import Flight
 from acx4lib.results.rows import orientation_parameters
+from acx4lib.stages.heads import HeadsStage
 
 UNITS = {"deg": "°", "mm^-1": "mm⁻¹", "mm^-2": "mm⁻²", "mm^-4": "mm⁻⁴", "mm^-6": "mm⁻⁶"}
 """Units as a reader sees them."""
+
+SYMBOLS = {
+    "f_mm": "$f$",
+    "xp_mm": "$x_p$",
+    "yp_mm": "$y_p$",
+    "east_m": "$X_0$",
+    "north_m": "$Y_0$",
+    "height_m": "$Z_0$",
+    "omega_deg": r"$\omega$",
+    "phi_deg": r"$\varphi$",
+    "kappa_deg": r"$\kappa$",
+    **{name: f"${name[0]}_{name[1]}$" for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
+}
+"""The paper's symbols of parameters by their names in results."""
 
 
 def quality(flight: Flight, stage: HeadsStage) -> pd.DataFrame:

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, require_control
+from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.start.robust import SUSPECT
+from acx4lib.bundle.uses import free_orientation, require_control
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory

@@ -26,6 +26,7 @@ from acx4book.chapters.image_quality.known_exposure import (
     simulated,
 )
 from acx4book.chapters.synthetic_image.wrong_heads import (
+    every_refinement,
     simulated_ties,
     with_turned_heads,
     with_wrong_interiors,
@@ -39,9 +40,8 @@ from acx4lib.geometry.camera import colrow_from_xy, inside, xy_from_colrow
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.differences import frame_differences
-from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.search import find_ties
-from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
+from acx4lib.tie_points.ties import TiePoints
 
 TIES = 100
 """Of an overlap, without error, for the refinement of drawn calibrations."""
@@ -111,24 +111,6 @@ def drawn_calibration(
     """
     rng = np.random.default_rng(seed)
     return with_turned_heads(with_wrong_interiors(truth, rng=rng), rng=rng, sigma_deg=angle_deg)
-
-
-def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, RelativeOrientation]:
-    """Return a wrong calibration refined in every way, the first head held.
-
-    Returns
-    -------
-    dict of str to RelativeOrientation
-        ``before``, ``mean shift``, ``rotations``, ``six``.
-    """
-    shifted = refine_by_mean_differences(wrong, ties)
-    held = shifted.xyz_mm + wrong.xyz_mm[0] - shifted.xyz_mm[0]
-    return {
-        "before": wrong,
-        "mean shift": replace(shifted, xyz_mm=held),
-        "rotations": refine_by_rotations(wrong, ties).orientation,
-        "six": refine_by_rotations(wrong, ties, free="six").orientation,
-    }
 
 
 def measured_ties(known: KnownExposure, orientation: RelativeOrientation) -> TiePoints:

@@ -15,7 +15,6 @@ from matplotlib.ticker import PercentFormatter
 
 from acx4book.chapters.image_quality.deviations import Deviations
 from acx4book.chapters.image_quality.examined import TargetErrors
-from acx4book.chapters.image_quality.known_exposure import FEATHER_PX
 from acx4book.chapters.image_quality.seams import OverlapPicture, SeamProfile
 from acx4book.paper import printed
 from acx4book.typesetting.style import (
@@ -44,6 +43,7 @@ from acx4lib.calibration.lens import radial_profile
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, colrow_from_xy
 from acx4lib.synthetic_image.frame import footprint
+from acx4lib.synthetic_image.rendering import FEATHER_PX
 
 CELLS = 14
 """Along the longer side of the frame, in vector plots."""
@@ -52,7 +52,7 @@ LEAST = 4
 """Points of a cell whose mean is drawn."""
 
 TINTS = {"true": SOFT, "before": BRICK, "mean shift": ORANGE, "rotations": BLUE, "six": TEAL}
-"""Of the orientations, by the names of `experiments.every_refinement`."""
+"""Of the orientations, by the names of `wrong_heads.every_refinement`."""
 
 # --- vectors over the frame ------------------------------------------------------------------
 
@@ -235,11 +235,11 @@ def distortion_taken_up(
     Parameters
     ----------
     fits : mapping of str to Bundle
-        Self-calibrations with the lens free, by the names of `experiments.every_refinement`.
+        Self-calibrations with the lens free, by the names of `wrong_heads.every_refinement`.
     names : mapping of str to str
         What these are called.
     draws : DataFrame
-        As `experiments.drawn_errors` returns it.
+        As `examined.drawn_errors` returns it.
     targets : TargetErrors
     """
     border = printed.statement("synthetic_border_distortion_px")

@@ -25,7 +25,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, Interior, colrow_from_xy, 
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
-from acx4lib.synthetic_image.rendering import render, render_plan
+from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response, estimate_response
 from acx4lib.tie_points.least_squares_matching import noise_correlation
 from acx4sim.optics.lens import Camera as TrueCamera
@@ -33,9 +33,6 @@ from acx4sim.pictures.pictures import Ground
 
 NODES_PX = 16
 """Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
-
-FEATHER_PX = 150.0
-"""Width of the blend of two heads, px at full size."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

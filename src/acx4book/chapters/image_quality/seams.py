@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4book.chapters.image_quality.known_exposure import (
-    FEATHER_PX,
     KnownExposure,
     border_depth,
     render_known,
@@ -16,7 +15,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
-from acx4lib.synthetic_image.rendering import resample
+from acx4lib.synthetic_image.rendering import FEATHER_PX, resample
 from acx4lib.synthetic_image.response import Response, log_response
 
 BAND = 1

@@ -17,20 +17,15 @@ from acx4book.chapters.image_quality.examined import (
     rms_of_coordinates,
 )
 from acx4book.chapters.image_quality.known_exposure import KnownExposure
+from acx4book.chapters.synthetic_image.tables import WAYS
 from acx4book.paper import printed
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.expected import Array, Mask
 
-NAMES: Mapping[str, str] = {
-    "true": "true orientation",
-    "before": "as calibrated",
-    "mean shift": "mean differences",
-    "rotations": "three rotations",
-    "six": "rotations and places",
-}
-"""What the orientations of `experiments.every_refinement` are called."""
+NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
+"""What the orientations of `wrong_heads.every_refinement` are called."""
 
 ZONE_FORMATS = {"Mean, columns (px)": "+.3f", "Mean, rows (px)": "+.3f"}
 WAY_FORMATS = {"Largest (px)": ".2f"}
@@ -125,7 +120,7 @@ def way_table(
     examined : mapping of str to Examined
         By the names of `NAMES`.
     geometry : mapping of str to mapping
-        As `experiments.geometry_errors` returns it.
+        As `examined.geometry_errors` returns it.
 
     Returns
     -------
@@ -275,7 +270,7 @@ def draw_table(draws: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     draws : DataFrame
-        As `experiments.drawn_errors` returns it.
+        As `examined.drawn_errors` returns it.
     """
     shown = {
         "rms_px": "RMS (px)",

@@ -1,56 +1,14 @@
-"""What a calibration determines least, and which flight determines what, as tables."""
+"""Which flight determines which parameter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
-
 import pandas as pd
 
-from acx4book.typesetting.labels import LABELS, TITLES
-from acx4book.typesetting.myst import myst_table, scientific
-from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.calibration.determination import Pair, Part, strong_correlations, weakest_combination
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import Markup
 from acx4lib.calibration.estimates import HELP, LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M
-from acx4lib.calibration.mounting import Mounting
 from acx4lib.geometry.parameters import REPORTED
-
-NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
-
-
-def determination_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
-    """Return condition, weakest combination and strong correlations of every method."""
-    rows = []
-    for method, mounting in methods.items():
-        several = len(mounting.calibration.cameras) > 1
-        label = partial(_label, with_camera=several)
-        parts = weakest_combination(mounting.bundle)
-        pairs = strong_correlations(mounting.calibration)
-        rows.append(
-            {
-                "Method": TITLES[method],
-                "Condition": scientific(mounting.bundle.solution.condition),
-                "Weakest combination": Markup("; ".join(_part(part, label) for part in parts)),
-                "Correlations above 0.9": Markup("; ".join(_pair(pair, label) for pair in pairs)),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _part(part: Part, label: Callable[[str], str]) -> str:
-    return f"{label(part.unknown)} {100 * part.share:.0f} %"
-
-
-def _pair(pair: Pair, label: Callable[[str], str]) -> str:
-    size = f"{pair.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
-    return f"{label(pair.row)}, {label(pair.column)} {size}"
-
-
-def _label(name: str, *, with_camera: bool) -> str:
-    """Return what a reader sees for ``camera/parameter`` or for an unknown of the poses."""
-    camera, _, parameter = name.rpartition("/")
-    label = shown(NAMES.get(parameter, parameter))
-    return f"{shown(camera)} {label}" if camera and with_camera else label
 
 
 def geometry_page() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from acx4book.typesetting.labels import LABELS, UNITS
+from acx4book.typesetting.labels import LABELS, UNITS, inside
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK, noncentrality, parameter_effects, reliability
@@ -142,4 +142,4 @@ def largest_effect(table: pd.DataFrame) -> str:
 def _within(observation: str) -> str:
     """Return a group's name and component inside a sentence, without the unit."""
     name = observation.rpartition(" (")[0]
-    return name if name.startswith("GNSS") else name[:1].lower() + name[1:]
+    return name if name.startswith("GNSS") else inside(name)

@@ -9,11 +9,19 @@ import pandas as pd
 
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.gnss_shift import not_determined, notes
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array
+from acx4lib.flight import Flight
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES
+
+FREE_OF_SHIFT = (
+    "GNSS positions are taken to be free of a common shift; `gnss` in flight.toml makes one an "
+    "unknown."
+)
 
 
 def lever_arm(seen: pd.DataFrame) -> str:
@@ -22,7 +30,7 @@ def lever_arm(seen: pd.DataFrame) -> str:
     Parameters
     ----------
     seen : DataFrame
-        As `experiments.lever_arm_seen` returns it.
+        As `variants.lever_arm_seen` returns it.
     """
     if seen.empty:
         return "One of the two methods gave no result, so there is nothing to compare."
@@ -43,15 +51,15 @@ def lever_arm(seen: pd.DataFrame) -> str:
     )
 
 
-def scatter(mounting: Mounting | None, *, beside_paper: bool) -> str:
+def scatter(flight: Flight, mounting: Mounting | None) -> str:
     """Say how the boresights of single images scatter, beside the precision of their mean.
 
     Parameters
     ----------
+    flight : Flight
+        The printed standard deviations are named where it has the paper's cameras.
     mounting : Mounting or None
         Of a two-step method with one camera; None where it was left out.
-    beside_paper : bool
-        Name the printed standard deviations too.
     """
     if mounting is None or mounting.per_image is None or mounting.averaged is None:
         return "There is no boresight of single images."
@@ -64,7 +72,7 @@ def scatter(mounting: Mounting | None, *, beside_paper: bool) -> str:
         f"$\\kappa$. That over $\\sqrt{{{n}}}$ is {listed(found / np.sqrt(n), '.4f')}°; the "
         f"propagated standard deviations of the mean are {listed(mean, '.4f')}°."
     )
-    if not beside_paper:
+    if not printed.applies(flight):
         return said
     two, one = (
         [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
@@ -74,6 +82,14 @@ def scatter(mounting: Mounting | None, *, beside_paper: bool) -> str:
         f"{listed(one, '.4f')}° for the single-step ones: the former have the size of a scatter, "
         "the latter that of the precision of a mean."
     )
+
+
+def gnss_shift(single: Mounting | None) -> str:
+    """Say what the single step estimated of GNSS positions and what it held, as a list."""
+    if single is None:
+        return "There is no single step, and so no shift of GNSS positions."
+    lines = [*notes(single.bundle), *not_determined(single.bundle)]
+    return "\n".join(f"- {shown(line[0].upper() + line[1:])}." for line in lines) or FREE_OF_SHIFT
 
 
 def _turns_deg(mounting: Mounting, R_b_c: Array) -> Array:

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
-from acx4book.typesetting.plain_text import Markup
+from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.calibration.determination import Pair, Part, strong_correlations, weakest_combination
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array
+from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
 
 PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
 """The paper's column that a method is set beside: its two-step sigmas are those of this reading."""
 
+NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
 
-def mounting_table(
-    methods: Mapping[str, Mounting], *, beside_paper: Sequence[str] = ()
-) -> pd.DataFrame:
+
+def table_3(flight: Flight, methods: Mapping[str, Mounting]) -> pd.DataFrame:
     """Return Table 3: every parameter of every method, beside the printed ones.
 
     Parameters
     ----------
+    flight : Flight
+        The paper's columns are shown where it has the paper's cameras.
     methods : mapping of str to Mounting
-    beside_paper : collection of str
-        Methods whose printed column is shown too.
 
     Returns
     -------
@@ -50,7 +54,7 @@ def mounting_table(
         found = [f"{mounting.calibration.sigma0_sq:.3f}"]
         found += [row.get(TITLES[method], "held") for row in cells.values()]
         columns = {TITLES[method]: found}
-        if method in beside_paper:
+        if method in PRINTED and printed.applies(flight):
             names = ["sigma0_squared", *(name for _, name, _ in cells)]
             columns[printed_title(method)] = [_printed_cell(method, name) for name in names]
         for title, texts in columns.items():
@@ -75,7 +79,7 @@ def _printed_cell(method: str, name: str) -> str:
     return value_and_sigma(value, sigma) if np.isfinite(value) else "ND"
 
 
-def variant_table(table: pd.DataFrame) -> pd.DataFrame:
+def variants(table: pd.DataFrame) -> pd.DataFrame:
     """Return the variants of a calibration with each value and sigma in one cell."""
     names = {"variant": "Variant", "images": "Images", "sigma0_squared": "Variance of unit weight"}
     out = table[list(names)].rename(columns=names)
@@ -90,7 +94,7 @@ def variant_table(table: pd.DataFrame) -> pd.DataFrame:
     return out
 
 
-def adjustment_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
+def adjustments(methods: Mapping[str, Mounting]) -> pd.DataFrame:
     """Return size, redundancy and global test of the adjustment behind every method."""
     rows = []
     for method, mounting in methods.items():
@@ -109,6 +113,41 @@ def adjustment_table(methods: Mapping[str, Mounting]) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def determination(methods: Mapping[str, Mounting]) -> pd.DataFrame:
+    """Return condition, weakest combination and strong correlations of every method."""
+    rows = []
+    for method, mounting in methods.items():
+        several = len(mounting.calibration.cameras) > 1
+        label = partial(_label, with_camera=several)
+        parts = weakest_combination(mounting.bundle)
+        pairs = strong_correlations(mounting.calibration)
+        rows.append(
+            {
+                "Method": TITLES[method],
+                "Condition": scientific(mounting.bundle.solution.condition),
+                "Weakest combination": Markup("; ".join(_part(part, label) for part in parts)),
+                "Correlations above 0.9": Markup("; ".join(_pair(pair, label) for pair in pairs)),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _part(part: Part, label: Callable[[str], str]) -> str:
+    return f"{label(part.unknown)} {100 * part.share:.0f} %"
+
+
+def _pair(pair: Pair, label: Callable[[str], str]) -> str:
+    size = f"{pair.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
+    return f"{label(pair.row)}, {label(pair.column)} {size}"
+
+
+def _label(name: str, *, with_camera: bool) -> str:
+    """Return what a reader sees for ``camera/parameter`` or for an unknown of the poses."""
+    camera, _, parameter = name.rpartition("/")
+    label = shown(NAMES.get(parameter, parameter))
+    return f"{shown(camera)} {label}" if camera and with_camera else label
 
 
 def attitude_sigma_deg(block: Block) -> Array:

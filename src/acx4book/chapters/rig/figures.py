@@ -49,7 +49,7 @@ def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
     Parameters
     ----------
     ways : mapping of str to RelativeOrientation
-        As `experiments.oriented` returns it.
+        As `one_by_one.oriented` returns it.
     """
     others = [title for title in (ONE_BY_ONE, WITH_F, UNSHARED) if title in ways]
     if RIG not in ways or not others:
@@ -94,7 +94,7 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
     Parameters
     ----------
     ways : mapping of str to RelativeOrientation
-        As `experiments.oriented` returns it.
+        As `one_by_one.oriented` returns it.
     """
     shown = [title for title in (ONE_BY_ONE, WITH_F, RIG) if title in ways]
     if RIG not in ways:
@@ -132,7 +132,7 @@ def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure
     ----------
     flight : Flight
     found : mapping of str to Deformation
-        By the ways of `experiments.oriented`; empty where the flight has no synthetic image.
+        By the ways of `one_by_one.oriented`; empty where the flight has no synthetic image.
 
     Returns
     -------
@@ -141,9 +141,9 @@ def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure
         errors of a simulated flight.
     """
     shown = [title for title in (REFINED, RIG) if title in found]
-    if RIG not in found or flight.synthetic is None:
+    synthetic = flight.synthetic_camera
+    if RIG not in found or synthetic is None:
         return nothing(NO_RIG)
-    synthetic = flight.cameras[flight.synthetic.camera]
     pixel = synthetic.pixel_mm
     most = max(found[title].sigma.max() for title in shown) / pixel
     lengths = [np.hypot(*found[title].d.T) for title in shown]

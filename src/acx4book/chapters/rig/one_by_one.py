@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.calibration import heads as relative_orientation
-from acx4lib.calibration import rig
+from acx4lib.calibration import heads, rig
+from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
+from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import Camera
+from acx4lib.stages.rig import RigStage
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 
 ONE_BY_ONE = "one by one"
@@ -25,54 +24,43 @@ RIG = "rig"
 """The ways to orient the heads, in the order of tables."""
 
 
-def oriented(
-    block: Block,
-    together: Mounting,
-    synthetic: Camera,
-    *,
-    free: Sequence[str],
-    refraction: str = "none",
-) -> dict[str, RelativeOrientation]:
+def oriented(flight: Flight, stage: RigStage) -> dict[str, RelativeOrientation]:
     """Orient heads in every way: each by itself, and all together with and without shared points.
-
-    Parameters
-    ----------
-    block : Block
-        Of the heads.
-    together : Mounting
-        The rig, calibrated on it.
-    synthetic : Camera
-    free : sequence of str
-        Interior parameters of the heads one by one, of which f is held first.
-    refraction : str
 
     Returns
     -------
     dict of str to RelativeOrientation
-        A way that fails is not in it.
+        A way that fails is not in it; none is where there is no rig.
     """
-    held = tuple(name for name in free if name != "f")
+    synthetic = flight.synthetic_camera
+    if synthetic is None or stage.rig is None or not_determined(stage.rig.calibration):
+        return {}
+    try:
+        together = rig.relative_orientation(stage.rig, synthetic)
+    except AdjustmentError:
+        return {}
+    held = tuple(name for name in flight.estimate_heads if name != "f")
     out: dict[str, RelativeOrientation] = {}
-    names = [camera.name for camera in block.cameras]
-    for title, estimated in ((ONE_BY_ONE, held), (WITH_F, ("f", *held))):
-        heads = relative_orientation.calibrate_heads(
-            block, names, free=estimated, refraction=refraction
-        )
-        if heads.failures:
+    for title, free in ((ONE_BY_ONE, held), (WITH_F, ("f", *held))):
+        names = [camera.name for camera in stage.block.cameras]
+        fits = heads.calibrate_heads(stage.block, names, free=free, refraction=flight.refraction)
+        if fits.failures:
             continue
         try:
-            out[title] = relative_orientation.relative_orientation(heads.bundles, synthetic)
+            out[title] = heads.relative_orientation(fits.bundles, synthetic)
         except AdjustmentError:
             continue
         if title == ONE_BY_ONE:
-            ties = shared_points(block, out[title])
+            ties = shared_points(stage.block, out[title])
             out[REFINED] = refine_by_mean_differences(out[title], ties)
     try:
-        alone = rig.calibrate(unshared(block), free=free, refraction=refraction)
+        alone = rig.calibrate(
+            unshared(stage.block), free=flight.estimate_heads, refraction=flight.refraction
+        )
         out[UNSHARED] = rig.relative_orientation(alone, synthetic)
     except AdjustmentError:
         pass
-    return {**out, RIG: rig.relative_orientation(together, synthetic)}
+    return {**out, RIG: together}
 
 
 def gains(before: RelativeOrientation, after: RelativeOrientation) -> Array:

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.mounting.tables import adjustment_table
+from acx4book.chapters.mounting.tables import adjustments
 from acx4book.chapters.rig.deformations import Deformation
 from acx4book.chapters.rig.one_by_one import ONE_BY_ONE, RIG, UNSHARED, WITH_F, gains
-from acx4book.chapters.rig.steps import RigStage
 from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration import rig
@@ -20,6 +19,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results.rows import RELATIVE, orientation_parameters
+from acx4lib.stages.rig import RigStage
 
 COLUMNS = {ONE_BY_ONE: "One by one", WITH_F: Markup("One by one, $f$ estimated"), RIG: "Rig"}
 """The ways to orient the heads that are set beside each other, and their headings."""
@@ -32,7 +32,7 @@ def quality(stage: RigStage) -> pd.DataFrame:
     """Return how the adjustment of all heads went."""
     if stage.rig is None:
         return pd.DataFrame([{"Method": "none could be adjusted"}])
-    return adjustment_table({"rig": stage.rig})
+    return adjustments({"rig": stage.rig})
 
 
 def calibration(stage: RigStage, truth: Sequence[Camera]) -> pd.DataFrame:
@@ -95,9 +95,10 @@ def image(
     flight: Flight, ways: Mapping[str, RelativeOrientation], found: Mapping[str, Deformation]
 ) -> pd.DataFrame:
     """Return what each way of orienting the heads leaves in the synthetic image, px."""
-    if flight.synthetic is None or not found:
+    synthetic = flight.synthetic_camera
+    if synthetic is None or not found:
         return pd.DataFrame([{"Heads": "not oriented"}])
-    pixel = flight.cameras[flight.synthetic.camera].pixel_mm
+    pixel = synthetic.pixel_mm
     rows = []
     for title in ways:
         one = found[title]
@@ -156,10 +157,10 @@ def _by_group(ways: Mapping[str, RelativeOrientation], title: str) -> str:
 
 def without_shared_points(flight: Flight, found: Mapping[str, Deformation]) -> str:
     """Say what it costs in the overlaps that heads share no points, px."""
-    if flight.synthetic is None or not {UNSHARED, RIG} <= set(found):
+    synthetic = flight.synthetic_camera
+    if synthetic is None or not {UNSHARED, RIG} <= set(found):
         return "There is no rig without shared points to compare with."
-    pixel = flight.cameras[flight.synthetic.camera].pixel_mm
-    without, shared = (found[title].gap_sigma_mm / pixel for title in (UNSHARED, RIG))
+    without, shared = (found[title].gap_sigma_mm / synthetic.pixel_mm for title in (UNSHARED, RIG))
     return (
         f"In the overlaps the heads misfit by {without:.3f} px without shared points and by "
         f"{shared:.3f} px with them, {without / shared:.1f} times less."

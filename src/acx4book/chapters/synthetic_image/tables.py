@@ -1,58 +1,101 @@
-"""Tables and sentences on the pixels of the synthetic stage."""
+"""Tables of the synthetic image: Table 2, tie points, refinements, parallax."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from acx4book.chapters.synthetic_image.parallax import flight_parallax
-from acx4book.chapters.synthetic_image.pixels import NO_PIXELS, FoundTies, Pictures, middle
-from acx4book.chapters.synthetic_image.steps import synthetic_camera
+from acx4book.chapters.synthetic_image.wrong_heads import FrameErrors
 from acx4book.paper import printed
-from acx4book.typesetting.plain_text import shown
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.plain_text import Markup
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import Flight
-from acx4lib.synthetic_image.response import ResponseFit, poor_overlaps
+from acx4lib.stages.synthetic import Refinement, SyntheticStage
+from acx4lib.synthetic_image.frame import coverage
+from acx4lib.tie_points.differences import frame_differences
+from acx4lib.tie_points.ties import Overlap, TiePoints, overlaps
 
-BANDS = ("red", "green", "blue", "near infrared")
+NO_PIXELS = {"Heads": "heads/images.csv names no files with pixels"}
+NO_TIES = {"Heads": "no two of them share a tie point"}
 
+WAYS = {
+    "before": "as calibrated",
+    "mean shift": "mean differences",
+    "rotations": "three rotations",
+    "six": "rotations and places",
+}
+"""What the ways to refine are called."""
 
-def rendering(flight: Flight, pictures: Pictures | None) -> str:
-    """Say which pixels the flight has, and at what size they are used."""
-    files = flight.image_files["heads"]
-    if pictures is None:
-        return (
-            "heads/images.csv names no files: this page shows the geometry only, and nothing is "
-            "rendered."
-        )
-    n = sum(file is not None for file in files)
-    picture = middle(pictures).images[0]
-    rows, cols, bands = picture.shape
-    size = (
-        "at full size"
-        if pictures.reduction == 1
-        else f"at 1/{pictures.reduction} of the full size, {cols} × {rows} px"
-    )
-    names = ", ".join(shown(one.exposure) for one in pictures.exposed)
-    return (
-        f"{n} of {len(files)} head images have files, which makes {pictures.n_complete} complete "
-        f"exposures; this page uses {names}, {size}, {bands} bands of "
-        f"{8 * picture.dtype.itemsize} bit. Pixels in what follows are those of the "
-        "full-size synthetic image, where nothing else is said."
-    )
+EACH = "three rotations, each exposure by itself"
+
+# --- the frame -------------------------------------------------------------------------------
 
 
-def found_table(orientation: RelativeOrientation, found: FoundTies | None) -> pd.DataFrame:
-    """Return what became of the corners of every overlap."""
-    if found is None:
-        return pd.DataFrame([NO_PIXELS])
+def table_2(flight: Flight, stage: SyntheticStage) -> pd.DataFrame:
+    """Return the main parameters of the synthetic image, beside those of Table 2."""
+    synthetic = stage.synthetic
+    values = {
+        "width_px": (synthetic.width_px, "px"),
+        "height_px": (synthetic.height_px, "px"),
+        "pixel_um": (1000 * synthetic.pixel_mm, "µm"),
+        "width_mm": (synthetic.width_px * synthetic.pixel_mm, "mm"),
+        "height_mm": (synthetic.height_px * synthetic.pixel_mm, "mm"),
+        "f_mm": (synthetic.interior.f, "mm"),
+    }
     rows = []
-    for exposure, one in zip(found.exposures, found.overlaps, strict=True):
+    for name, (value, unit) in values.items():
+        row = {"Parameter": LABELS[name], "Unit": unit, "Value": f"{value:.6g}"}
+        if printed.applies(flight):
+            row["Printed"] = printed.printed(2, name, "SYN")
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def seen(flight: Flight, stage: SyntheticStage) -> pd.DataFrame:
+    """Return which share of the synthetic image how many heads see, beside Table 1's heads."""
+    synthetic = stage.synthetic
+    shares = {"Share (%)": coverage(stage.orientation, synthetic).share}
+    if printed.applies(flight):
+        shares["Table 1 as printed (%)"] = coverage(printed_heads(flight), synthetic).share
+    cells = {name: [f"{100 * one:.2f}" for one in share] for name, share in shares.items()}
+    table = pd.DataFrame(cells)
+    table.insert(0, "Seen by", ["no head", "1 head", *(f"{n} heads" for n in table.index[2:])])
+    return table
+
+
+def printed_heads(flight: Flight) -> RelativeOrientation:
+    """Return the heads of Table 1 as printed, for a flight with the paper's cameras."""
+    n = len(printed.HEADS)
+    return RelativeOrientation(
+        heads=tuple(
+            flight.cameras[name].with_interior(printed.interior(1, name)) for name in printed.HEADS
+        ),
+        xyz_mm=np.stack([printed.centre_mm(name) for name in printed.HEADS]),
+        opk=np.stack([printed.opk(name) for name in printed.HEADS]),
+        cov_joint=np.zeros((15 * n, 15 * n)),
+        n_exposures=int(printed.statement("block_1_images")),
+    )
+
+
+# --- tie points and refinements --------------------------------------------------------------
+
+
+def found(stage: SyntheticStage) -> pd.DataFrame:
+    """Return what became of the corners of every overlap."""
+    if stage.found is None:
+        return pd.DataFrame([NO_PIXELS])
+    heads = [head.name for head in stage.orientation.heads]
+    rows = []
+    for exposure, one in zip(stage.found.exposures, stage.found.overlaps, strict=True):
         rows.append(
             {
                 "Exposure": exposure,
-                "Heads": " and ".join(orientation.heads[k].name for k in (one.head_a, one.head_b)),
+                "Heads": f"{heads[one.head_a]} and {heads[one.head_b]}",
                 "Cells": f"{one.n_cells}",
                 "with texture": f"{one.n_textured}",
                 "correlated": f"{one.n_correlated}",
@@ -63,27 +106,95 @@ def found_table(orientation: RelativeOrientation, found: FoundTies | None) -> pd
     return pd.DataFrame(rows)
 
 
-def found_sentence(found: FoundTies | None) -> str:
-    """Say how many tie points there are, beside the paper's number, and where there are few."""
-    if found is None:
-        return "Without pixels, the tie points are those that came with the flight."
-    least = min((one.n_ties for one in found.overlaps), default=0)
-    text = (
-        f"{len(found.ties)} tie points in {len(found.overlaps)} overlaps, at least {least} in "
-        f"each; their predicted standard deviation has a median of "
-        f"{np.median(found.ties.sigma_px) if len(found.ties) else np.nan:.3f} head pixels at full "
-        f"size. The paper has about {printed.statement('tie_points_per_overlap'):.0f} an overlap."
+def ways(stage: SyntheticStage) -> pd.DataFrame:
+    """Return what every way to refine leaves in the overlaps, and what it moves in the frame."""
+    refinement = stage.refinement
+    if not len(refinement.ties):
+        return pd.DataFrame([NO_TIES])
+    rows = []
+    for way in WAYS:
+        if way in refinement.orientations:
+            found = [(refinement.orientations[way], refinement.kept)]
+            rows.append(_way_row(stage, way, found))
+    each = refinement.each()
+    if each:
+        rows.append(_way_row(stage, EACH, each))
+    return pd.DataFrame(rows)
+
+
+def _way_row(
+    stage: SyntheticStage, way: str, found: Sequence[tuple[RelativeOrientation, TiePoints]]
+) -> dict[str, str]:
+    """Return the row of a way to refine, whose heads may differ between exposures."""
+    synthetic, refinement = stage.synthetic, stage.refinement
+    pixel = synthetic.pixel_mm
+    left = [overlap for heads, ties in found for overlap in overlaps(ties, heads)]
+    moved = [frame_differences(refinement.before, heads, synthetic) for heads, _ in found]
+    sigma0 = f"{refinement.fits[way].sigma0:.2f}" if way in refinement.fits else ""
+    return {
+        "Refined by": WAYS.get(way, way),
+        "RMS of the differences (px)": f"{rms_mm(left) / pixel:.3f}",
+        "largest mean of an overlap (px)": f"{np.abs([o.mean for o in left]).max() / pixel:.3f}",
+        "σ₀": sigma0,
+        "moves the frame by, RMS (px)": f"{np.mean([m.rms_px for m in moved]):.2f}",
+        "at most (px)": f"{max(m.largest_px for m in moved):.2f}",
+    }
+
+
+def rms_mm(found: Sequence[Overlap]) -> float:
+    """Return the root mean square of one coordinate's differences, mm."""
+    return float(np.sqrt(np.mean(np.concatenate([o.d for o in found]) ** 2)))
+
+
+def turns(refinement: Refinement) -> pd.DataFrame:
+    """Return how the refinement turns every head, with the standard deviations after it."""
+    before, after = refinement.before, refinement.orientation
+    turned_by = np.degrees(after.opk - before.opk)
+    sigma = np.degrees(after.sigma[:, 3:])
+    names = ("\\omega", "\\varphi", "\\kappa")
+    return pd.DataFrame(
+        [
+            {"Head": head.name}
+            | {
+                Markup(f"${name}_c$ (0.001°)"): Markup(
+                    f"{1000 * turned_by[k, j]:+.2f} ± {1000 * sigma[k, j]:.2f}"
+                )
+                for j, name in enumerate(names)
+            }
+            for k, head in enumerate(before.heads)
+        ]
     )
-    return " ".join([text, *(f"{shown(one.sentence)}." for one in found.overlaps if one.sentence)])
 
 
-def parallax_table(flight: Flight) -> pd.DataFrame:
+def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
+    """Return what the ways to refine make of wrong heads, as `wrong_heads.repaired` returns it."""
+    names = WAYS | {"before": "nothing"}
+    return pd.DataFrame(
+        [
+            {"Errors": errors, "Refined by": names[way], **_in_pixels(one)}
+            for errors, ways in found.items()
+            for way, one in ways.items()
+        ]
+    )
+
+
+def _in_pixels(found: FrameErrors) -> dict[str, str]:
+    return {
+        "Overlaps, RMS (px)": f"{np.median(found.overlap_rms_px):.3f}",
+        "at most (px)": f"{np.median(found.overlap_largest_px):.3f}",
+        "Frame, RMS (px)": f"{np.median(found.frame_rms_px):.3f}",
+        "at most in the frame (px)": f"{np.median(found.frame_largest_px):.3f}",
+    }
+
+
+def parallax(flight: Flight) -> pd.DataFrame:
     """Return the shifts between heads by the distance of their lenses, for this flight."""
-    if flight.heads is None or flight.synthetic is None:
+    synthetic = flight.synthetic_camera
+    if flight.heads is None or flight.synthetic is None or synthetic is None:
         return pd.DataFrame([NO_PIXELS])
     heads = [flight.cameras[name] for name in flight.synthetic.heads]
     try:
-        found = flight_parallax(flight.heads, heads, synthetic_camera(flight))
+        found = flight_parallax(flight.heads, heads, synthetic)
     except AdjustmentError as error:
         return pd.DataFrame([{"Heads": str(error)}])
     low, high = int(np.argmin(found.height_m)), int(np.argmax(found.height_m))
@@ -101,39 +212,3 @@ def parallax_table(flight: Flight) -> pd.DataFrame:
             for i, label in enumerate(found.labels)
         ]
     )
-
-
-def response_table(orientation: RelativeOrientation, fit: ResponseFit | None) -> pd.DataFrame:
-    """Return how far the grey values of heads disagree in the overlaps, before and after."""
-    if fit is None:
-        return pd.DataFrame([NO_PIXELS])
-    rows = []
-    for one in fit.overlaps:
-        row = {"Heads": " and ".join(orientation.heads[k].name for k in (one.head_a, one.head_b))}
-        for band, (before, after) in enumerate(zip(one.before, one.after, strict=True)):
-            name = band_name(band, len(one.before))
-            row[f"{name}, before (%)"] = f"{100 * before:.2f}"
-            row["after (%)" if band == 0 else f"{name}, after (%)"] = f"{100 * after:.2f}"
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def band_name(band: int, n_bands: int) -> str:
-    """Return what a band is called."""
-    return BANDS[band] if n_bands >= len(BANDS) - 1 else f"band {band + 1}"
-
-
-def response_sentence(orientation: RelativeOrientation, fit: ResponseFit | None) -> str:
-    """Say how well the heads agree after equalisation, and what could not be estimated."""
-    if fit is None:
-        return "Without pixels there is nothing to equalise."
-    after = np.array([one.after for one in fit.overlaps])
-    before = np.array([one.before for one in fit.overlaps])
-    floor = np.array([one.floor for one in fit.overlaps])
-    names = [head.name for head in orientation.heads]
-    text = (
-        f"In the overlaps grey values disagree by {100 * np.nanmedian(before):.1f} % as they were "
-        f"taken, and by {100 * np.nanmedian(after):.2f} % after equalisation; noise alone would "
-        f"leave {100 * np.nanmedian(floor):.2f} %."
-    )
-    return " ".join([text, *(f"{shown(line)}." for line in poor_overlaps(fit, names))])

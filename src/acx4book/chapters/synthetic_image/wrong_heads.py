@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -11,12 +11,17 @@ import numpy as np
 from acx4book.paper import printed
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
+from acx4lib.flight import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
+from acx4lib.stages.synthetic import SyntheticStage
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points.differences import frame_differences, tie_differences
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
+
+TURNED_DEG, TIE_PX, TRIALS = 0.01, 0.1, 4
+"""Of `repaired`: errors of the heads' angles, noise of tie points, number of draws."""
 
 
 def transposed(orientation: RelativeOrientation) -> RelativeOrientation:
@@ -143,7 +148,7 @@ def refinements(
     ----------
     truth : RelativeOrientation
     wrong : sequence of RelativeOrientation
-        The same heads with errors.
+        The same heads with errors; at least one.
     synthetic : Camera
     ties, exact : TiePoints
         What the refinements are given, and others without noise that judge the overlaps.
@@ -151,24 +156,31 @@ def refinements(
     Returns
     -------
     dict of str to FrameErrors
-        ``before``, ``mean shift``, ``rotations``, ``six``. The mean shift holds the first head,
-        as the others do, so that the frames can be compared.
+        By the ways of `every_refinement`.
     """
-    ways: dict[str, Callable[[RelativeOrientation], RelativeOrientation]] = {
-        "before": lambda heads: heads,
-        "mean shift": lambda heads: _first_held(heads, refine_by_mean_differences(heads, ties)),
-        "rotations": lambda heads: refine_by_rotations(heads, ties).orientation,
-        "six": lambda heads: refine_by_rotations(heads, ties, free="six").orientation,
-    }
+    found = [every_refinement(heads, ties) for heads in wrong]
     return {
-        name: _frame_errors([way(heads) for heads in wrong], truth, synthetic, exact)
-        for name, way in ways.items()
+        way: _frame_errors([heads[way] for heads in found], truth, synthetic, exact)
+        for way in found[0]
     }
 
 
-def _first_held(before: RelativeOrientation, after: RelativeOrientation) -> RelativeOrientation:
-    """Return refined heads moved together so that the first is where it was."""
-    return replace(after, xyz_mm=after.xyz_mm + before.xyz_mm[0] - after.xyz_mm[0])
+def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, RelativeOrientation]:
+    """Return wrong heads refined in every way, the first head held.
+
+    Returns
+    -------
+    dict of str to RelativeOrientation
+        ``before``, ``mean shift``, ``rotations``, ``six``.
+    """
+    shifted = refine_by_mean_differences(wrong, ties)
+    held = shifted.xyz_mm + wrong.xyz_mm[0] - shifted.xyz_mm[0]
+    return {
+        "before": wrong,
+        "mean shift": replace(shifted, xyz_mm=held),
+        "rotations": refine_by_rotations(wrong, ties).orientation,
+        "six": refine_by_rotations(wrong, ties, free="six").orientation,
+    }
 
 
 def _frame_errors(
@@ -185,3 +197,40 @@ def _frame_errors(
         frame_rms_px=np.array([one.rms_px for one in frame]),
         frame_largest_px=np.array([one.largest_px for one in frame]),
     )
+
+
+def repaired(
+    flight: Flight, stage: SyntheticStage, *, seed: int
+) -> dict[str, dict[str, FrameErrors]]:
+    """Return what the ways to refine make of heads that are wrong by known amounts.
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : SyntheticStage
+        Its heads are taken for the truth.
+    seed : int
+
+    Returns
+    -------
+    dict of str to dict
+        By the errors that the heads were given, and by the ways of `every_refinement`.
+    """
+    synthetic, truth = stage.synthetic, stage.orientation
+    rng = np.random.default_rng(seed)
+    wrong = {
+        f"heads turned by {TURNED_DEG:g}°": [
+            with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(TRIALS)
+        ]
+    }
+    if printed.applies(flight):
+        wrong["interiors wrong by Table 1's σ"] = [
+            with_wrong_interiors(truth, rng=rng) for _ in range(TRIALS)
+        ]
+    ties, exact = (
+        simulated_ties(truth, synthetic, rng=rng, sigma_px=sigma) for sigma in (TIE_PX, 0.0)
+    )
+    return {
+        errors: refinements(truth, draws, synthetic, ties, exact=exact)
+        for errors, draws in wrong.items()
+    }

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
+from acx4book.chapters.validation.sentences import NOTHING
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.style import (
     BLUE,
@@ -25,12 +26,8 @@ from acx4book.typesetting.style import (
     scale_bar,
     style,
 )
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.validation import Validation
-
-AXES = ("east", "north", "height")
-
-
-NONE = "No method has all its parameters determined, so there is nothing to validate."
 
 
 def difference_map(validations: Sequence[Validation]) -> Figure:
@@ -42,7 +39,7 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
         All-ray differences of the last one are drawn.
     """
     if not validations:
-        return nothing(NONE)
+        return nothing(NOTHING)
     block, points = validations[-1].block, validations[-1].points
     enh = block.frame.to_grid(block.check.x_m[points.point_idx])
     cameras = block.frame.to_grid(block.T_m_b_images.r)
@@ -95,7 +92,7 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
         One per method.
     """
     if not validations:
-        return nothing(NONE)
+        return nothing(NOTHING)
     with style():
         fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
@@ -127,7 +124,7 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
         The last one is drawn.
     """
     if not validations:
-        return nothing(NONE)
+        return nothing(NOTHING)
     pairs = validations[-1].pairs
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
@@ -153,10 +150,10 @@ def mistakes(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.validations` returns it.
+        As `forgotten_steps.validations` returns it.
     """
     if table.empty:
-        return nothing(NONE)
+        return nothing(NOTHING)
     rows = np.arange(len(table))
     with style():
         fig, ax = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * len(table)))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from acx4book.chapters.mounting.sentences import listed
-from acx4book.typesetting.labels import TITLES
+from acx4book.typesetting.labels import TITLES, inside
 from acx4lib.georeferencing.validation import Validation
 
 NOTHING = "No method has all its parameters determined, so there is nothing to validate."
@@ -23,7 +23,7 @@ def validation(validations: Sequence[Validation]) -> str:
     predicted = np.sqrt(np.mean(last.pairs.sigma**2, axis=0))
     points = np.sqrt(np.mean(last.points.d**2, axis=0))
     return (
-        f"With the parameters of the {_title(last.method)} method, the RMS over "
+        f"With the parameters of the {inside(TITLES[last.method])} method, the RMS over "
         f"{len(last.pairs)} pairs is {listed(found / predicted, '.2f')} times the predicted one "
         f"in east, north and height. From all rays of a point it is {listed(points, '.2f')} m."
     )
@@ -37,7 +37,7 @@ def normalised(validations: Sequence[Validation]) -> str:
     low, high = np.sqrt(stats.chi2.ppf((0.025, 0.975), n) / n)
     ratios = "; ".join(
         f"{listed(np.sqrt(np.mean((v.points.d / v.points.sigma) ** 2, axis=0)), '.2f')} "
-        f"({_title(v.method)})"
+        f"({inside(TITLES[v.method])})"
         for v in validations
     )
     return (
@@ -45,8 +45,3 @@ def normalised(validations: Sequence[Validation]) -> str:
         f"prediction is right, {n} independent points leave it between {low:.2f} and {high:.2f} in "
         "95 of 100 flights."
     )
-
-
-def _title(method: str) -> str:
-    """Return a method's name inside a sentence."""
-    return TITLES[method][:1].lower() + TITLES[method][1:]

@@ -11,27 +11,26 @@ from acx4book.chapters.mounting.tables import PRINTED, printed_title
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.plain_text import Markup
+from acx4lib.flight import Flight
+from acx4lib.flight.design import ground_sample_m
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, standards
 from acx4lib.georeferencing.validation import Validation
 
 
-def validation_table(
-    validations: Sequence[Validation], *, gsd_m: float, beside_paper: bool
-) -> pd.DataFrame:
+def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
     """Return Table 4: pairs, means, scatter and RMS of every method, beside the printed ones.
 
     Parameters
     ----------
+    flight : Flight
+        The paper's columns are shown where it has the paper's cameras.
     validations : sequence of Validation
-    gsd_m : float
-        Ground pixel, for the RMS in pixels.
-    beside_paper : bool
-        Show the printed columns too.
     """
     columns: dict[str, dict[str, str]] = {}
     for validation in validations:
-        columns[TITLES[validation.method]] = _validation_cells(validation, gsd_m)
-        if beside_paper and validation.method in PRINTED:
+        columns[TITLES[validation.method]] = _validation_cells(validation)
+        if validation.method in PRINTED and printed.applies(flight):
             column = PRINTED[validation.method]
             columns[printed_title(validation.method)] = _printed_validation(column)
     table = pd.DataFrame(columns)
@@ -39,7 +38,8 @@ def validation_table(
     return table.reset_index(drop=True)
 
 
-def _validation_cells(validation: Validation, gsd_m: float) -> dict[str, str]:
+def _validation_cells(validation: Validation) -> dict[str, str]:
+    gsd_m = ground_sample_m(validation.block)
     pairs = accuracy.from_differences(validation.pairs.d)
     points = validation.points
     norm = np.linalg.norm(points.d, axis=1)
@@ -48,17 +48,17 @@ def _validation_cells(validation: Validation, gsd_m: float) -> dict[str, str]:
         "Pairs that failed": f"{validation.n_failed}",
         "Check points": f"{len(points)}",
     }
-    for axis, name in enumerate(("east", "north", "height")):
+    for axis, name in enumerate(AXES):
         cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
             f"{pairs.mean[axis]:+.2f} ± {pairs.std[axis]:.2f}"
         )
-    for axis, name in enumerate(("east", "north", "height")):
+    for axis, name in enumerate(AXES):
         cells[f"RMS, {name} (m [px])"] = f"{pairs.rms[axis]:.2f} [{pairs.rms[axis] / gsd_m:.1f}]"
     within = int(np.sum(norm <= 3 * gsd_m))
     share = 100 * within / max(len(points), 1)
     cells["Points within 3 GSD in XYZ"] = f"{within} [{share:.1f} %]"
     predicted = np.sqrt(np.mean(validation.pairs.sigma**2, axis=0))
-    for axis, name in enumerate(("east", "north", "height")):
+    for axis, name in enumerate(AXES):
         cells[f"RMS predicted, {name} (m)"] = f"{predicted[axis]:.2f}"
     return cells
 
@@ -72,7 +72,7 @@ def _printed_validation(column: str) -> dict[str, str]:
         "Pairs that failed": f"{number('n_fail'):.0f}",
         "Check points": f"{number('n_points'):.0f}",
     }
-    for name in ("east", "north", "height"):
+    for name in AXES:
         scatter = printed.sigma(4, f"mean_{name}_m", column)
         cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
             f"{number(f'mean_{name}_m'):+.2f} ± {scatter:.2f}"
@@ -92,13 +92,13 @@ BIAS = (
 )
 
 
-def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
+def bias(validations: Sequence[Validation]) -> pd.DataFrame:
     """Return Student's t of the means, one difference per point, with the verdicts."""
     rows = []
     for validation in validations:
         said = accuracy.from_differences(validation.points.d)
         test = accuracy.mean_test(said)
-        for axis, name in enumerate(("east", "north", "height")):
+        for axis, name in enumerate(AXES):
             interval = accuracy.rms_interval(said.rms[axis], said.n)
             rows.append(
                 {
@@ -116,7 +116,7 @@ def test_table(validations: Sequence[Validation]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(BIAS))
 
 
-def class_table(validations: Sequence[Validation], scales: Sequence[int]) -> pd.DataFrame:
+def classes(validations: Sequence[Validation], scales: Sequence[int]) -> pd.DataFrame:
     """Return the accuracy classes that every method reaches under each standard.
 
     Parameters

@@ -32,9 +32,9 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
     Parameters
     ----------
     heights : DataFrame
-        As `experiments.height_errors` returns it.
+        As `simulated.height_errors` returns it.
     scatter : DataFrame
-        As `experiments.scatter` returns it.
+        As `simulated.scatter` returns it.
     """
     shown = [name for name in dict.fromkeys(scatter["parameter"]) if name in LABELS]
     shown = [name for name in shown if name[0] not in "kp"]  # distortion is the images' alone
@@ -80,7 +80,7 @@ def height_noise(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.height_noise` returns it.
+        As `simulated.height_noise` returns it.
     """
     noise_cm = 100 * table["gnss_height_m"]
     with style():

@@ -11,8 +11,9 @@ import pandas as pd
 
 import acx4sim
 from acx4book.chapters.weights.simulated import TIES, Flown, SetUp, fly, single
-from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose

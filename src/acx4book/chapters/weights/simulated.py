@@ -13,8 +13,9 @@ import pandas as pd
 
 import acx4sim
 from acx4lib import flight as flights
-from acx4lib.bundle.adjust import Bundle, adjust, mounted_orientation
+from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.weights import scaled, weighted
@@ -45,7 +46,11 @@ class Flown:
     truth: Mapping[str, float]
 
 
-def fly(design: str, seed: int, options: acx4sim.Options) -> Flown:
+def fly(
+    design: str,
+    seed: int,
+    options: acx4sim.Options = acx4sim.Options(),  # noqa: B008 frozen
+) -> Flown:
     """Return a simulated flight as it is read from its files, with its truth."""
     simulated = acx4sim.DESIGNS[design](
         seed=seed, options=replace(options, blocks=("calibration",))

@@ -1,68 +1,16 @@
-"""Tables and sentences on standard deviations: those of a flight, and of simulated ones."""
+"""Tables and sentences on standard deviations and GNSS shifts of simulated flights."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
+from acx4book.chapters.mounting.weights import TOO_FEW, factor
+from acx4book.chapters.weights.shifted import SHIFT_M
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, with_unit
-from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.bundle.variance_components import Component, components, sentences
-from acx4lib.calibration.mounting import Mounting
 
-NOTHING = "There is no single step, and so no residuals to compare with their sigma."
-TOO_FEW = "too little redundancy"
-FORMATS = {"Redundancy": ".1f", "Effective": ".1f", "Used": ".2f"}
 WRONG_FORMATS = {"Redundancy": ".1f", "Effective": ".1f", "True factor": ".2f"}
-
-
-def component_table(single: Mounting | None, applied: Mapping[str, float]) -> pd.DataFrame:
-    """Return the variance components of the single step.
-
-    Parameters
-    ----------
-    single : Mounting or None
-        None where the single step has no outcome.
-    applied : mapping of str to float
-        By what the given sigma were multiplied for it.
-    """
-    if single is None:
-        nothing = dict.fromkeys(("Number", *FORMATS), np.nan)
-        return pd.DataFrame([{"Observations": "no single step", **nothing}])
-    return pd.DataFrame([_row(c) for c in components(single.bundle, applied=applied)])
-
-
-def _row(c: Component) -> dict[str, object]:
-    return {
-        "Observations": c.group,
-        "Number": c.n,
-        "Redundancy": c.redundancy,
-        "Effective": c.effective,
-        "Factor of σ": _factor(c.factor, c.sigma) if c.estimable else TOO_FEW,
-        "Used": c.applied,
-    }
-
-
-def _factor(factor: float, sigma: float) -> Markup:
-    return Markup(f"{factor:.2f} ± {sigma:.2f}")
-
-
-def said(single: Mounting | None, applied: Mapping[str, float]) -> str:
-    """Say which sigma are wrong or were multiplied, as a list; or that none is."""
-    if single is None:
-        return NOTHING
-    found = components(single.bundle, applied=applied)
-    lines = [f"- {shown(line[0].upper() + line[1:])}." for line in sentences(found)]
-    if lines:
-        return "\n".join(lines)
-    judged = "; ".join(shown(c.group) for c in found if c.estimable)
-    return f"The residuals do not contradict any of the sigma that they can judge: {judged}."
-
-
-# --- simulated flights -----------------------------------------------------------------------
 
 
 def wrong_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -71,7 +19,7 @@ def wrong_table(table: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.wrong_sigma` returns it.
+        As `simulated.wrong_sigma` returns it.
     """
     rows = []
     for row in table.to_dict("records"):
@@ -83,7 +31,7 @@ def wrong_table(table: pd.DataFrame) -> pd.DataFrame:
                 "Redundancy": row["redundancy"],
                 "Effective": row["effective"],
                 "True factor": row["true"],
-                "Diagnosis": _factor(row["factor"], row["sigma"]) if told else TOO_FEW,
+                "Diagnosis": factor(row["factor"], row["sigma"]) if told else TOO_FEW,
                 "Estimated": f"{row['estimated']:.2f}" if estimated else "as given",
             }
         )
@@ -96,7 +44,7 @@ def refraction_table(table: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.refraction_effect` returns it.
+        As `simulated.refraction_effect` returns it.
     """
     rows = []
     for row in table.to_dict("records"):
@@ -138,7 +86,7 @@ def height_sentence(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.height_noise` returns it, noise ascending.
+        As `simulated.height_noise` returns it, noise ascending.
     """
     noise_cm = 100 * table["gnss_height_m"]
     at = [
@@ -157,9 +105,9 @@ def scatter_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
     Parameters
     ----------
     errors : DataFrame
-        As `experiments.trajectory_errors` returns it.
+        As `simulated.trajectory_errors` returns it.
     scatter : DataFrame
-        As `experiments.scatter` returns it.
+        As `simulated.scatter` returns it.
     """
     parts = []
     for kind, title in (("white", "independent"), ("slow", "slowly changing")):
@@ -176,4 +124,50 @@ def scatter_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
         f"{'. '.join(parts)}. The variance of unit weight is {variance['slow']:.2f} on average "
         f"({variance['white']:.2f} with independent errors): nothing in the adjustment gives the "
         "slow errors away."
+    )
+
+
+# --- a shift of the trajectory --------------------------------------------------------------
+
+
+def ratio_table(scatter: pd.DataFrame) -> pd.DataFrame:
+    """Return how large errors are against their sigma, a column for each kind.
+
+    Parameters
+    ----------
+    scatter : DataFrame
+        `simulated.scatter` of what `shifted.shifted_trajectories` returns.
+    """
+    rows = []
+    for name, own in scatter.groupby("parameter", sort=False):
+        if name in LABELS and str(name)[0] not in "kp":  # distortion is the images' alone
+            ratio = {k: f"{r:.1f}" for k, r in zip(own["kind"], own["ratio"], strict=True)}
+            cells = {_title(kind): ratio.get(kind, "held") for kind in scatter["kind"].unique()}
+            rows.append({"Parameter": LABELS[str(name)], **cells})
+    return pd.DataFrame(rows)
+
+
+def _title(kind: str) -> str:
+    """Return the heading of a column."""
+    flight, _, unknown = kind.partition(", ")
+    return f"{flight.capitalize()}; unknown: {unknown}"
+
+
+def ratio_sentence(errors: pd.DataFrame) -> str:
+    """Say what the shift does to the residuals and to the lever arm, with and without unknowns.
+
+    Parameters
+    ----------
+    errors : DataFrame
+        As `shifted.shifted_trajectories` returns it.
+    """
+    variance = errors.groupby("kind")["sigma0_squared"].mean()
+    lever_z = errors[errors["parameter"] == "lever_z_m"].groupby("kind")["error"].mean()
+    east, north, height = SHIFT_M
+    return (
+        f"Over {errors['seed'].nunique()} flights with a shift of {east:+.2f} m, {north:+.2f} m "
+        f"and {height:+.2f} m in east, north and height, the variance of unit weight is "
+        f"{variance['shifted, none']:.2f} on average, and {variance['shifted, shift']:.2f} with "
+        f"the shift as an unknown. The lever arm's $z$ is off by "
+        f"{lever_z['shifted, none']:+.2f} m and {lever_z['shifted, shift']:+.2f} m."
     )

@@ -10,6 +10,7 @@ from acx4book.paper import printed
 from acx4book.paper.errata.mounting import lever_arm_in_interior
 from acx4book.paper.errata.validation import implied_sample_sizes
 from acx4book.typesetting.style import BLUE, INK, ORANGE, WIDTH, colour, style
+from acx4lib.geometry.parameters import AXES
 
 LABELS = {"two_step": "two-step", "single_step": "single-step"}
 INTERIOR_LABELS = {
@@ -41,7 +42,7 @@ def sample_sizes() -> Figure:
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.xaxis.set_minor_formatter("")
         ax.set(ylim=(2.5, -0.5))
-        ax.set_yticks(range(3), ["east", "north", "height"])
+        ax.set_yticks(range(3), AXES)
         fig.legend(loc="outside lower center", ncols=3)
     return fig
 

@@ -12,11 +12,10 @@ from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import scientific
 from acx4lib.geometry.camera import Interior, distortion
+from acx4lib.geometry.parameters import BORESIGHT_ANGLES
 
 LEVER_ARM = {"f_mm": "lever_z_m", "xp_mm": "lever_x_m", "yp_mm": "lever_y_m"}
 """Which component of the lever arm an interior parameter takes over at one flying height."""
-
-BORESIGHT = ("boresight_omega_deg", "boresight_phi_deg", "boresight_kappa_deg")
 
 
 def corner_radius() -> float:
@@ -119,7 +118,7 @@ def synthetic_distortion() -> tuple[str, str, str]:
 def scatter_ratios() -> tuple[float, float, float]:
     """Compute the two-step's over the single-step's standard deviations of the boresight."""
     two, one = (
-        [printed.sigma(3, name, method) for name in BORESIGHT] for method in printed.METHODS
+        [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
     )
     omega, phi, kappa = (a / b for a, b in zip(two, one, strict=True))
     return omega, phi, kappa
@@ -129,7 +128,7 @@ def angle_sigmas() -> tuple[str, str, str]:
     """Item 12: two kinds of standard deviations of the boresight."""
     n = printed.statement("block_2_images")
     two, one = (
-        [printed.sigma(3, name, method) for name in BORESIGHT] for method in printed.METHODS
+        [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
     )
     return (
         "standard deviations of ω, φ, κ: "

@@ -12,10 +12,10 @@ from scipy import stats
 from acx4book.paper import printed as paper
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.myst import scientific
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import standards
 from acx4lib.georeferencing.accuracy import Accuracy, Triple, from_summary, triple
 
-AXES = ("east", "north", "height")
 ROUNDING_M = 0.005
 """Half a unit of Table 4's last digit."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from acx4book.reference import data
 from acx4book.reference.dbat import files as dbat
 from acx4book.reference.dbat.files import Measurements, Surveyed
-from acx4lib.bundle import adjust
+from acx4lib.bundle import adjust, uses
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
@@ -85,7 +85,7 @@ def _adjusted(
     is_check = np.isin(surveyed.point, CHECK_POINTS)
     origin = surveyed.x.mean(axis=0).round(-2)
     block = _block(camera, measured, names, surveyed=surveyed, is_check=is_check, origin=origin)
-    adjusted = adjust.adjust(adjust.free_orientation(block, free=free))
+    adjusted = adjust.adjust(uses.free_orientation(block, free=free))
     return Project(
         bundle=adjusted,
         report=data.path(f"{folder}/reference_report.txt"),

@@ -14,6 +14,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.collinearity import directions, image_residuals
 from acx4lib.geometry.intersection import intersect
+from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.direct import (
     Intersections,
     Rays,
@@ -24,8 +25,6 @@ from acx4lib.georeferencing.direct import (
 
 POINTING_PX = 0.5
 """Standard deviation of a measurement of a surveyed point; IGN gives none."""
-
-AXES = ("east", "north", "height")
 
 
 # --- intersections ---------------------------------------------------------------------------

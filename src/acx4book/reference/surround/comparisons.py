@@ -12,24 +12,24 @@ import pandas as pd
 
 from acx4book.reference import data
 from acx4book.reference.surround import files
+from acx4book.reference.surround.cameras import FisheyeCamera, ghost_cm, place
+from acx4book.reference.surround.corners import (
+    Corners,
+    corner_misfits,
+    find_corners,
+    image_misfits,
+    rms,
+)
 from acx4book.reference.surround.files import QUARTER_TURNS
-from acx4book.reference.surround.corners import Corners
-from acx4book.reference.surround.cameras import FisheyeCamera
-from acx4book.reference.surround.target_fit import Free
-from acx4book.reference.surround.views import View
-from acx4book.reference.surround.corners import corner_misfits
-from acx4book.reference.surround.corners import find_corners
-from acx4book.reference.surround.cameras import ghost_cm
-from acx4book.reference.surround.greys import grey_samples
-from acx4book.reference.surround.corners import image_misfits
-from acx4book.reference.surround.target_fit import left_out_misfits
-from acx4book.reference.surround.greys import overlapping
-from acx4book.reference.surround.cameras import place
-from acx4book.reference.surround.target_fit import refined
-from acx4book.reference.surround.corners import rms
-from acx4book.reference.surround.target_fit import shift
-from acx4book.reference.surround.target_fit import target_seen
-from acx4book.reference.surround.views import view
+from acx4book.reference.surround.greys import grey_samples, overlapping
+from acx4book.reference.surround.target_fit import (
+    Free,
+    left_out_misfits,
+    refined,
+    shift,
+    target_seen,
+)
+from acx4book.reference.surround.views import View, view
 from acx4lib.expected import Array, Raster
 from acx4lib.synthetic_image.response import ResponseFit, fit_response
 

@@ -14,16 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from acx4book.reference.surround.cameras import FRAME_PX
+from acx4book.reference.surround.cameras import (
+    FRAME_PX,
+    FisheyeCamera,
+    fisheye_from_undistorted,
+    place,
+)
+from acx4book.reference.surround.corners import Corners, corner_misfits, rms
 from acx4book.reference.surround.target_fit import TARGET_PX
-from acx4book.reference.surround.corners import Corners
-from acx4book.reference.surround.cameras import FisheyeCamera
-from acx4book.reference.surround.views import View
-from acx4book.reference.surround.views import blended
-from acx4book.reference.surround.corners import corner_misfits
-from acx4book.reference.surround.cameras import fisheye_from_undistorted
-from acx4book.reference.surround.cameras import place
-from acx4book.reference.surround.corners import rms
+from acx4book.reference.surround.views import View, blended
 from acx4book.typesetting.style import (
     INK,
     ORANGE,

@@ -14,8 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acx4book.reference.surround.cameras import FRAME_PX
-from acx4book.reference.surround.cameras import FisheyeCamera
+from acx4book.reference.surround.cameras import FRAME_PX, FisheyeCamera
 from acx4lib.expected import Array, Raster
 
 QUARTER_TURNS = {"front": 0, "left": 1, "back": 2, "right": 3}

@@ -9,13 +9,11 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from acx4book.reference.surround.cameras import FRAME_PX, FisheyeCamera, image_from_frame
 from acx4book.reference.surround.comparisons import around, load, solved
 from acx4book.reference.surround.files import quarter_turn
-from acx4book.reference.surround.cameras import FRAME_PX
-from acx4book.reference.surround.cameras import FisheyeCamera
-from acx4book.reference.surround.views import View
 from acx4book.reference.surround.greys import grey_correlation
-from acx4book.reference.surround.cameras import image_from_frame
+from acx4book.reference.surround.views import View
 from acx4lib.expected import Raster
 
 COARSE_PX = 4

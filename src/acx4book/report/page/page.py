@@ -7,6 +7,7 @@ import errno
 import html
 import tempfile
 from collections.abc import Callable, Iterator
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
 MARK = b'<meta name="generator" content="acx4'
 """By which a report is known, to be replaced by a newer one."""
 
-STYLE = Path(__file__).with_name("report.css")
+STYLE = resources.files("acx4book.report.page") / "report.css"
 
 PAGE = """<!DOCTYPE html>
 <html lang="en">

@@ -1,7 +1,7 @@
-"""From camera poses to what they hang on, and back: eq. (14) as the chain rule of normal equations.
+"""Normal equations carried from camera poses to body poses and mountings, eq. (14), and back.
 
-The unknowns of a bundle that are not points are of two kinds: a *border*, which may touch every
-image (interior orientations, mountings), and *poses*, each of which touches its neighbours only.
+Besides points, a bundle has two kinds of unknowns: the *border* (interior orientations and
+mountings), which may affect every image, and *poses*, each connected with its neighbours only.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ PER_CAMERA = N_INTERIOR + N_POSE
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hanging:
-    """How camera poses hang on other poses.
+    """How camera poses depend on poses and mountings, eq. (14).
 
     Attributes
     ----------
     by_pose, by_mount : ndarray, shape (n_images, 6, 6)
         d(camera pose) / d(pose) and d(mounting); a camera pose varies along its own axes.
     pose : ndarray, shape (n_images,)
-        Which pose, in ascending order.
+        The pose of each image, in ascending order.
     camera : ndarray, shape (n_images,)
     n_poses, n_cameras : int
     """
@@ -46,7 +46,7 @@ class Hanging:
 
 
 def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
-    """Return normal equations of border and poses.
+    """Return the normal equations of border and poses.
 
     The border has `PER_CAMERA` columns for each camera.
 
@@ -118,7 +118,7 @@ def _corner(
     for k in range(n_cameras):
         mine = camera == k
         corner[k, a, k, a] = own[mine].sum(axis=0)
-        # what the rays of camera k's images say of the others
+        # interior orientations of all cameras with the mounting of camera k
         corner[:, a, k, b] = interior_by_mount[:, mine].sum(axis=1)
         for j in range(n_cameras):
             corner[k, a, j, a] += eliminated[k, j, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL]
@@ -132,7 +132,7 @@ def _corner(
 def _pairs(
     S: Array, own: Array, A: Array, B: Array, pose: Index, camera: Index, P: Array, Z: Array
 ) -> None:
-    """Carry all pairs of images to pairs of poses, P, and times the mountings' derivatives, Z."""
+    """Add all pairs of images to pairs of poses, P, and to pairs with mountings, Z."""
     n_images, band = S.shape[:2]
     N, NA, NB = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     for i in range(n_images):
@@ -177,7 +177,7 @@ def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
 
 @compiled
 def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
-    """Add A^T NA, and its transpose where two images hang on one pose."""
+    """Add A^T NA, and its transpose where two images have the same pose."""
     for a in range(6):
         for b in range(6):
             total = 0.0
@@ -192,7 +192,7 @@ def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
 
 
 def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
-    """Return the steps of camera poses and interior orientations, and a one.
+    """Return the steps of each image's camera pose and interior orientation, and a one.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
 
 
 def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> CameraCovariances:
-    """Return covariances of camera poses and interior orientations within the band.
+    """Return the covariances of camera poses and interior orientations within the band.
 
     Parameters
     ----------
@@ -220,13 +220,13 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
         Its border has `PER_CAMERA` columns for each camera, zero where one is held.
     hanging : Hanging
     band : int
-        Images less than this apart.
+        Images whose numbers differ by less share points.
     """
     A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
     n_cameras, n_images = hanging.n_cameras, len(pose)
     corner = cov.D.reshape(n_cameras, PER_CAMERA, n_cameras, PER_CAMERA)
     to_pose = cov.C.reshape(n_cameras, PER_CAMERA, hanging.n_poses, N_POSE)
-    # d(camera pose) carried against every column of the border
+    # covariance of each camera pose with every column of the border
     U = np.einsum("iab,lmib->ilam", A, to_pose[:, :, pose], optimize=True)
     U_pose = np.ascontiguousarray(U[..., N_INTERIOR:])
     mount_rows = corner[camera][:, N_INTERIOR:]
@@ -253,7 +253,7 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
 def _camera_pairs(
     P: Array, A: Array, B: Array, U_pose: Array, U: Array, pose: Index, camera: Index, Q: Array
 ) -> None:
-    """Fill the covariances of all pairs of images in the band, both ways round."""
+    """Fill in the covariances of all pairs of images in the band, and their transposes."""
     n_images, middle = len(pose), Q.shape[1] // 2
     PA = np.empty((6, 6))
     for i in range(n_images):

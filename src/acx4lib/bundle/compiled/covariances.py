@@ -1,4 +1,4 @@
-"""The quality of a bundle's image points in compiled code: covariances and redundancy numbers.
+"""Covariances of a bundle's points and redundancy numbers of its rays, in compiled code.
 
 The plain version that it must equal is `normal_equations.PlainNormals.precision`.
 """
@@ -21,7 +21,7 @@ from acx4lib.bundle.compiled.rays import Scene, SortedRays, linearise
 from acx4lib.compiling import compiled, inlined
 from acx4lib.expected import Array
 
-# V^-1 times a point's derivatives, and covariances by it
+# products with V^-1 times a point's derivatives
 _gain = small(3, 3, 16, left=(3, 1), right=16, out=16)
 _take_off_by_pose = small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
 _take_off_by_interior = small(3, 9, 8, left=(16, 1), right=8, out=16, add=-1)
@@ -38,11 +38,11 @@ class CameraCovariances(NamedTuple):
     Attributes
     ----------
     Q : ndarray, shape (n_images, 2 * band - 1, 6, 8)
-        Pose of image i with that of image i + d - (band - 1).
+        Entry d: pose of image i with the pose of image i + d - (band - 1).
     F : ndarray, shape (n_images, n_cameras, 6, 16)
         Pose with interior orientation, which fills columns 6 to 14.
     F_T : ndarray, shape (n_images, n_cameras, 9, 8)
-        The same the other way round.
+        The transposes of F: interior orientation with pose.
     H : ndarray, shape (n_cameras, n_cameras, 9, 16)
         Interior with interior, columns 6 to 14.
     K : ndarray, shape (n_images, 16, 16)
@@ -61,7 +61,7 @@ class CameraCovariances(NamedTuple):
 
 @inlined
 def _point_covariance(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) -> None:
-    """Fill C with a point's covariance, X and X_sums with that of point and camera."""
+    """Fill C with a point's covariance, X and X_sums with those of point and cameras."""
     T, G, X, X_sums = room.T, room.Y, room.X, room.X_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
     middle, n_cameras = cov.Q.shape[1] // 2, cov.H.shape[0]
@@ -90,7 +90,7 @@ def _point_covariance(rays: SortedRays, p: int, room: Room, cov: CameraCovarianc
 
 @inlined
 def _square(W: Array, out: Array) -> None:
-    """Fill in W W^T of an upper triangle."""
+    """Fill in W W^T for an upper triangular W."""
     for a in range(3):
         for b in range(3):
             out[a, b] = 0.0
@@ -100,13 +100,13 @@ def _square(W: Array, out: Array) -> None:
 
 @inlined
 def _take_off_products(room: Room, n: int, n_cameras: int) -> None:
-    """Fill C with V^-1 less the sum of X G^T over rays and cameras."""
+    """Fill C with V^-1 minus the sum of X G^T over rays and cameras."""
     G, X, C = room.Y, room.X, room.C
     for a in range(3):
         for b in range(a, 3):
             total = 0.0
             for k in range(n):
-                for c in range(8):  # X is zero in the last two
+                for c in range(8):  # the last two columns of X are zero
                     total += X[k, a, c] * G[k, b, c]
             for d in range(n_cameras):
                 for c in range(6, 15):
@@ -119,14 +119,14 @@ def _take_off_products(room: Room, n: int, n_cameras: int) -> None:
 
 
 class Tests(NamedTuple):
-    """What is said of points and rays.
+    """Covariances of points, residuals and redundancy numbers of rays.
 
     Attributes
     ----------
     cov_points : ndarray, shape (n, 3, 3)
-        All points of the block; infinite where one is open, as it was where one is held.
+        All points of the block; infinite for an open point, unchanged for a held one.
     v, redundancy : ndarray, shape (n_rays, 2)
-        In the block's order; the residuals are along x and y, over their standard deviations.
+        In the block's order; residuals along x and y, divided by their standard deviations.
     """
 
     cov_points: Array
@@ -138,13 +138,13 @@ class Tests(NamedTuple):
 def precision(
     rays: SortedRays, scene: Scene, first: int, last: int, cov: CameraCovariances, out: Tests
 ) -> None:
-    """Fill in covariances of some points, and the tests of their rays.
+    """Fill in the covariances of some points and the redundancy numbers of their rays.
 
     Parameters
     ----------
     rays, scene
     first, last : int
-        Which points.
+        The range of points.
     cov : CameraCovariances
     out : Tests
     """

@@ -1,8 +1,8 @@
 """Image points of a bundle in compiled code: the fused passes over all rays.
 
-Camera poses and interior orientations are all that it knows; what a pose hangs on, eq. (14),
-comes in afterwards by the chain rule (`reduction`). No derivative outlives its point. The plain
-version that these passes must equal is `normal_equations.PlainNormals`.
+The passes know camera poses and interior orientations only; `chain_rule` then applies eq. (14).
+The derivatives of one point are overwritten by those of the next. The plain version that these
+passes must equal is `normal_equations.PlainNormals`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from acx4lib.expected import Array
 def small(*shape: int, **strides: Any) -> Callable[..., None]:
     """Return a compiled product of matrices of rows, inner, width: see `SmallProduct`.
 
-    It is told at which number of an array a matrix begins: J[k], shape (2, 16), at 32 k; B[k],
-    (2, 3), at 6 k; T, Y, (3, 16), at 48 k; M, I, (16, 16), at 256 k; E, (6, 16), at 96 k; S,
-    (6, 8), at 48 k.
+    Its callers give the position in an array at which a matrix begins: 32 k for J[k], shape
+    (2, 16); 6 k for B[k], (2, 3); 48 k for T and Y, (3, 16); 256 k for M and I, (16, 16); 96 k
+    for E, (6, 16); 48 k for S, (6, 8).
     """
     rows, inner, width = shape
     return SmallProduct(rows=rows, inner=inner, width=width, **strides).compiled()
 
 
-# rows of 16 numbers, a transpose on the left
+# all have rows of 16 numbers, and a transposed matrix on the left
 _add_squares = small(16, 2, 16, left=(1, 16), right=16, out=16, add=1, upper=True)
 point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16)
 add_point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16, add=1)
@@ -45,13 +45,13 @@ class CameraNormals(NamedTuple):
     Attributes
     ----------
     M : ndarray, shape (n_images, 16, 16)
-        Squares of each image's rays, before elimination; upper triangle.
+        Normal matrix of each image's rays before elimination; upper triangle.
     S : ndarray, shape (n_images, band, 6, 8)
-        What elimination adds to image i against image i + d; two columns of padding.
+        The part that elimination adds for images i and i + d; two columns of padding.
     E : ndarray, shape (n_images, n_cameras, 6, 16)
-        The same, image against interior orientation.
+        The same for image and interior orientation.
     I : ndarray, shape (n_cameras, n_cameras, 16, 16)
-        The same, interior against interior.
+        The same for two interior orientations.
     """
 
     M: Array
@@ -61,7 +61,7 @@ class CameraNormals(NamedTuple):
 
 
 def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
-    """Return normal equations without any observation."""
+    """Return normal equations that are all zero."""
     return CameraNormals(
         M=np.zeros((n_images, 16, 16)),
         S=np.zeros((n_images, band, 6, 8)),
@@ -83,11 +83,11 @@ class Room(NamedTuple):
     T : ndarray, shape (3, 16)
         B^T J of a ray.
     Y, X : ndarray, shape (n, 3, 16)
-        T of all rays in other forms.
+        Products of T, one for each ray.
     sums, Y_sums, X_sums : ndarray, shape (n_cameras, 3, 16)
-        The same, summed over the rays of each camera.
+        T, Y and X summed over the rays of each camera.
     V, W, V_inv, C : ndarray, shape (3, 3)
-        Normal matrix, inverse root, inverse, covariance.
+        Normal matrix, transposed inverse of its Cholesky factor, inverse, covariance.
     """
 
     J: Array
@@ -160,7 +160,7 @@ def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
 
 @inlined
 def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> float:
-    """Take a point's part off the normal equations; return the decrement of moving it alone."""
+    """Subtract a point's part from the normal equations; return its own decrease of the cost."""
     J, B, T, Y, Y_sums = room.J, room.B, room.T, room.Y, room.Y_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
     band, n_cameras = out.S.shape[1], out.I.shape[0]
@@ -174,7 +174,7 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
         for j in range(k, n):
             d = rays.image[start + j] - i
             _take_off_pair(out.S, (i * band + d) * 48, Y, k * 48, Y, j * 48)
-            if d == 0 and j > k:  # twice in one image
+            if d == 0 and j > k:  # the point is measured twice in one image
                 _take_off_pair(out.S, i * band * 48, Y, j * 48, Y, k * 48)
         for c in range(n_cameras):
             _take_off_border(out.E, (i * n_cameras + c) * 96, Y, k * 48, Y_sums, c * 48)
@@ -197,22 +197,22 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
 def accumulate(
     rays: SortedRays, scene: Scene, first: int, last: int, out: CameraNormals
 ) -> tuple[bool, float]:
-    """Add the normal equations of some points' rays, the points eliminated.
+    """Add the normal equations of some points' rays, with the points eliminated.
 
     Parameters
     ----------
     rays, scene
     first, last : int
-        Which points.
+        The range of points.
     out : CameraNormals
-        Added to.
+        The sums to which they are added.
 
     Returns
     -------
     ahead : bool
         Whether every point is in front of its cameras.
     decrement : float
-        What moving the points alone would take off the cost, to first order.
+        Decrease of the cost, to first order, if only the points moved.
     """
     room, decrement = room_for(rays, first, last, out.I.shape[0]), 0.0
     J, B, sums = room.J, room.B, room.sums
@@ -237,15 +237,15 @@ def accumulate(
 def move_points(
     rays: SortedRays, scene: Scene, first: int, last: int, step: Array, out: Array
 ) -> None:
-    """Fill in the steps of some points that follow from those of the cameras.
+    """Fill in the steps of some points that follow from the steps of the cameras.
 
     Parameters
     ----------
     rays, scene
     first, last : int
-        Which points.
+        The range of points.
     step : ndarray, shape (n_images, 16)
-        Of camera pose and interior orientation, and a one.
+        Steps of camera pose and interior orientation, and a one.
     out : ndarray, shape (n, 3)
         All points of the block.
     """

@@ -43,7 +43,7 @@ R = TypeVar("R")
 
 
 def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
-    """Return what the work returns for every part, on threads where there are several."""
+    """Return the results of the work for all parts; several parts run on threads."""
     first, last = zip(*packed.parts, strict=True)
     if len(packed.parts) == 1:
         return list(map(work, first, last, *each))
@@ -52,7 +52,7 @@ def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -
 
 
 def _cores() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
@@ -72,11 +72,11 @@ class NetworkNormals:
     pose_columns : ndarray, shape (n_poses, 6)
         Columns of the poses in the order of `Packed.pose`.
     sigma_px : ndarray, shape (n,)
-        Of the image points, in the block's order.
+        Sigma of the image points, in the block's order.
     n_points : int
-        Points of the block, measured or not.
+        Number of points of the block, measured or not.
     others : sequence of Equations
-        Of everything that is no image point; a unit touches one pose at most.
+        The observations that are no image points; a unit depends on one pose at most.
     """
 
     packed: Packed
@@ -92,7 +92,7 @@ class NetworkNormals:
 
     @cached_property
     def _images(self) -> tuple[Bordered, float, float]:
-        """Return the image points' reduced normal equations, their cost, and their decrement."""
+        """Return the image points' reduced normal equations, cost, and predicted decrease of it."""
         packed = self.packed
         totals = [
             camera_normals(len(packed.image), self.hanging.n_cameras, packed.band)
@@ -117,7 +117,7 @@ class NetworkNormals:
 
     @cached_property
     def n_observations(self) -> int:
-        """Components that take part."""
+        """Number of observed components that take part."""
         others = sum(int(np.isfinite(e.sigma).sum()) for e in self.others)
         return 2 * len(self.sigma_px) + others
 
@@ -127,7 +127,7 @@ class NetworkNormals:
 
     @cached_property
     def _order(self) -> Index:
-        """Which unknown each column of the bordered system is."""
+        """The unknown to which each column of the bordered system belongs."""
         return np.concatenate([np.arange(self._n_border), self.pose_columns.ravel()])
 
     @cached_property
@@ -186,7 +186,7 @@ class NetworkNormals:
         return dx, dp, self._images[2] - float(system.g @ ordered)
 
     def precision(self) -> Precision:
-        """Return covariances, redundancy numbers and tests."""
+        """Return covariances, residuals and redundancy numbers, all without damping."""
         packed, solver, m = self.packed, self._solver, self._n_border
         inverse: Inverse
         if isinstance(solver, Banded):
@@ -215,7 +215,7 @@ class NetworkNormals:
         )
 
     def _image_points(self, tests: Tests) -> Group:
-        """Return the tests of the image points, residuals in pixels; rows count downwards."""
+        """Return the group of the image points, residuals in pixels; rows count downwards."""
         sigma = np.broadcast_to(self.sigma_px[:, None], tests.v.shape)
         np.multiply(tests.v, sigma, out=tests.v)
         np.negative(tests.v[:, 1], out=tests.v[:, 1])
@@ -223,7 +223,7 @@ class NetworkNormals:
 
 
 def _add(system: Bordered, e: Equations, place: Index) -> None:
-    """Add observations without points; a unit touches one pose at most."""
+    """Add observations without points; a unit depends on one pose at most."""
     m = len(system.D)
     weighted = e.A / e.sigma[:, :, None] ** 2
     columns = place[e.columns][e.unit]
@@ -252,7 +252,7 @@ def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
 
 
 def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
-    """Return the tests of observations of points alone or of unknowns alone."""
+    """Return the group of observations that depend on points only or on columns only."""
     explained = np.zeros_like(e.v)
     if e.B is not None and e.point is not None:
         explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)

@@ -16,18 +16,18 @@ from acx4lib.expected import Array, Index, Mask
 
 RAYS_PER_PART = 40_000
 MOST_PARTS = 4
-"""Rays are worked on in parts, which threads share; the result does not depend on the threads."""
+"""Threads share the rays in parts; the result does not depend on the number of threads."""
 
 WIDE = 40_000
-"""Pairs of images in the band beyond which two parts are enough: each has its own sums."""
+"""Pairs of images in the band above which only two parts are made: each part has its own sums."""
 
 DENSE_COLUMNS, DENSE_SHARE = 1500, 0.3
-"""A system is dense that has fewer unknowns, or whose band is a larger share of them."""
+"""A system is dense if it has fewer unknowns, or if its band is a larger share of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Packed:
-    """The rays of a block in the order in which they are worked on.
+    """The rays of a block in the order in which they are processed.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class Packed:
     band : int
         Images whose numbers are less than this apart may share points.
     dense : bool
-        Whether the reduced system is worth a dense matrix.
+        Whether the reduced system is a dense matrix.
     parts : tuple of tuple of int
-        First and last point of what a thread takes at a time.
+        First and last point of each part; a thread processes one part at a time.
     """
 
     rays: SortedRays
@@ -73,17 +73,17 @@ class Measured(NamedTuple):
 def pack(
     rows: Measured, *, free_points: Mask, also: Index, pose_of_image: Index, n_poses: int
 ) -> Packed:
-    """Return measurements in the order in which they are worked on.
+    """Return the measurements in the order in which they are processed.
 
-    Points whose first images are neighbours come after each other, so that what they touch
-    stays at hand.
+    Points whose first images are neighbours follow each other, so that their sums stay in the
+    processor's cache.
 
     Parameters
     ----------
     rows : Measured
     free_points : ndarray, shape (n_points,)
     also : ndarray, shape (k,)
-        Points of which there are other observations.
+        Points that have other observations too.
     pose_of_image : ndarray, shape (n_images,)
     n_poses : int
     """
@@ -126,7 +126,7 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
     Returns
     -------
     starts : ndarray, shape (n_measured + 1,)
-        Where each measured point's rows begin.
+        The index in `row` at which each measured point begins.
     points : ndarray, shape (n_measured,)
     row : ndarray, shape (n,)
     """
@@ -139,7 +139,7 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
         bins[first[p] + 1] += 1
     for i in range(n_images + 1):
         bins[i + 1] += bins[i]
-    n_measured = bins[n_images]  # those without a row come last
+    n_measured = bins[n_images]  # points without measurements come last
     points = np.empty(n_points, dtype=np.int64)
     for p in range(n_points):
         points[bins[first[p]]] = p
@@ -153,7 +153,7 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
     for q in range(len(point)):
         row[end[point[q]]] = q
         end[point[q]] += 1
-    for k in range(n_measured):  # few rows each: by insertion
+    for k in range(n_measured):  # insertion sort, as a point has few rows
         for a in range(starts[k] + 1, starts[k + 1]):
             q, b = row[a], a
             while b > starts[k] and image[row[b - 1]] > image[q]:
@@ -164,7 +164,7 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
 
 
 def ordered(point: Index, pose: Index, n_poses: int) -> Index:
-    """Return the poses in reverse Cuthill-McKee order of which share points."""
+    """Return the poses in reverse Cuthill-McKee order; poses that share points are linked."""
     order = np.argsort(point, kind="stable")
     starts = np.append(np.flatnonzero(np.diff(point[order], prepend=-1)), len(order))
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
@@ -195,6 +195,6 @@ def _parts(starts: Index, most: int) -> tuple[tuple[int, int], ...]:
 
 
 def pose_band(pose: Index, band: int) -> int:
-    """Return how many poses apart images less than `band` apart can hang, plus one."""
+    """Return the largest difference of pose numbers of images in the band, plus one."""
     ahead = np.minimum(np.arange(len(pose)) + band - 1, len(pose) - 1)
     return int(np.max(pose[ahead] - pose, initial=0)) + 1

@@ -1,10 +1,10 @@
 """Measured rays and their derivatives, compiled.
 
-A camera pose varies by its position and by a rotation, both along the *camera's own* axes, so
-that the derivatives of an image point by its pose depend on nothing but its direction. They fill
-two rows of sixteen numbers, along x and y: six of the pose, nine of the interior orientation
-(`camera.INTERIOR`), and the residual, all divided by the standard deviation. The plain version is
-`collinearity.image_derivatives`.
+A camera pose varies by its position and by a rotation, both along the *camera's own* axes. Then
+the derivatives of an image point by its pose depend on its direction only. A ray has two rows,
+along x and y, of sixteen numbers: six derivatives by the pose, nine by the interior orientation
+(`camera.INTERIOR`), and the residual, all divided by the standard deviation. The plain version
+is `collinearity.image_derivatives`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import DENSITY, LAPSE, REFRACTIVITY
 
 INTERIOR, RESIDUAL = 6, 15
-"""Where among a ray's numbers the interior orientation begins and the residual stands."""
+"""Positions, in a ray's row, of the first interior parameter and of the residual."""
 
 
 class SortedRays(NamedTuple):
@@ -25,15 +25,15 @@ class SortedRays(NamedTuple):
     Attributes
     ----------
     start : ndarray, shape (n_points + 1,)
-        Where each point's rays begin.
+        Index of each point's first ray.
     point : ndarray, shape (n_points,)
-        Where the points stand in the block.
+        Indices of the points in the block.
     free : ndarray, shape (n_points,)
         Which points are unknowns.
     also : ndarray, shape (n_points,)
-        Where the points stand in `Scene.V` and `Scene.h`; -1 for nothing there.
+        Indices of the points in `Scene.V` and `Scene.h`; -1 for a point that is not there.
     row : ndarray, shape (n,)
-        Which measurement of the block each ray is.
+        Index of each ray among the block's measurements.
     image : ndarray, shape (n,)
     xy : ndarray, shape (n, 2)
         Measured, mm.
@@ -64,9 +64,9 @@ class Scene(NamedTuple):
     x_m : ndarray, shape (n_points, 3)
         m, in the order of the rays' points.
     V, h : ndarray, shapes (k, 3, 3) and (k, 3)
-        Normal equations that other observations give some of the points.
+        Normal equations of some points from other observations.
     refraction : bool
-        Whether points appear lifted by the standard atmosphere.
+        Whether rays bend in the standard atmosphere.
     damping : float
         Added to the diagonal of the points' normal equations, as a share of it.
     """
@@ -84,7 +84,7 @@ class Scene(NamedTuple):
 
 @inlined
 def _appears_at(scene: Scene, i: int, p: int) -> float:
-    """Return the height at which a point appears, `collinearity.refraction_lift`."""
+    """Return the apparent height of a point, by `collinearity.refraction_lift`."""
     height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
     dx, dy = scene.x_m[p, 0] - scene.r_m_c[i, 0], scene.x_m[p, 1] - scene.r_m_c[i, 1]
     dz = z - height
@@ -96,9 +96,9 @@ def _appears_at(scene: Scene, i: int, p: int) -> float:
 
 @inlined
 def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
-    """Fill J[k] and B[k], ray q's derivatives by camera and by point p; False if behind."""
+    """Fill J[k], B[k] with ray q's derivatives by camera and point p; False if p is behind it."""
     i = rays.image[q]
-    R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: each would be counted
+    R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: references are counted
     z_m = _appears_at(scene, i, p) if scene.refraction else x_m[p, 2]
     dx, dy, dz = x_m[p, 0] - r_m_c[i, 0], x_m[p, 1] - r_m_c[i, 1], z_m - r_m_c[i, 2]
     r00, r01, r02 = R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]

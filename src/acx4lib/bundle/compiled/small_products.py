@@ -1,6 +1,6 @@
 """Products of small matrices of fixed size, eight numbers at a time, for compiled code.
 
-A compiler does not find these by itself: it cannot know that the arrays do not overlap.
+The compiler does not make them by itself: it cannot know that the arrays do not overlap.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FAST = ("reassoc", "contract", "nsz")
 
 @dataclass(frozen=True, kw_only=True)
 class SmallProduct:
-    """What product to compile: ``out = left @ right``.
+    """A product to compile: ``out = left @ right``.
 
     Attributes
     ----------
@@ -32,14 +32,14 @@ class SmallProduct:
         `left` is (rows, inner), `right` (inner, width), `out` (rows, width); `width` is a
         multiple of eight.
     left : tuple of int
-        How far apart the rows of `left` and the numbers in a row stand; ``(1, n)`` takes the
-        transpose of a matrix with rows of n.
+        Strides of `left`: between rows, and between the numbers of a row; ``(1, n)`` is the
+        transpose of a matrix with rows of n numbers.
     right, out : int
-        How far apart their rows stand.
+        Strides between their rows.
     add : int
-        0 writes over `out`, 1 adds to it, -1 takes off it.
+        0 overwrites `out`, 1 adds to it, -1 subtracts from it.
     upper : bool
-        Leave out groups of eight that lie wholly below the diagonal.
+        Skip groups of eight numbers that lie completely below the diagonal.
     """
 
     rows: int
@@ -54,8 +54,8 @@ class SmallProduct:
     def compiled(self) -> Callable[..., None]:
         """Return ``product(out, out_at, left, left_at, right, right_at)``.
 
-        It is for compiled functions only. The arrays are contiguous, of doubles, of any shape;
-        the numbers after them tell where in them each matrix begins.
+        Only compiled functions can call it. The arrays are contiguous, of doubles, of any shape.
+        The number after an array is the position in it at which the matrix begins.
         """
         shape = self
 
@@ -115,7 +115,7 @@ def _plus(builder: ir.IRBuilder, start: Any, offset: int) -> Any:
 
 def _load(builder: ir.IRBuilder, place: Any) -> Any:
     vector = builder.load(builder.bitcast(place, _VECTOR.as_pointer()))
-    vector.align = 8  # of a double: arrays begin anywhere
+    vector.align = 8  # of a double, as arrays may begin anywhere
     return vector
 
 

@@ -1,7 +1,7 @@
-"""Control points that lie nowhere near where they were measured, while the others do.
+"""Control points that lie far from all of their rays, unlike the other control points.
 
-A residual of kilometres is no matter of statistics: it leaves points behind cameras, or turns
-these, before there is anything to test. So such points are looked for before an adjustment.
+Statistical tests cannot find an error of kilometres: before any test, it turns cameras or puts
+points behind them. Therefore such points are searched for before an adjustment.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.adjust import Bundle, robust_start
+from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.ray_misfits import ASTRAY, control_misfits
 from acx4lib.bundle.start.start_values import turned_alike
+from acx4lib.bundle.uses import robust_start
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.intersection import intersect
@@ -23,22 +24,22 @@ from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.medians import medians
 
 DOUBTFUL = 2 * ASTRAY
-"""Median angle between a control point and its rays from which one looks closer."""
+"""Median angle between a control point and its rays above which the point is examined."""
 
 BESIDE = np.radians(60.0)
-"""No measurement in the image that shows a point is so far from where it should be."""
+"""Angle that a wrong measurement, in an image that shows the point, cannot reach."""
 
 THROUGH = ASTRAY / 10
-"""A ray that misses a point by less passes through it: one along a wrong height nearly does."""
+"""A ray that misses a point by a smaller angle passes through it: heights may be a little wrong."""
 
 UNLIKE = 5.0
-"""So many times the others' median it must be besides: a bad start is no fault of a point."""
+"""It must also exceed this multiple of the median: bad approximate values affect all points."""
 
 SHARE = 4
-"""At most one in so many, or one alone: of more, who says that the others are right?"""
+"""At most one point in so many is absurd, or one alone: if more are, the others may be wrong."""
 
 ENOUGH = 3
-"""So many others must remain; fewer orient no block."""
+"""Number of other points that must remain; fewer do not orient a block."""
 
 
 def without_absurd_control(
@@ -55,11 +56,11 @@ def without_absurd_control(
     Returns
     -------
     block : Block
-        Mostly the one that was given.
+        The given one, if it has no such points.
     network : Network
-        Of that block.
+        The network of the returned block.
     rows : ndarray of int
-        The points, in the control of the block that was given.
+        Rows of these points in the control of the given block.
     """
     network = set_up(block)
     rows = _absurd(network, set_up)
@@ -70,9 +71,10 @@ def without_absurd_control(
 
 
 def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
-    """Doubt points with the cameras turned in common onto all of them; decide without them.
+    """Return the absurd control points: some are doubted first, then tested without them.
 
-    What decides is the orientation that most of the other observations agree on.
+    For the first step all poses of a camera turn alike onto the control points. For the second
+    the orientation is the one that most of the other observations agree on.
     """
     none = np.zeros(0, dtype=np.intp)
     if not np.any(control_misfits(network, network.start) > DOUBTFUL):
@@ -88,14 +90,14 @@ def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
 
 
 def _misfits(network: Network, state: State) -> Array:
-    """Return the median angles of control points; zero where the one ray may be the wrong one."""
+    """Return the median angles of control points; zero for a single ray that may be wrong."""
     off = control_misfits(network, state)
     rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
     return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
 
 
 def unlike(misfits: Array) -> Mask:
-    """Tell which points pass their rays as no other does: few of many, or none at all.
+    """Tell which few points miss their rays by far more than the others; none if there are many.
 
     Parameters
     ----------
@@ -115,12 +117,12 @@ def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
     Parameters
     ----------
     block : Block
-        With these control points.
+        The block with these control points.
     bundle : Bundle
-        Adjusted without them; one that has too few rays left is taken for known where its start
-        value is.
+        Adjusted without them. A point with too few rays has its approximate coordinates, and they
+        count as known.
     rows : ndarray of int
-        Of the block's control.
+        Rows of the block's control.
     """
     control = block.control[rows]
     estimated = bundle.state.x_m[control.point_idx]
@@ -132,18 +134,18 @@ def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
 
 
 def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -> Mask:
-    """Tell which points were surveyed far from where their rays meet, as the others were not.
+    """Tell which points were surveyed far from where their rays meet, unlike the other points.
 
-    Far is a share of the distance to the cameras. Where most of its rays pass through the survey,
-    or do not meet at all, it is not the survey that is wrong.
+    "Far" is a share of the distance to the cameras. The survey of a point is not blamed where
+    most of its rays pass through the surveyed position, or where its rays do not meet.
 
     Parameters
     ----------
     origins, directions : ndarray, shape (n, 3)
-        Of the rays, mapping frame.
+        Start points and directions of the rays, mapping frame.
     point_idx : ndarray, shape (n,)
     x_m : ndarray, shape (k, 3)
-        As surveyed.
+        Surveyed coordinates, m.
     """
     to = x_m[point_idx] - origins
     distance = np.linalg.norm(to, axis=1)
@@ -160,7 +162,7 @@ def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -
 
 
 def _taken_out(rows: Index) -> tuple[Rejection, ...]:
-    """Return the rejections of whole control points, before there is a test of them."""
+    """Return the rejections of whole control points, not tested yet."""
     return tuple(
         Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
         for row in rows

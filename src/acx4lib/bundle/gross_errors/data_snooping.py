@@ -1,7 +1,7 @@
 """Gross errors: a robust start where there are many, then Baarda's data snooping.
 
-Every observation is tested at every adjustment: one that takes part by its residual, one that
-is out by how well the others predict it.
+Every adjustment is followed by a test of every observation. A used observation is tested by its
+residual, a rejected one by its difference from the prediction by the others.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle, adjust, robust_start
+from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
@@ -29,10 +30,10 @@ from acx4lib.least_squares.w_test import OUT, statistics, tau_limits, w_limits
 T = TypeVar("T", bound=np.generic)
 
 HEAVY = 0.002
-"""Share of observations that fail their test: ten times what chance gives."""
+"""Share of failed tests above which a robust start is made: ten times that by chance."""
 
 SMEARED = 0.5
-"""Share of the largest w around it below which an observation waits for the next round."""
+"""An observation with less than this share of the largest w near it waits for the next round."""
 
 MOST_ROUNDS = 10
 
@@ -44,7 +45,7 @@ def adjust_rejecting(
     critical: float = CRITICAL,
     sigma0: str = "known",
 ) -> Bundle:
-    """Adjust and take out gross errors until every observation left passes its test.
+    """Adjust and reject gross errors until every remaining observation passes its test.
 
     Parameters
     ----------
@@ -52,17 +53,17 @@ def adjust_rejecting(
     set_up : callable
         Makes the network of a block.
     critical : float
-        Of a normal variable.
+        Critical value of a normal variable.
     sigma0 : str
-        ``"known"``: Baarda's w, for observations whose sigma means what it says.
-        ``"estimated"``: Pope's tau, where only the ratios of the sigmas are known; w over the a
-        posteriori sigma0, against the critical value of the same probability.
+        ``"known"``: Baarda's w, for observations with reliable sigma.
+        ``"estimated"``: Pope's tau, where only the ratios of the sigmas are known. Tau is w over
+        the a posteriori sigma0; its critical value has the same probability.
 
     Returns
     -------
     Bundle
-        Of the block without what was rejected. The statistic of a rejection is the w that the
-        observation would have if it alone were put back.
+        Adjustment of the block without the rejected observations. The statistic of a rejection
+        is the w that the observation would have if it alone were put back.
 
     Raises
     ------
@@ -73,13 +74,13 @@ def adjust_rejecting(
 
     Notes
     -----
-    A control point that is far from all of its rays, as the others are not, is out from the start.
-    In every round the observations with the largest w of their surroundings go: a large error
-    lifts the w of its point's others, and some of its image's, over the critical value, and they
-    are to be judged without it. What is out comes back, once, when its residual against
-    the prediction from the others passes the same test; the variance is then its own and that of
-    the prediction. Where the spread of a kind's w says that its a priori sigma is too small, w
-    counts in units of that spread: a wrong weight is no gross error.
+    A control point that is far from all of its rays, unlike the others, is rejected first. Then,
+    in every round, the observations with the largest w near them are rejected. A large error
+    raises the w of other observations of its point and its image; these must be tested without
+    it. A rejected observation returns, once at most, if its difference from the prediction by the
+    others passes the same test; the variance is that of this difference. Where the spread of w
+    shows that the a priori sigma of a kind is too small, w is divided by that spread, because a
+    wrong weight is no gross error.
     """
     expected.instance("block", block, Block)
     expected.positive_number("critical", critical)
@@ -106,7 +107,7 @@ def adjust_rejecting(
 def _first(
     network: Network, search: _Search, judge: Callable[[Bundle, Mask], _Verdict]
 ) -> tuple[Bundle, _Search]:
-    """Adjust with everything, or without what does not fit a robust state where much fails."""
+    """Adjust with all observations; where many fail, without those that misfit a robust state."""
     try:
         bundle = adjust(network)
     except AdjustmentError:
@@ -124,7 +125,7 @@ def _first(
 def _following(
     network: Network, state: State, search: _Search, following: _Search
 ) -> tuple[Bundle, _Search]:
-    """Adjust for the next round; what came back goes again where with it no minimum is found."""
+    """Adjust for the next round; without returned observations where it fails with them."""
     try:
         return _adjust_without(network, following.out, state), following
     except AdjustmentError:
@@ -143,7 +144,7 @@ def _removed(
     bundle: Bundle,
     rejected: tuple[Rejection, ...],
 ) -> Bundle:
-    """Adjust the block as it is without what was rejected."""
+    """Adjust the block without the rejected observations."""
     if not rejected:
         return bundle
     network = set_up(without(block, rejected))
@@ -157,16 +158,16 @@ def _removed(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Observations:
-    """What is tested: image points, components of control points, positions, attitudes.
+    """The tested observations: image points, components of control points, positions, attitudes.
 
     Attributes
     ----------
     kind : ndarray, shape (n,)
-        Into `KINDS`.
+        Indices into `KINDS`.
     row, component : ndarray, shape (n,)
         As in `Rejection`.
     point, pose : ndarray, shape (n,)
-        What it observes, -1 for none.
+        The point and the pose that it observes, -1 for none.
     """
 
     kind: Index
@@ -199,7 +200,7 @@ def _observations(network: Network) -> _Observations:
 
 
 def _by_group(network: Network, flat: NDArray[T]) -> list[NDArray[T]]:
-    """Return values of the observations as columns that spread over the network's groups."""
+    """Return values of the observations as columns, to be broadcast to the network's groups."""
     n, k = len(network.rows), int(np.sum(~network.held_control))
     ends = np.cumsum([n, 3 * k, len(network.pose_names)])
     image, control, position, attitude = np.split(flat, ends)
@@ -207,7 +208,7 @@ def _by_group(network: Network, flat: NDArray[T]) -> list[NDArray[T]]:
 
 
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
-    """Adjust with observations out of effect, their predictions still computed."""
+    """Adjust without the effect of some observations; their predictions are still computed."""
     factors = _by_group(network, np.where(out, OUT, 1.0))
     return adjust(replace(reweighted(network, factors), start=state))
 
@@ -219,12 +220,12 @@ def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
 
 
 def _suspects(network: Network, state: State) -> Mask:
-    """Return what does not fit a robust state."""
+    """Return which observations do not fit a robust state."""
     return _misfits(network, state) > SUSPECT
 
 
 def _misfits(network: Network, state: State) -> Array:
-    """Return the residuals in sigmas and in spreads of their kind."""
+    """Return the residuals divided by their sigma and by the spread of their kind."""
     groups = network.residuals(state)
     return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
@@ -239,7 +240,7 @@ class _Verdict:
     Attributes
     ----------
     w : ndarray, shape (n,)
-        Zero where nothing controls the observation.
+        Zero where no other observation controls it.
     limit : ndarray, shape (n,)
     controlled : ndarray, shape (n,)
     """
@@ -250,7 +251,7 @@ class _Verdict:
 
     @property
     def failed(self) -> Mask:
-        """Which observations do not agree with the others."""
+        """Which observations disagree with the others."""
         return self.w > self.limit
 
 
@@ -276,15 +277,15 @@ def _judge(limits: _Limits, critical: float, bundle: Bundle, out: Mask) -> _Verd
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Search:
-    """What is out, and how it came to be.
+    """The rejected observations, and the course of the search.
 
     Attributes
     ----------
     out : ndarray, shape (n,)
     w : ndarray, shape (n,)
-        With which an observation was taken out; zero before its first test.
+        The w with which an observation was rejected; zero before its first test.
     returned : ndarray, shape (n,)
-        What came back, and does not come back again.
+        Observations that returned; they do not return again.
     """
 
     out: Mask
@@ -298,9 +299,9 @@ def _nothing_out(n: int) -> _Search:
 
 
 def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
-    """Take out what fails its test and put back what passes it, at every point one or the other.
+    """Reject observations that fail their test, put back those that pass; not both at one point.
 
-    What nothing else controls, and was only suspected, comes back where it fits.
+    An observation that was only suspected, and that no other controls, returns where it fits.
     """
     taken = _to_take(observed, np.where(verdict.failed & ~search.out, verdict.w, 0.0))
     busy = np.isin(observed.point, observed.point[taken & (observed.point >= 0)])
@@ -314,7 +315,7 @@ def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mas
 
 
 def _to_take(observed: _Observations, w: Array) -> Mask:
-    """Choose among candidates, w > 0, those that no larger one of their surroundings explains."""
+    """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
     row_pose = np.zeros(observed.pose.max(initial=-1) + 1)
@@ -325,7 +326,7 @@ def _to_take(observed: _Observations, w: Array) -> Mask:
     np.maximum.at(at_point, observed.point[of_point], w[of_point])
     np.maximum.at(at_point, observed.point[tied], row_pose[observed.pose[tied]])
     largest = np.where(of_point, at_point[observed.point], at_pose[observed.pose])
-    wide = np.max(w[~tied], initial=0.0)  # of control and trajectory: they move everything
+    wide = np.max(w[~tied], initial=0.0)  # control and trajectory affect everything
     largest = np.maximum(
         largest, SMEARED * np.where(tied, at_pose[observed.pose], w.max(initial=0.0))
     )
@@ -335,7 +336,7 @@ def _to_take(observed: _Observations, w: Array) -> Mask:
 def _rejections(
     search: _Search, observed: _Observations, verdict: _Verdict
 ) -> tuple[Rejection, ...]:
-    """Return what is out, the largest w first."""
+    """Return the rejections, the largest w first."""
     w = np.where(verdict.controlled & verdict.failed, verdict.w, search.w)
     rows = np.flatnonzero(search.out)
     return tuple(

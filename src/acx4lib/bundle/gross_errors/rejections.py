@@ -14,7 +14,7 @@ CRITICAL = 3.9
 """Critical value of a w-test: alpha = 0.01 % per component."""
 
 KINDS = ("image_point", "control_point", "gnss", "attitude")
-"""What may be rejected, in the order of a network's observations."""
+"""Kinds of observations that may be rejected, in the order of a network's groups."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,13 +26,13 @@ class Rejection:
     kind : str
         One of `KINDS`.
     row : int
-        Into the block's image points, control points or exposures.
+        Index into the block's image points, control points or exposures.
     component : int
-        Of a control point; -1 where the whole observation went.
+        Component of a control point; -1 for the whole observation.
     statistic : float
         Its w.
     limit : float
-        What its w exceeds.
+        Limit that its w exceeds.
     """
 
     kind: str
@@ -46,13 +46,13 @@ class Rejection:
 
 
 def without(block: Block, rejected: Sequence[Rejection]) -> Block:
-    """Return the block without observations.
+    """Return the block without some observations.
 
     Parameters
     ----------
     block : Block
     rejected : sequence of Rejection
-        Rows count in this block.
+        Their rows are indices in this block.
 
     Returns
     -------
@@ -92,6 +92,6 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
 
 
 def _numbers_of_rows(block: Block) -> tuple[int, int, int, int]:
-    """Return how many observations a block has, by `KINDS`."""
+    """Return a block's number of observations of each of the `KINDS`."""
     n = len(block.trajectory)
     return len(block.image_points), len(block.control), n, n

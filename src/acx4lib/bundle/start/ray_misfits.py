@@ -1,4 +1,4 @@
-"""How far rays pass their points, and whose."""
+"""Angles between rays and their points, and the images and points with the largest ones."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.medians import medians
 
 FAR_OFF = np.radians(4.0)
-"""Median angle between an image's rays and their points from which a start is bad."""
+"""Median angle of an image's rays and points above which approximate values are bad."""
 
 SAMPLE = 20
-"""So many measurements of an image, on average, say so."""
+"""Measurements per image, on average, that are examined for it."""
 
 ASTRAY = np.radians(1.0)
-"""The same after an adjustment; no lens and no terrain makes such residuals."""
+"""The same limit after an adjustment; no lens and no terrain makes such residuals."""
 
 OUTLYING = 50.0
-"""Misfit of a measurement, in medians, from which a message may name it."""
+"""Ratio of a measurement's misfit to the median above which a message may name it."""
 
 MOST_NAMED = 3
-"""Images, points or measurements that a message names."""
+"""Largest number of images, points or measurements that a message names."""
 
 
 def camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) -> Array:
-    """Return the unit directions of measurements in the axes of their cameras, shape (n, 3)."""
+    """Return the unit vectors of measured rays in the axes of their cameras, shape (n, 3)."""
     own_axes = Pose(R=np.eye(3), r=np.zeros(3))
     out = np.empty((len(colrow), 3))
     for k, camera in enumerate(cameras):
@@ -42,9 +42,9 @@ def camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) -> 
 
 
 def misfits(network: Network, state: State) -> Array:
-    """Return the median angle between rays and their points of each image, shape (n_images,).
+    """Return the median angle of each image's rays and points, radians, shape (n_images,).
 
-    Radians, from a sample of the measurements; infinite where there are no such points.
+    From a sample of the measurements; infinite where points have no coordinates.
     """
     n_images = len(network.block.images)
     step = 1 + len(network.image_points) // (SAMPLE * n_images)
@@ -54,7 +54,7 @@ def misfits(network: Network, state: State) -> Array:
 
 
 def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
-    """Tell which images look past their points by more than a limit, radians."""
+    """Tell which images miss their points by more than a limit, radians."""
     return misfits(network, state) > limit
 
 
@@ -73,9 +73,9 @@ def in_front(network: Network, state: State) -> bool:
 
 
 def suspects(network: Network, state: State) -> str:
-    """Return which images and points most rays pass by, for a message.
+    """Return the images and points that most of their rays miss, for a message.
 
-    Control points are where they were surveyed.
+    Control points have their surveyed coordinates.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
 
 
 def _angles(seen: Seen, state: State) -> Array:
-    """Return angles between rays and directions to points, radians; NaN for no such point."""
+    """Return angles between rays and directions to points, radians; NaN for unknown points."""
     return 2 * np.arcsin(np.minimum(chords(seen, state, state.x_m) / 2, 1.0))
 
 
 def with_surveyed(network: Network, x_m: Array) -> Array:
-    """Return coordinates of points with those of control points as they were surveyed."""
+    """Return the coordinates of points, those of control points replaced by surveyed ones."""
     out = x_m.copy()
     out[network.control.point_idx] = network.control.x_m
     return out
@@ -134,7 +134,7 @@ def with_surveyed(network: Network, x_m: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """Measurements with their rays in camera axes, and what they hang on.
+    """Measurements with their rays in camera axes, their cameras and their poses.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ def seen_by(network: Network, state: State, points: ImagePoints) -> Seen:
 
 
 def with_estimates(cameras: Sequence[Camera], state: State) -> tuple[Camera, ...]:
-    """Return cameras with a state's interior orientation and mounting; T_b_c where mounted."""
+    """Return the cameras with the interior orientation and the mounting of a state."""
     return tuple(
         replace(camera, interior=interior, T_b_c=state.T_b_c[k])
         for k, (camera, interior) in enumerate(zip(cameras, state.interiors, strict=True))
@@ -181,5 +181,5 @@ def towards(seen: Seen, state: State, x_m: Array) -> Array:
 
 
 def chords(seen: Seen, state: State, x_m: Array) -> Array:
-    """Return chords between the tips of rays and of directions to points, shape (n,)."""
+    """Return the chords between the unit vectors of rays and of directions to points, (n,)."""
     return np.linalg.norm(towards(seen, state, x_m) - seen.ray_c, axis=1)

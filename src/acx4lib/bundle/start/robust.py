@@ -1,7 +1,7 @@
-"""A robust first phase: estimates that gross errors and bad start values do not pull along.
+"""A robust first phase: estimates that resist gross errors and bad approximate values.
 
-Reweighted adjustment steps on all observations, first with Huber's loss, which has one minimum,
-then with that of Geman and McClure, which gives gross errors no weight.
+Reweighted adjustment steps use all observations, first with Huber's loss, which has one minimum,
+then with the loss of Geman and McClure, which gives gross errors almost no weight.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ import numpy as np
 from acx4lib.bundle.network import Network, State
 from acx4lib.expected import Array, Index
 
-Residuals = tuple[Array, Array]  # v and sigma of one group
+Residuals = tuple[Array, Array]  # v and sigma of a group
 
 HUBER_WIDTH, HUBER_STEPS = 2.0, 15
-"""Width in spreads of the residuals, and the most steps."""
+"""Width of Huber's loss, in spreads of the residuals, and largest number of steps."""
 
 REDESCENDING_WIDTHS = (16.0, 8.0, 4.0, 4.0)
-"""One step each, in spreads; a residual of the last width has a quarter of its weight left."""
+"""Widths of single steps, in spreads; a residual of this width has a quarter of its weight."""
 
 SETTLED = 0.02
-"""Relative decrease of the robust cost below which the first loss has done its work."""
+"""Relative decrease of the robust cost below which the steps with the first loss end."""
 
 FAINT = 1e-12
-"""Least weight: a point all of whose rays are wrong still has coordinates."""
+"""Smallest weight: even a point of which all rays are wrong keeps coordinates."""
 
 DAMPING = (0.0, 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6)
 
 POINT_STEPS = 5
-"""Reweighted steps of a single point."""
+"""Number of reweighted steps of a single point."""
 
 PAIRS = 1 << 20
-"""Pairs of rays of one point that are worked on at a time."""
+"""Pairs of rays that are processed at a time."""
 
 SUSPECT = 5.0
-"""Residual, in spreads, beyond which an observation is held for wrong."""
+"""Residual, in spreads, above which an observation is suspected of a gross error."""
 
 
 def robust_phase(
@@ -49,21 +49,21 @@ def robust_phase(
     ----------
     network : Network
     state : State
-        With points in front of the cameras.
+        A state with all points in front of their cameras.
     redundancy : sequence of ndarray, optional
-        Redundancy numbers of the network's groups. With them an observation that draws the others
-        to itself, as control does, is seen to be wrong too; they need an adjustment.
+        Redundancy numbers of the network's groups, from an adjustment. They also reveal wrong
+        observations with small residuals, such as control, which pull the others to themselves.
 
     Returns
     -------
     State
-        Near the least-squares solution of the good observations; an adjustment is to follow.
+        Near the least-squares solution of the good observations; an adjustment must follow.
 
     Notes
     -----
-    Iteratively reweighted least squares. The losses count in spreads of the residuals of a kind
-    (their median over 0.6745, at least one sigma), so bad start values are no gross errors:
-    while all residuals are large, all have their full weight.
+    Iteratively reweighted least squares. The widths are multiples of the spread of a kind's
+    residuals: their median over 0.6745, at least one sigma. While bad approximate values make all
+    residuals large, all observations keep their full weight.
     """
     groups: Sequence[Residuals] = network.residuals(state)
     cost = np.inf
@@ -81,7 +81,7 @@ def robust_phase(
 
 
 def _shown(groups: Sequence[Residuals], redundancy: Sequence[Array] | None) -> tuple[Array, ...]:
-    """Return the roots of the redundancy numbers, one where they are not known."""
+    """Return the square roots of the redundancy numbers, one where they are not known."""
     if redundancy is None:
         return tuple(np.ones_like(v) for v, _ in groups)
     return tuple(np.sqrt(np.clip(np.nan_to_num(r, nan=1.0), 0.01, 1.0)) for r in redundancy)
@@ -99,9 +99,9 @@ class _Loss:
     name : str
         ``"huber"`` or ``"redescending"``.
     widths : tuple of float
-        In sigmas.
+        Widths of the kinds, in sigmas.
     shown : tuple of ndarray
-        Share of an observation's error that its residual shows, relative to the residual's sigma.
+        Factors on sigma that give the residuals' own sigma: roots of redundancy numbers.
     """
 
     name: str
@@ -109,7 +109,7 @@ class _Loss:
     shown: tuple[Array, ...]
 
     def factors(self, groups: Sequence[Residuals]) -> list[Array]:
-        """Return the factors on sigma that the residuals ask for."""
+        """Return the factors on sigma that give the residuals their robust weights."""
         weights = []
         for width, u in zip(self.widths, self._sizes(groups), strict=True):
             if self.name == "huber":
@@ -119,9 +119,9 @@ class _Loss:
         return [1 / np.sqrt(np.maximum(weight, FAINT)) for weight in weights]
 
     def cost(self, groups: Sequence[Residuals]) -> float:
-        """Return the sum over all residuals, infinite for a state that cannot be."""
+        """Return the sum of the loss over all residuals; infinite for an impossible state."""
         total = 0.0
-        with np.errstate(over="ignore", invalid="ignore"):  # of a wild step
+        with np.errstate(over="ignore", invalid="ignore"):  # after a very large step
             for width, u in zip(self.widths, self._sizes(groups), strict=True):
                 if self.name == "huber":
                     near = np.minimum(u, width)
@@ -142,7 +142,7 @@ def _loss(groups: Sequence[Residuals], name: str, width: float, shown: tuple[Arr
 
 
 def sizes(v: Array, sigma: Array) -> Array:
-    """Return v over sigma as the losses see it: an image point's length, else components."""
+    """Return |v| / sigma: of image points the length of the vector, of others each component."""
     u = np.abs(v / sigma)
     return np.linalg.norm(u, axis=1, keepdims=True) if v.shape[1] == 2 else u
 
@@ -163,7 +163,7 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
     ----------
     network : Network
     factors : sequence of ndarray
-        As `Network.residuals` has its groups; one for both coordinates of an image point.
+        In the order of `Network.residuals`; one factor for both coordinates of an image point.
     """
     points, control, observed = network.image_points, network.control, network.observed
     on_image, on_control, on_position, on_attitude = factors
@@ -199,9 +199,9 @@ def _stepped(
 
 
 def _with_points_of_most_rays(network: Network, state: State, seen: Residuals) -> State:
-    """Try every ray of a point as the wrong one where one is; orientations stay.
+    """Where a point has a wrong ray, try each of its rays as the wrong one; keep orientations.
 
-    Where few rays meet, which of them is wrong depends on where one starts from.
+    Where few rays meet, reweighting finds a wrong ray only from suitable approximate values.
     """
     scale = spread(*seen)
     wrong = sizes(*seen)[:, 0] > SUSPECT * scale
@@ -223,24 +223,24 @@ def _with_points_of_most_rays(network: Network, state: State, seen: Residuals) -
     x_m = state.x_m.copy()
     x_m[points] += dx[order[first]]
     moved = replace(state, x_m=x_m)
-    # rays from one place leave their point open, and a step along them may go anywhere
+    # rays from one position do not determine their point; a step along them may be very large
     better = _point_costs(own, moved, scale) < _point_costs(own, state, scale)
     return replace(state, x_m=np.where(better[:, None], x_m, state.x_m))
 
 
 def _point_costs(network: Network, state: State, scale: float) -> Array:
-    """Return the cost of every point's rays, each of them bounded, shape (n_points,)."""
+    """Return the cost of every point's rays, bounded for each ray, shape (n_points,)."""
     v, sigma = network.residuals(state)[0]
     u_sq = np.square(np.nan_to_num(sizes(v, sigma)[:, 0] / scale, nan=np.inf))
     bounded = np.minimum(u_sq, SUSPECT**2)
-    bounded[np.isinf(u_sq)] = np.inf  # behind a camera
+    bounded[np.isinf(u_sq)] = np.inf  # the point is behind a camera
     total: Array = np.zeros(network.n_points)
     np.add.at(total, network.image_points.point_idx, bounded)
     return total
 
 
 def _parts(point: Index) -> Iterator[slice]:
-    """Yield the rays of whole points, so many that their pairs fit into memory."""
+    """Yield the rays of whole points, in portions whose pairs fit into memory."""
     starts = np.flatnonzero(np.diff(point, prepend=-1))
     rays = np.diff(starts, append=len(point))
     number = np.cumsum(rays**2) // PAIRS
@@ -250,12 +250,12 @@ def _parts(point: Index) -> Iterator[slice]:
 
 
 def _without_each(B: Array, v: Array, point: Index) -> tuple[Array, Array]:
-    """Return the step of a point, and its cost, with every ray taken for wrong in turn.
+    """Return the steps of points and their costs if each ray, one at a time, is left out.
 
     Parameters
     ----------
     B, v : ndarray, shape (n, 2, 3) and (n, 2)
-        Per sigma.
+        Derivatives by the point and residuals, divided by sigma.
     point : ndarray, shape (n,)
         Sorted.
 

@@ -1,7 +1,7 @@
-"""Start values of a network: where points are, and how cameras look at them.
+"""Approximate values of a network: coordinates of points, and rotations of cameras.
 
-Where the given values are far off, cameras are turned onto their points, in closed form and in
-turn with intersections. Nothing here is an adjustment.
+Where the given values are far off, rotations of cameras in closed form alternate with
+intersections of points. Nothing here is an adjustment.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from acx4lib.geometry.frames import Pose, transform
 from acx4lib.geometry.intersection import intersect, largest_angles
 
 ROUNDS = 15
-"""Of turning cameras, in each of the two phases."""
+"""Number of rotations of the cameras, in each of the two phases."""
 
 NEAR = np.radians(0.2)
 """Misfit of a ray below which its weight no longer grows."""
 
 INERTIA = 1e-3
-"""Share of its rays' weight with which a camera stays as it is: one ray leaves a turn open."""
+"""Weight of a camera's present rotation, as a share of its rays': one ray leaves a turn open."""
 
 CHUNK = 1 << 18
 """Rays computed at a time."""
@@ -41,7 +41,7 @@ CHUNK = 1 << 18
 
 
 def sight(block: Block, T_m_c: Pose, points: ImagePoints) -> tuple[Array, Array]:
-    """Return where rays begin and their unit directions, mapping frame.
+    """Return the start points of rays, m, and their unit vectors, mapping frame.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def sight(block: Block, T_m_c: Pose, points: ImagePoints) -> tuple[Array, Array]
 
 
 def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
-    """Return points by intersection of their rays and the largest angle between these.
+    """Return points intersected from their rays, and the largest angle between the rays.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
     Returns
     -------
     x_m : ndarray, shape (n_points, 3)
-        m; where rays do not meet in front of the cameras, amid their ends at the others' median
-        range.
+        m. Where rays do not meet in front of the cameras: the mean of their ends, if they are as
+        long as the median of the other rays.
     angle : ndarray, shape (n_points,)
         Radians.
     """
@@ -89,7 +89,7 @@ def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
 def _met(
     origins: Array, directions: Array, point_idx: Index, n_points: int, weights: Array | float = 1.0
 ) -> Array:
-    """Return where rays meet, or else the middle of what they reach."""
+    """Return where rays meet; where they do not, the mean of their ends at the median range."""
     x_m = intersect(origins, directions, point_idx, n_points, weights=weights)
     along = np.sum((x_m[point_idx] - origins) * directions, axis=1)
     ahead = along[along > 0]
@@ -110,11 +110,11 @@ def _met(
 
 
 def recovered(network: Network) -> State:
-    """Return start values that need only positions and, where they are observed, attitudes.
+    """Return approximate values from positions and, where they are observed, attitudes.
 
-    Cameras are turned onto the control points that they measure, then onto all points in turn
-    with intersections; single images as well, where no attitude of theirs is observed. Interior
-    orientation and positions stay.
+    First the cameras are turned onto their control points. Then turning them onto all points
+    alternates with intersections. Images without observed attitude are also turned one by one.
+    Interior orientations and positions do not change.
 
     Parameters
     ----------
@@ -126,9 +126,9 @@ def recovered(network: Network) -> State:
 
     Notes
     -----
-    Every turn is the rotation that minimises the weighted squares of the chords between rays and
-    directions [1]_, reweighted by the inverse of the chords: their sum is what becomes least, and
-    a wrong measurement hardly counts.
+    Every turn minimises the weighted sum of squared chords between rays and directions to points
+    [1]_. The weights are the inverse chords. So it is the sum of the chords that becomes smallest,
+    and a wrong measurement has little effect.
 
     References
     ----------
@@ -150,9 +150,9 @@ def recovered(network: Network) -> State:
 
 
 def turned_alike(network: Network) -> State:
-    """Return start values with cameras turned onto control, every pose of a camera alike.
+    """Return approximate values with all poses of a camera turned alike onto the control points.
 
-    Most control points decide: single ones that are far off do not pull a camera along.
+    The majority of the control points decides; single ones that are far off have little effect.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def _intersected(seen: Seen, state: State, weights: Array) -> Array:
 
 
 def _turned(seen: Seen, state: State, x_m: Array, pose_group: Index) -> State:
-    """Turn mountings that are free, and poses whose attitude is open, in groups."""
+    """Turn free mountings, and groups of poses whose attitude is not observed."""
     network = seen.network
     if np.all(network.layout.mount[:, 3:] >= 0):
         to = towards(seen, state, x_m)
@@ -198,7 +198,7 @@ def _turned(seen: Seen, state: State, x_m: Array, pose_group: Index) -> State:
 
 
 def _rotations(to: Array, ray: Array, group: Index, n_groups: int) -> Array:
-    """Return the rotations that bring the rays of each group onto directions, shape (n, 3, 3)."""
+    """Return the rotations of each group's rays onto directions, shape (n_groups, 3, 3)."""
     known = np.isfinite(to[:, 0])
     to, ray, group = to[known], ray[known], group[known]
     weight = 1 / np.maximum(np.linalg.norm(to - ray, axis=1), NEAR)

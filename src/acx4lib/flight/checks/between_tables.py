@@ -1,4 +1,4 @@
-"""What the tables of a block say against each other and against flight.toml."""
+"""Contradictions between the tables of a block, and between these and flight.toml."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from acx4lib.geometry.geodesy import GridSystem
 
 
 def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield what names something that is not there, and cells that are none of the choices."""
+    """Yield unknown names of images, cameras and so on, and cells with none of the choices."""
     cameras = toml.table("cameras")
     if cameras:
         yield from _unknown(tables.images, "camera", cameras, f"must be a camera of {toml.file}")
@@ -44,7 +44,7 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield where drifts along strips are asked for and there are no strips."""
+    """Yield a problem where drifts along strips are asked for and there are no strips."""
     keys = ("stages", "mounting", "gnss")
     asked = toml.get(*keys) if tables.name == "calibration" else None
     has_strips = any(tables.images.text.get("strip", ()))
@@ -79,7 +79,7 @@ def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Proble
 
 
 def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
-    """Yield where the heads' images and the declared heads do not agree."""
+    """Yield a problem where the heads' images and the declared heads do not agree."""
     heads = toml.get("synthetic", "heads")
     if toml.values and "synthetic" not in toml.values:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
@@ -104,7 +104,7 @@ def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
 
 
 def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
-    """Yield cameras that are to be validated and are not in the calibration block."""
+    """Yield the cameras of the validation block that are not in the calibration block."""
     images = {tables.name: tables.images for tables in blocks}
     if not {"calibration", "validation"} <= images.keys():
         return
@@ -118,7 +118,7 @@ def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
 
 
 def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
-    """Yield measurements that lie outside the sensor; rows with unknown names are left alone."""
+    """Yield measurements outside the sensor; rows with unknown names are not checked."""
     images, measured = tables.images, tables.image_points
     if not (images.has("image", "camera") and measured.has("image", "col_px", "row_px")):
         return
@@ -142,7 +142,7 @@ def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
 def _outside(
     measured: Table, column: str, colrow: Array, camera: Camera, expected: str
 ) -> Callable[[int], Problem]:
-    """Return how to say that a measurement lies outside the sensor."""
+    """Return a function that describes a row whose measurement lies outside the sensor."""
 
     def problem(row: int) -> Problem:
         swapped = bool(inside(camera, colrow[row, ::-1]))
@@ -191,7 +191,7 @@ def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int],
 
 
 def height_problems(tables: BlockTables) -> Iterator[Problem]:
-    """Yield exposures below the control points that they see, or below all of the block."""
+    """Yield exposures below a control point that they see, or below all those of the block."""
     measured = measured_control(tables)
     if not measured.any():
         return
@@ -214,7 +214,7 @@ def height_problems(tables: BlockTables) -> Iterator[Problem]:
 
 
 def _highest_seen(tables: BlockTables) -> dict[str, int]:
-    """Return the row of the highest control point measured at every exposure that has any."""
+    """Return for each exposure with measured control the row of its highest control point."""
     rows = {name: row for row, name in enumerate(tables.control.text["point"])}
     exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
     height = tables.control.numbers["height_m"]

@@ -1,8 +1,8 @@
-"""Whether control points lie where they were measured, and what would explain it if not.
+"""Whether control points project near their measurements, and the likely mistake if not.
 
-With the approximate mounting and the trajectory, a control point projects near its
-measurements. Where it does not, the usual mistakes are undone one by one, and the one after
-which everything fits is named.
+With the approximate mounting and the trajectory, a control point must project near its
+measurements. If it does not, the usual mistakes are undone one by one. If everything fits
+after one of them, this mistake is named.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, to_camera
 
 ENOUGH = 3
-"""So many measurements of control speak for one camera alone."""
+"""Number of control measurements that is enough to judge a single camera."""
 
 
 ENOUGH_TO_EXPLAIN = 5000
-"""Rows of any table from which an explanation is looked for in a part of the measurements."""
+"""Number of rows of a table above which mistakes are tried on a part of the measurements."""
 
 MOST = 0.75
-"""Quantile of the distances that an explanation must bring below what is allowed."""
+"""Quantile of the distances that must be within the limit after a mistake is undone."""
 
 ALIKE = 0.9
-"""A later explanation must be clearly better than an earlier one."""
+"""Ratio to the best misfit so far below which a later mistake is clearly the better explanation."""
 
 FAR = 50_000.0
-"""No block is so many metres from its control points: the CRS is another one."""
+"""Distance of a block from its control points, m, that only another CRS explains."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +48,7 @@ class Misfit:
     Attributes
     ----------
     distance_px : ndarray, shape (n,)
-        Infinite behind the camera.
+        Infinite for a point behind the camera.
     allowed_px : ndarray, shape (n,)
         A quarter of the image diagonal.
     camera_idx, point_idx : ndarray, shape (n,)
@@ -73,12 +73,12 @@ class Misfit:
         )
 
     def ratio(self, quantile: float) -> float:
-        """Return a quantile of the distances in units of what is allowed."""
+        """Return a quantile of the ratios of distance to allowed distance."""
         return float(np.quantile(self.distance_px / self.allowed_px, quantile, method="higher"))
 
 
 def misfit(block: Block) -> Misfit:
-    """Return how far surveyed points lie from their measurements, without any adjustment.
+    """Return the distances of projected surveyed points from their measurements, not adjusted.
 
     Parameters
     ----------
@@ -111,18 +111,18 @@ def misfit(block: Block) -> Misfit:
 
 
 def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Problem]:
-    """Yield where the median distance exceeds a quarter of the image diagonal.
+    """Yield a problem where the median distance exceeds a quarter of the image diagonal.
 
-    Half of the strips may be wrong and the median not (headings of 0 and 180 degrees in
-    radians): where a usual mistake explains the worse half, it is said as well.
+    Half of the strips may be wrong and the median good (headings of 0 and 180 degrees in
+    radians). So a problem is also reported where a usual mistake explains the worse half.
 
     Parameters
     ----------
     tables : BlockTables
-        With nothing else wrong.
+        Tables without any other problem.
     setup : Setup
     toml : Toml
-        For the lines of the mounting angles.
+        It has the lines of the mounting angles.
     """
     tables = _control_only(tables)
     if not len(tables.image_points):
@@ -146,7 +146,7 @@ def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Prob
 
 
 def _control_only(tables: BlockTables) -> BlockTables:
-    """Return the tables without what does not matter here: tie points, unmeasured control."""
+    """Return the tables without tie points and without control points that are not measured."""
     surveyed = set(tables.control.text["point"])
     names = tables.image_points.text["point"]
     measured = np.array([name in surveyed for name in names], dtype=bool)
@@ -158,9 +158,9 @@ def _control_only(tables: BlockTables) -> BlockTables:
 
 
 def _thinned(tables: BlockTables) -> BlockTables:
-    """Return some thousand measurements of a large block, and what belongs to them.
+    """Return some thousand measurements of a large block, and the rows that belong to them.
 
-    Some forty mistakes are tried; each shows in a part of the measurements as it does in all.
+    About forty mistakes are tried; a part of the measurements shows them as well as all do.
     """
     if max(len(table) for table in tables.tables) <= ENOUGH_TO_EXPLAIN:
         return tables
@@ -186,7 +186,7 @@ def _named(table: Table, column: str, names: Iterable[str]) -> Table:
 def _whole_block(
     tables: BlockTables, setup: Setup, toml: Toml, found: Misfit
 ) -> tuple[Problem, bool]:
-    """Return what is wrong with a block, and whether a usual mistake explains it."""
+    """Return the problem of a block, and whether a usual mistake explains it."""
     problem = _problem(tables, found, "control points")
     best, says = _best(mistakes(_thinned(tables), setup))
     if best is None:
@@ -215,10 +215,10 @@ def _one_camera(
 
 
 def _best(candidates: Iterator[Mistake]) -> tuple[Mistake | None, str]:
-    """Return the mistake that explains nearly everything, if there is one, and a sentence."""
+    """Return the mistake that explains nearly all misfits, if there is one, and a sentence."""
     best, least, left = None, 1.0 / ALIKE, ""
     for mistake in candidates:
-        with np.errstate(all="ignore"):  # what is undone may leave the earth
+        with np.errstate(all="ignore"):  # changed positions may not be on the earth
             after = misfit(assemble(mistake.tables, mistake.setup))
             ratio = after.ratio(MOST)
         if ratio < ALIKE * least:
@@ -246,12 +246,12 @@ def _problem(tables: BlockTables, found: Misfit, who: str) -> Problem:
 
 
 def _at_mount(problem: Problem, toml: Toml, camera: str) -> Problem:
-    """Return a problem moved to the mounting angles in flight.toml."""
+    """Return a problem with its place changed to the mounting angles in flight.toml."""
     return toml.problem(("cameras", camera, "mount_kappa_deg"), problem.found, problem.expected)
 
 
 def _where(tables: BlockTables, setup: Setup) -> str:
-    """Return how far apart control and exposures are, for the reader to find the mistake."""
+    """Return a sentence on the distance between control and exposures, to find the mistake."""
     with np.errstate(all="ignore"):
         block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])

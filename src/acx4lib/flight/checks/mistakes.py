@@ -1,4 +1,4 @@
-"""The usual mistakes in positions and angles, each undone."""
+"""The usual mistakes in positions and angles, and the flight with each of them undone."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Mistake:
     Attributes
     ----------
     where : {"control", "trajectory", "image_points", "mount"}
-        What it is in.
+        The table or value with the mistake.
     column : str
-        Of that table; empty for the mounting.
+        Column of that table; empty for the mounting.
     says : str
-        Follows "it looks as if".
+        End of a sentence that begins with "it looks as if".
     tables : BlockTables
     setup : Setup
     """
@@ -96,7 +96,7 @@ def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterato
 
 
 def _other_zones(grid: GridSystem, east_north: Array) -> Iterator[tuple[str, Array]]:
-    """Yield what east and north would be if they were of neighbouring UTM zones."""
+    """Yield east and north as they would be if given in a neighbouring UTM zone."""
     crs = pyproj.CRS.from_user_input(grid.crs)
     here, ellipsoid = crs.utm_zone, crs.ellipsoid
     if here is None or ellipsoid is None:
@@ -165,7 +165,7 @@ def mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> I
     tables : BlockTables
     setup : Setup
     only : str
-        One camera, where it is not all of them.
+        Name of the only camera to change; empty for all cameras.
     """
     present = set(tables.images.text["camera"])
     names = [name for name in setup.cameras if name == only or (not only and name in present)]
@@ -190,7 +190,7 @@ def mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> I
 
 
 def _angles(cameras: list[Camera]) -> str:
-    """Return the mounting angles that would fit."""
+    """Return the sentence on the mounting angles that would fit."""
     opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras[:SHOWN]}
     of = "; ".join(f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items())
     more = "; …" if len(cameras) > SHOWN else ""

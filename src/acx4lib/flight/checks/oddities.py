@@ -1,4 +1,4 @@
-"""What is odd about where a flight's points are, and yet no reason to refuse it."""
+"""Strange positions of a flight's points that are no reason to refuse the flight."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.least_squares.medians import medians
 
 ABSURD = 4.0
-"""Distance from the measurements, in quarters of the image diagonal: not even in another image."""
+"""Distance from the measurements, in quarters of the image diagonal: far outside the image."""
 
 SHARE, ENOUGH = 10, 3
-"""Single rows are at most one in so many, or one, and so many others are left."""
+"""Single rows are at most one in `SHARE`, or one alone, and at least `ENOUGH` others remain."""
 
 NAMED = 5
-"""So many points a note names."""
+"""Number of points that a note names."""
 
 BESIDE_DEG = 3.0
-"""By so much a flight may leave the area of use of its CRS; zones are used beyond their borders."""
+"""Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
 
 
 def without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
-    """Return tables without single control points that lie nowhere, or above all that see them.
+    """Return tables without single control points off the CRS, or above all exposures seeing them.
 
-    A mistake in one row of many is a gross error like any other, and is found as one. More of
-    them are a mistake of the table, and stay.
+    A mistake in one row of many is a gross error; the adjustment will find it. Mistakes in many
+    rows are a mistake of the table; then all rows stay.
 
     Parameters
     ----------
@@ -63,9 +63,10 @@ def without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 
 
 def _highest_below(tables: BlockTables) -> Array:
-    """Return the height from which every control point is above all exposures that see it.
+    """Return for every control point the lowest height that cannot be right.
 
-    And above most of the block's: an exposure may be too low itself.
+    It is above all exposures that see the point, and above half of the block's exposures,
+    because a single exposure may be too low itself.
     """
     trajectory = tables.trajectory
     used = trajectory.numbers["height_m"][used_exposures(tables)]
@@ -80,13 +81,13 @@ def _highest_below(tables: BlockTables) -> Array:
 
 
 def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
-    """Yield which surveyed points are nowhere near where they were measured.
+    """Yield notes on surveyed points that project far from their measurements.
 
     Parameters
     ----------
     tables : BlockTables
     block : Block
-        Of these tables.
+        The block made from these tables.
     """
     found = misfit(block)
     ratio = medians(found.distance_px / found.allowed_px, found.point_idx, len(block.points))
@@ -104,7 +105,7 @@ def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
 
 
 def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
-    """Yield where a CRS is used far from where it is made for; not every CRS says where.
+    """Yield a note where a block is far outside the area of use of its CRS, if it has one.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
 
 
 def holds(bounds: tuple[float, float, float, float], lon: float, lat: float) -> bool:
-    """Tell whether a place lies in an area or near it; an area may cross the date line."""
+    """Tell whether a position lies in an area or near it; the area may cross the date line."""
     west, south, east, north = bounds
     wide = (east - west) % 360 or 360.0
     along = (lon - west + BESIDE_DEG) % 360
@@ -137,5 +138,5 @@ def holds(bounds: tuple[float, float, float, float], lon: float, lat: float) -> 
 
 
 def _place(lon: float, lat: float) -> str:
-    """Return a place as 25.4 S 49.3 W."""
+    """Return a position as text, such as 25.4 S 49.3 W."""
     return f"{abs(lat):.1f} {'S' if lat < 0 else 'N'} {abs(lon):.1f} {'W' if lon < 0 else 'E'}"

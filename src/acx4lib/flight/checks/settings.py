@@ -1,4 +1,4 @@
-"""What can be wrong with what flight.toml says."""
+"""Problems of the values in flight.toml."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MOST_CAMERAS = 1000
 MOST_REASON = 200
-"""Characters of what PROJ says."""
+"""Largest number of characters of a message of PROJ that is repeated."""
 
 
 def toml_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what is wrong with flight.toml; nothing more where it could not be read at all."""
+    """Yield what is wrong with flight.toml; if it could not be read, only that."""
     if toml.problems:
         yield from toml.problems
         return
@@ -71,7 +71,7 @@ def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
 def _keys(
     toml: Toml, keys: tuple[str, ...], known: Iterable[str], required: Iterable[str] = ()
 ) -> Iterator[Problem]:
-    """Say what a table has that is not known, and has not that is required."""
+    """Yield unknown keys of a table, and required keys that are missing."""
     value = toml.get(*keys)
     if value is not None and not isinstance(value, dict):
         yield toml.problem(keys, quoted(value), "must be a table")
@@ -161,7 +161,7 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
 
 
 def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
-    """Say where distortion at the corners is absurd: other units, or of another model."""
+    """Yield a problem where the distortion at a corner is absurd: other units or another model."""
     camera = camera_of(keys[-1], toml.table(*keys))
     half = 0.5 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     corners = half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])

@@ -1,4 +1,4 @@
-"""What can be wrong with the cells of a table by itself."""
+"""Problems of the cells of a single table."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from acx4lib.flight.text.schemas import Schema
 from acx4lib.flight.text.table import Table
 
 LONGEST_NUMBER = 100
-"""Characters of a number."""
+"""Largest number of characters of a number."""
 
 _NUMBERS = re.compile(r"[0-9+\-.eE,\s]*", re.ASCII)
-"""Whatever consists of these and is a number for Python is one here."""
+"""If cells have only these characters, Python's own reading of numbers is right."""
 
 
 def numbers_of(cells: Sequence[str]) -> Array:
-    """Return the numbers, NaN where there is none."""
+    """Return the cells as numbers, NaN where a cell is none."""
     if _NUMBERS.fullmatch(",".join(cells)):
         try:
             return np.fromiter(map(float, cells), dtype=float, count=len(cells))
-        except ValueError:  # one by one
+        except ValueError:  # then one by one
             pass
     values = [float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells]
     return np.array(values, dtype=float)
@@ -39,7 +39,7 @@ def cell_problems(table: Table, schema: Schema, whole: Mask) -> Iterator[Problem
     table : Table
     schema : Schema
     whole : ndarray of bool
-        The rows that are as wide as the header; of the others cells may be missing.
+        Rows with as many cells as the header; other rows may lack cells.
     """
     for name, texts in table.text.items():
         if name in schema.ranges:
@@ -107,12 +107,12 @@ def _name_problems(
 def _faulty_name(
     table: Table, name: str, faults: dict[str, tuple[str, str]], expected: str
 ) -> Callable[[int], Problem]:
-    """Return how to say what is wrong with a name."""
+    """Return a function that describes a row with a faulty name."""
     return lambda row: table.problem(row, name, faults[table.text[name][row]][0], expected)
 
 
 def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield rows whose names stand in an earlier row already."""
+    """Yield rows whose names occur in an earlier row."""
     if not all(name in table.text for name in key):
         return
     columns = [table.text[name] for name in key]
@@ -132,7 +132,7 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
 
 
 def _first_alike(columns: Sequence[Sequence[str]]) -> Index:
-    """Return for every row the first that has the same names."""
+    """Return for every row the first row with the same names."""
     code = np.zeros(len(columns[0]), dtype=np.int64)
     for cells in columns:
         index = {name: i for i, name in enumerate(dict.fromkeys(cells))}

@@ -1,4 +1,4 @@
-"""flight.toml as a document that knows its lines."""
+"""flight.toml as a document with the line numbers of its keys."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from acx4lib.flight.text.files import read_text
 from acx4lib.flight.text.toml_lines import key_lines, too_much
 
 MOST_BYTES = 1_000_000
-"""Of a flight.toml; one of a thousand cameras has half as many."""
+"""Largest size of a flight.toml; one with a thousand cameras has half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Toml:
-    """A TOML document that knows on which line its keys stand.
+    """A TOML document with the line numbers of its keys.
 
     Attributes
     ----------
     folder : Path
-        Of the flight.
+        Folder of the flight.
     file : str
-        As the user reaches it.
+        Path of the file for the user.
     values : dict
     lines : dict
-        Of dotted keys, as tuples.
+        Line numbers of dotted keys, which are tuples.
     sha256 : str
-        Of the file.
+        Checksum of the file.
     problems : tuple of Problem
-        Why it could not be read.
+        Reasons why it could not be read.
     """
 
     folder: Path
@@ -44,14 +44,14 @@ class Toml:
     problems: tuple[Problem, ...] = ()
 
     def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
-        """Return a problem of a key, on its line or its table's."""
+        """Return a problem of a key, with the line of the key or of its table."""
         known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
         name = ".".join(_shown(key) for key in keys)
         line = next(known, 1)
         return Problem(file=self.file, line=line, column=name, found=found, expected=expected)
 
     def get(self, *keys: str) -> Any:
-        """Return a value, None where it is not there."""
+        """Return a value, None for a missing key."""
         value: Any = self.values
         for key in keys:
             value = value.get(key) if isinstance(value, dict) else None
@@ -64,14 +64,14 @@ class Toml:
 
 
 def _shown(key: str) -> str:
-    """Return a key as flight.toml has it, the beginning of a long one."""
+    """Return a key as it is written in flight.toml; of a long one the beginning."""
     if len(key) > QUOTED:
         key = f"{key[:QUOTED]}…"
     return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
 
 
 def read_toml(folder: Path) -> Toml:
-    """Return a flight's flight.toml, whatever is wrong with it."""
+    """Return a flight's flight.toml; what is wrong is in its `problems`."""
     path = folder / "flight.toml"
     text, sha256, problems = read_text(path, str(path), most=MOST_BYTES)
     toml = Toml(folder=folder, file=str(path), sha256=sha256, problems=problems)

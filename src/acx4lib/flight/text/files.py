@@ -1,4 +1,4 @@
-"""The bytes of a flight's files: opened once, looked at, and read as far as memory allows."""
+"""The bytes of a flight's files: opened once, checked, and read if they fit into memory."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from pathlib import Path
 from acx4lib.flight.problems import Problem
 
 SMALL = 10_000_000
-"""A file of so many bytes is read without a look at the memory."""
+"""Largest file, bytes, that is read without a check of the free memory."""
 
 DEEPEST = 10
-"""Folders in the name of a file."""
+"""Largest number of folders in the name of a file."""
 
 EXPANSION = 25
-"""A table takes at most so many times the bytes of its file while it is read and checked."""
+"""Memory needed to read and check a table, as a multiple of the size of its file."""
 
 
 def read_bytes(
     path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
 ) -> tuple[bytes, tuple[Problem, ...]]:
-    """Return what a regular file holds, or what is wrong with it.
+    """Return the content of a regular file, or what is wrong with the file.
 
     Parameters
     ----------
     path : Path
     file : str
-        What to call it.
+        Its name in messages.
     needed_by : str
-        Said where it is not there.
+        For the message if the file is missing.
     most : int, optional
-        Bytes that such a file may have; what the memory allows where nothing is said.
+        Largest size in bytes; by default what the free memory allows.
     """
 
     def wrong(found: str, expected: str) -> tuple[bytes, tuple[Problem, ...]]:
@@ -61,7 +61,7 @@ def read_bytes(
 def read_text(
     path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
 ) -> tuple[str, str, tuple[Problem, ...]]:
-    """Return a file's text without byte-order mark and its SHA-256, or what is wrong with it."""
+    """Return a file's text, without byte-order mark, its SHA-256, and what is wrong with it."""
     data, problems = read_bytes(path, file, needed_by=needed_by, most=most)
     if problems:
         return "", "", problems
@@ -80,14 +80,14 @@ def read_text(
 
 
 def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
-    """Return a named file of a flight with links resolved, or None and what is wrong with it.
+    """Return the resolved path of a flight's file, or None and what is wrong with its name.
 
     Parameters
     ----------
     flight : Path
-        Folder that the file must not leave, links resolved.
+        Folder in which the file must lie; without links.
     folder : Path
-        The name is relative to it; links resolved.
+        Folder to which the name is relative; without links.
     name : str
     """
     if name.count("/") > DEEPEST:
@@ -110,7 +110,7 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
 
 def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
     """Return size and content of a regular file; no content where it is too large."""
-    # A pipe would wait for its other end, and a device may never end.
+    # Reading a pipe would wait for its other end, and a device may never end.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     with open(handle, "rb") as opened:  # noqa: PTH123 what is open already
         status = os.fstat(handle)
@@ -121,11 +121,11 @@ def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
         size = status.st_size
         if size > (SMALL if most is None else most) and (most or size * EXPANSION > free_memory()):
             return size, None
-        return size, opened.read(size + 1) if size else b""  # those of /proc may never answer
+        return size, opened.read(size + 1) if size else b""  # reading one of /proc may never end
 
 
 def free_memory() -> int:
-    """Return the bytes of memory that this process can still have, as far as the system says."""
+    """Return the bytes of memory that this process can still get, according to the system."""
     known = [_meminfo(), _group_limit(), _process_limit()]
     return min(free for free in known if free is not None)
 
@@ -139,7 +139,7 @@ def _meminfo() -> int:
 
 
 def _group_limit() -> int | None:
-    """Return what is left of a container's memory."""
+    """Return the free memory of the container, bytes; None outside a container."""
     group = Path("/sys/fs/cgroup")
     try:
         limit, used = ((group / f"memory.{name}").read_text("ascii") for name in ("max", "current"))
@@ -149,7 +149,7 @@ def _group_limit() -> int | None:
 
 
 def _process_limit() -> int | None:
-    """Return what is left of the address space that the process was allowed."""
+    """Return the free part of the process's address space, bytes; None if it has no limit."""
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
         return None

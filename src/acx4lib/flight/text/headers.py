@@ -1,4 +1,4 @@
-"""What can be wrong with the first line of a table: the names of its columns."""
+"""Problems of the first line of a table: the names of its columns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from acx4lib.flight.problems import SHOWN, Problem, did_you_mean, quoted
 from acx4lib.flight.text.schemas import Schema
 
 MOST_COLUMNS = 1000
-"""So many columns a table may have; those that are not known are not read."""
+"""Largest number of columns of a table; unknown columns are not read."""
 
 
 def header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[Problem, ...]:
@@ -19,7 +19,7 @@ def header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[P
     ----------
     file : str
     header : sequence of str
-        Without spaces around the names.
+        The names, without spaces around them.
     schema : Schema
     """
     whole = _whole_problem(header, schema)
@@ -30,7 +30,7 @@ def header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[P
 
 
 def extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[str]:
-    """Yield a note on every column that is not read; on many of them together."""
+    """Yield a note on each column that is not read, up to `SHOWN`, and one on all others."""
     extra = [name for name in header if name and name not in schema.known]
     for name in extra[:SHOWN]:
         yield f"{file}: column {quoted(name)} is not read{did_you_mean(name, schema.known)}"
@@ -39,7 +39,7 @@ def extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[st
 
 
 def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | None:
-    """Return the one problem of a header that is no list of columns."""
+    """Return the problem of a header that is no list of columns at all, None if it is one."""
     name, *others = header
     if len(others) >= MOST_COLUMNS:
         return f"has {len(header)} columns", f"must have at most {MOST_COLUMNS}"

@@ -1,7 +1,7 @@
-"""Which names a flight may use: any text that is one line, and no formula.
+"""Which names a flight may use: any text in one line that is no formula.
 
-Names are compared exactly and written to tables as they are; a spreadsheet that opens such a
-table would compute one that looks like a formula.
+Names are compared exactly and written to tables unchanged. If a name looked like a formula, a
+spreadsheet that opens such a table would compute it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from acx4lib.errors import UNSEEN
 from acx4lib.flight.problems import quoted
 
 LONGEST = 200
-"""Characters of a name."""
+"""Largest number of characters of a name."""
 
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 _BLANK = r"[\s\u00ad\u200b-\u200d\u2060\ufeff]*"
-# Between names as they are searched for, all at once, stands a null character.
+# Many names are searched at once; a null character separates them.
 _MAY_BE_FORMULA = re.compile(rf"(?:\A|[\0;]){_BLANK}[=@+-]")
 _FORMULA = re.compile(rf"{_BLANK}(?:[=@]|[+-]\s*\S)")
 
@@ -30,7 +30,7 @@ def name_fault(name: str) -> tuple[str, str] | None:
     Parameters
     ----------
     name : str
-        Not empty.
+        It must not be empty.
     """
     if len(name) > LONGEST:
         expected = f"must be a name of at most {LONGEST} characters"
@@ -46,23 +46,23 @@ def name_fault(name: str) -> tuple[str, str] | None:
 
 
 def _is_formula(name: str) -> bool:
-    # A semicolon separates cells where the comma is decimal.
+    # Where the comma is the decimal sign, a semicolon separates cells.
     parts = _plain(name).split(";")
     return any(_FORMULA.match(part) and not NUMBER.fullmatch(part) for part in parts)
 
 
 def _plain(text: str) -> str:
-    """Return text with full-width signs, and others of another width, as plain ones."""
+    """Return text with full-width and half-width characters replaced by normal ones."""
     return text if text.isascii() else unicodedata.normalize("NFKC", text)
 
 
 def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
-    """Return the names that cannot be used, and what `name_fault` says of them.
+    """Return the names that cannot be used, with the results of `name_fault`.
 
     Parameters
     ----------
     names : collection of str
-        Any number; an empty one is passed over.
+        Names to check; empty ones are skipped.
     """
     joined = "\0".join(names)
     clean = (

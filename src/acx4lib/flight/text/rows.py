@@ -1,4 +1,4 @@
-"""The rows of a table, in time and memory that grow with its file."""
+"""The rows of a table, read in time and memory proportional to the size of its file."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from acx4lib.expected import Mask
 from acx4lib.flight.problems import Problem, counted
 
 AT_A_TIME = 4096
-"""Rows that are taken apart together."""
+"""Number of rows that are processed together."""
 
 TOO_MANY = 10_000
-"""After so many rows of another width than the header nothing more is read: it is no table."""
+"""Number of rows of a wrong width after which reading stops: such a file is no table."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -28,21 +28,21 @@ class Rows:
     Attributes
     ----------
     width : int
-        Columns of the header.
+        Number of columns of the header.
     wanted : dict of str to int
-        The columns that are kept, and where they stand.
+        The columns that are kept, with their positions.
     columns : dict of str to list of str
         Their cells. Rows of another width are filled up or cut.
     lines : array of int
-        Of every row in the file.
+        Line number of every row in the file.
     blank : array of int
-        Lines without anything.
+        Numbers of the blank lines.
     ragged, n_cells : array of int
         Rows of another width than the header, and their numbers of cells.
     used : int
-        Rows up to the last that holds something.
+        Number of rows up to the last one that is not empty.
     blank_at_end : int
-        Lines after it.
+        Number of blank lines after it.
     """
 
     width: int
@@ -59,7 +59,7 @@ class Rows:
         self.columns = {name: [] for name in self.wanted}
 
     def add(self, lines: Sequence[int], rows: list[list[str]]) -> None:
-        """Take further rows."""
+        """Add further rows."""
         if set(map(len, rows)) != {self.width}:
             lines, rows = self._even(lines, rows)
         for k in range(len(rows) - 1, -1, -1):
@@ -74,7 +74,7 @@ class Rows:
     def _even(
         self, lines: Sequence[int], rows: list[list[str]]
     ) -> tuple[Sequence[int], list[list[str]]]:
-        """Return rows as wide as the header, without blank ones, and remember which were not."""
+        """Return the rows, not blank and as wide as the header; remember what was changed."""
         kept_lines, kept = [], []
         for line, row in zip(lines, rows, strict=True):
             n = len(row)
@@ -93,7 +93,7 @@ class Rows:
         return kept_lines, kept
 
     def end(self) -> None:
-        """Leave away rows at the end whose cells hold nothing."""
+        """Remove empty rows at the end."""
         last = self.lines[self.used - 1] if self.used else 1
         self.blank_at_end += len(self.lines) - self.used
         del self.lines[self.used :]
@@ -118,18 +118,18 @@ def read_header(text: str, file: str) -> tuple[list[str], tuple[Problem, ...]]:
 def read_rows(
     text: str, file: str, *, width: int, wanted: dict[str, int]
 ) -> tuple[Rows, tuple[Problem, ...]]:
-    """Return what stands under the header, or why it cannot be read.
+    """Return the rows under the header, or why they cannot be read.
 
     Parameters
     ----------
     text : str
-        Of the whole file.
+        Text of the whole file.
     file : str
-        What to call it.
+        Its name in messages.
     width : int
-        Columns of its header.
+        Number of columns of the header.
     wanted : dict of str to int
-        The columns to keep, and where they stand.
+        The columns to keep, with their positions.
     """
     body = text.rstrip("\r\n")
     tail = text[len(body) :]
@@ -148,13 +148,13 @@ def read_rows(
 
 
 class _Numbered:
-    """Rows with the line on which each begins, some thousand at a time, without the first."""
+    """Rows with the numbers of their first lines, some thousand at a time, without the header."""
 
     def __init__(self, text: str) -> None:
         self.reader = csv.reader(io.StringIO(text, newline=""), strict=True)
         self.quotes = '"' in text
         self.line = 1
-        """Where the last row began."""
+        """Line on which the last row began."""
 
     def parts(self) -> Iterator[tuple[Sequence[int], list[list[str]]]]:
         part = self._slow if self.quotes else self._quick
@@ -166,7 +166,7 @@ class _Numbered:
             yield lines, rows
 
     def _quick(self) -> tuple[Sequence[int], list[list[str]]]:
-        """Without quotes every line is a row."""
+        """Return the next rows of a text without quotes: every line is a row."""
         start = self.reader.line_num + 1
         try:
             rows = list(islice(self.reader, AT_A_TIME))

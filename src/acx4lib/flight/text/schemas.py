@@ -15,22 +15,22 @@ GRID = ("east_m", "north_m", "omega_deg", "phi_deg", "kappa_deg")
 
 @dataclass(frozen=True, kw_only=True)
 class Schema:
-    """What a table must hold.
+    """The required content of a table.
 
     Attributes
     ----------
     required, optional : tuple of str
         Columns.
     forms : tuple of tuple of str
-        Columns of which one set is required.
+        Sets of columns; one of these sets is required.
     may_be_empty : tuple of str
         Text columns whose cells may be empty.
     keys : tuple of tuple of str
-        No two rows agree in all columns of a key.
+        Sets of columns; no two rows may have the same cells in all columns of a set.
     ranges : Mapping
-        Of the numbers; a column that is not here is text.
+        Ranges of the numeric columns; other columns are text.
     rows : bool
-        Whether it needs any.
+        Whether the table needs at least one row.
     """
 
     required: tuple[str, ...]

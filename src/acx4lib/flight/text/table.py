@@ -1,4 +1,4 @@
-"""A table of a flight as it was read."""
+"""A table of a flight: its cells as text and as numbers."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ class Table:
     Attributes
     ----------
     file : str
-        As the user reaches it.
+        Path of the file for the user.
     lines : ndarray of int
-        Of every row in the file.
+        Line number of every row in the file.
     text : dict
-        Cells of every known column that is there.
+        Cells of every known column of the file.
     numbers : dict
-        The same of the numeric columns; NaN where a cell holds no usable number.
+        Numeric columns; NaN where a cell is no usable number.
     sha256 : str
-        Of the file.
+        Checksum of the file.
     problems : tuple of Problem
     notes : tuple of str
-        What is odd but allowed.
+        Strange but allowed content, one sentence each.
     """
 
     file: str
@@ -49,7 +49,7 @@ class Table:
         return Problem(file=self.file, line=line, column=column, found=found, expected=expected)
 
     def has(self, *columns: str) -> bool:
-        """Tell whether all these columns are there."""
+        """Tell whether the table has all these columns."""
         return set(columns) <= set(self.text)
 
     def select(self, keep: Mask) -> Table:

@@ -1,4 +1,4 @@
-"""The tables of a flight: text first, so that every problem has its file, line and column."""
+"""Reading tables: first as text, so that every problem has its file, line and column."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ NO_END = "the last line has no line end; was the file cut off?"
 
 
 def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
-    """Return a table of a flight, whatever is wrong with it.
+    """Return a table of a flight; what is wrong is in its `problems`.
 
     Parameters
     ----------
     path : Path
         Its name is one of `SCHEMAS`.
     file : str
-        What to call it.
+        Its name in messages.
     needed_by : str
-        Said where it is not there.
+        For the message if the file is missing.
     """
     schema = SCHEMAS[path.name]
     whole, sha256, problems = read_text(path, file, needed_by=needed_by)

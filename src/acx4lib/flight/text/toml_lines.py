@@ -1,7 +1,7 @@
-"""Where the keys of a TOML document stand, and what in it would take too long to read.
+"""Line numbers of the keys of a TOML document, and what in it would take too long to read.
 
-A document is cut into its words, strings and brackets once; its time and memory grow with its
-length, whatever it holds. Whether it is valid TOML is for a TOML reader to say.
+A document is split into words, strings and brackets once. Time and memory are proportional to
+its length, whatever it contains. A TOML reader checks whether it is valid.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from acx4lib.flight.problems import Problem
 
 LONGEST_WORD = 200
-"""Characters of a number, a date or a key without quotes."""
+"""Largest number of characters of a number, a date or a key without quotes."""
 
 DEEPEST = 8
-"""Keys joined by dots, and brackets inside each other; flight.toml needs three and one."""
+"""Largest number of keys joined by dots, and of nested brackets; a flight needs three and one."""
 
-# No part can match in two ways (++, *+), so that nothing is looked at twice.
+# No part can match in two ways (++, *+), so every character is examined once.
 _TOKEN = re.compile(
     r"""
     \#[^\n]*+
@@ -36,21 +36,21 @@ _TOKEN = re.compile(
 
 @dataclass
 class _Place:
-    """Where in a document a token stands."""
+    """Position of a token in a document."""
 
     line: int = 1
     brackets: int = 0
     dots: int = 0
-    """Joining the words before this one."""
+    """Number of dots that join the words before this one."""
 
 
 def too_much(text: str, file: str) -> Problem | None:
-    r"""Return what of a document is too long or too deep to be a flight's, None for nothing.
+    r"""Return the problem of a document that is too long or too deeply nested, else None.
 
     Parameters
     ----------
     text : str
-        Line ends as ``\n``.
+        Its line ends are ``\n``.
     file : str
     """
     for token, kind, place in _tokens(text):
@@ -70,7 +70,7 @@ def too_much(text: str, file: str) -> Problem | None:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
-    """Yield words, strings and marks; the place is the same object, changed."""
+    """Yield words, strings and marks; the place is always the same object, which changes."""
     place, after_dot = _Place(), False
     for match in _TOKEN.finditer(text):
         token, kind = match[0], match.lastgroup
@@ -90,7 +90,7 @@ def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
 
 @dataclass
 class _Statement:
-    """What stands before the equals sign, or between the brackets of a table's name."""
+    """The keys before an equals sign, or in the brackets of a table's name."""
 
     line: int
     is_table: bool = False
@@ -98,12 +98,12 @@ class _Statement:
 
 
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
-    r"""Return the line of every table and key that begins one.
+    r"""Return the line of every table and of every key.
 
     Parameters
     ----------
     text : str
-        A valid document, line ends as ``\n``.
+        A valid document; its line ends are ``\n``.
     """
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
@@ -112,7 +112,7 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
         if statement.is_table:
             table, keys = keys, ()
         whole = (*table, *keys)
-        for n in range(1, len(whole) + 1):  # a table that has no line of its own, by its first key
+        for n in range(1, len(whole) + 1):  # a table without its own line has that of its first key
             lines.setdefault(whole[:n], statement.line)
     return lines
 
@@ -139,6 +139,6 @@ def _unquoted(token: str) -> str:
     if token[0] == '"':
         try:
             return str(json.loads(token))
-        except ValueError:  # TOML's own escapes; its table's line will do
+        except ValueError:  # an escape of TOML only; then the table's line is used
             return token.strip('"')
     return token.strip("'") if token[0] == "'" else token

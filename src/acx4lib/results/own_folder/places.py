@@ -11,6 +11,9 @@ from acx4lib.results.own_folder.marks import bears
 SOURCES = (".ci", ".git", "book", "data", "notebooks", "src", "tests")
 """Folders of a working copy that are not to be written into."""
 
+PACKAGES = ("acx4lib", "acx4sim", "acx4book")
+"""Folders of an installed library that are not to be written into."""
+
 FREE = ("data/flights", "data/reference/files")
 """Folders below which make puts what it makes."""
 
@@ -89,6 +92,12 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
         raise OutputError(msg)
 
 
+def working_copy() -> Path | None:
+    """Return the top of the working copy that this module lies in; None where it is installed."""
+    root = Path(__file__).resolve().parents[4]
+    return root if (root / "pyproject.toml").is_file() else None
+
+
 def _flight_around(whole: Path) -> Path | None:
     """Return the flight that a place is or lies in."""
     return next((p for p in (whole, *whole.parents) if (p / "flight.toml").is_file()), None)
@@ -96,10 +105,10 @@ def _flight_around(whole: Path) -> Path | None:
 
 def _source(whole: Path) -> Path | None:
     """Return the part of the working copy or of the installed library that a place lies in."""
-    package = Path(__file__).resolve().parents[2]
-    root = package.parents[1]
-    if not (root / "pyproject.toml").is_file():
-        return package if whole.is_relative_to(package) else None
+    root = working_copy()
+    if root is None:
+        installed = [Path(__file__).resolve().parents[3] / name for name in PACKAGES]
+        return next((package for package in installed if whole.is_relative_to(package)), None)
     if root.is_relative_to(whole):
         return root
     if any(whole.is_relative_to(root / name) and whole != root / name for name in FREE):

@@ -1,4 +1,4 @@
-"""Which heads see a cell of the maps' grid, and how much each of them counts, compiled."""
+"""Which heads see a cell of the maps' grid, and the weight of each of them, compiled."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from acx4lib.compiling import uncounted_inlined
 from acx4lib.synthetic_image.compiled.pixel_lanes import LANES, MOST_BANDS
 
-MARGIN = 4  # px; so far from its border an image can be read without looking
-TALLEST = 1024  # px; so many rows of an image can be reached from one place in it
+MARGIN = 4  # px; at this distance from its border an image is read without a check
+TALLEST = 1024  # px; number of rows of an image that can be reached from one position in it
 
 UNSEEN, PARTLY, AT_BORDER, WITHIN = 0, 1, 2, 3
 
 
 class Heads(NamedTuple):
-    """The heads' images, and where they see the nodes.
+    """The heads' images, and the positions of the nodes in them.
 
     Attributes
     ----------
     nodes : ndarray, shape (n_heads, cols, rows, 2)
-        col, row, px; NaN where a head sees nothing. Nodes below each other stand side by side,
-        for that is how cells are walked.
+        col, row, px; NaN where a head sees nothing. The nodes of a column are neighbours in
+        memory, because cells are processed column by column.
     factors : ndarray of float32, shape (n_heads, cols, rows, bands) or (n_heads, 0, 0, bands)
-        What an image's numbers are multiplied by at the nodes.
+        Factors of the images' numbers at the nodes.
     addresses : ndarray of int64, shape (n_heads,)
-        Of the images' first pixels.
+        Addresses of the images' first pixels.
     sizes : ndarray of int64, shape (n_heads, 2)
         Columns and rows of the images.
     """
@@ -38,21 +38,21 @@ class Heads(NamedTuple):
 
 
 class Recipe(NamedTuple):
-    """What is made of the images.
+    """How the result is made from the images.
 
     Attributes
     ----------
     step : int
         Pixels from node to node.
     bands, bits : int
-        Of the images.
+        Bands and bits per number of the images.
     out_bits : int
-        Of the result; 32 makes it floats, NaN where no head sees.
+        Bits of the result; 32 makes it floats, NaN where no head sees.
     method : int
-        Of `pixel_lanes.method_number`.
+        A `pixel_lanes.method_number`.
     cubic : bool
     feather : float
-        Width of the ramp between heads, px; 0 for a seam.
+        Width of the transition between heads, px; 0 for a seam.
     """
 
     step: int
@@ -65,18 +65,18 @@ class Recipe(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Which part is made, and where it is written to.
+    """The part of the image to make, and the memory to write it to.
 
     Attributes
     ----------
     rows : tuple of int
-        The first, and the one behind the last, from the first node on.
+        First row, and row after the last, counted from the first node.
     left, cells : int
-        Columns of cells left of the part, and in it.
+        Numbers of columns of cells: left of the part, and in it.
     width : int
         Pixels of a row.
     address : int
-        Of the first row's first pixel.
+        Address of the first row's first pixel.
     """
 
     rows: tuple[int, int]
@@ -87,26 +87,26 @@ class Window(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for one cell; lines of samples stand `line` numbers apart.
+    """Working memory for one cell; lines of samples begin `line` numbers apart.
 
     Attributes
     ----------
     line : int
     block, total : ndarray of float32
-        Samples of one head; those of all, weighted.
+        Samples of one head; weighted sum of all heads' samples.
     factors, unity : tuple of ndarray of float32, shape (line,)
-        What the first row of a cell is multiplied by, and what each further row adds to that.
+        Factors of the first row of a cell, and their increase from row to row.
     spread : ndarray of float32, shape (line,)
         Weights of a row, one for each number.
     scratch : tuple of ndarray
         For `pixel_lanes.sample_line`.
     weights : ndarray of float32, shape (n_heads, step * step)
     best, norm : ndarray of float32, shape (step * step,)
-        The largest border distance, px; the sum of the weights.
+        The largest distance from a border, px; the sum of the weights.
     places : ndarray, shape (n_heads, 8)
-        Where a head sees a cell: a corner (col, row), its growth by column, by row, by both.
+        Position of a cell in a head: a corner (col, row), its change by column, row and both.
     kinds : ndarray of int64, shape (n_heads,)
-        Whether it does.
+        Whether a head sees the cell: `UNSEEN` and so on.
     """
 
     line: int
@@ -124,9 +124,9 @@ class Work(NamedTuple):
 
 
 def room(n_heads: int, step: int, bands: int) -> Work:
-    """Return room for the cells that one thread makes."""
+    """Return the working memory of one thread."""
     n = -(-step * bands // LANES) * LANES
-    line = n + MOST_BANDS  # a sample is written as so many numbers
+    line = n + MOST_BANDS  # every sample is written as `MOST_BANDS` numbers
     n_scratch = -(-step // LANES) * LANES
     real = np.float32
     return Work(
@@ -147,7 +147,7 @@ def room(n_heads: int, step: int, bands: int) -> Work:
 
 @uncounted_inlined
 def find_heads(heads: Heads, recipe: Recipe, i: int, j: int, work: Work) -> int:
-    """Find the heads that count in a cell, and their weights; return the only one, or -1."""
+    """Set the weights of the heads in a cell; return the only one with weight, -1 for several."""
     n_used, only = 0, -1
     for k in range(len(heads.addresses)):
         work.kinds[k] = _place_cell(heads, k, i, j, recipe.step, work.places)
@@ -163,7 +163,7 @@ def find_heads(heads: Heads, recipe: Recipe, i: int, j: int, work: Work) -> int:
 
 @uncounted_inlined
 def _place_cell(heads: Heads, k: int, i: int, j: int, step: int, places: np.ndarray) -> int:
-    """Find where a head sees a cell, and whether it does."""
+    """Set the position of a cell in a head; return whether the head sees it."""
     width, height = heads.sizes[k, 0], heads.sizes[k, 1]
     left, right = _place_axis(heads.nodes, k, (i, j), 0, step, places)
     if not (right > -0.5 and left < width - 0.5):
@@ -182,7 +182,7 @@ def _place_cell(heads: Heads, k: int, i: int, j: int, step: int, places: np.ndar
 def _place_axis(
     nodes: np.ndarray, k: int, cell: tuple[int, int], axis: int, step: int, places: np.ndarray
 ) -> tuple[float, float]:
-    """Set what one coordinate is made of; return its least and its most, NaN where unknown."""
+    """Set the terms of one coordinate; return its smallest and largest value, NaN if unknown."""
     i, j = cell
     a, b = nodes[k, j, i, axis], nodes[k, j + 1, i, axis]
     c, d = nodes[k, j, i + 1, axis], nodes[k, j + 1, i + 1, axis]
@@ -198,9 +198,9 @@ def _place_axis(
 
 @uncounted_inlined
 def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
-    """Weigh the heads at each pixel of a cell; return the one that alone counts, or -1.
+    """Set the heads' weights at each pixel of a cell; return the only head with weight, or -1.
 
-    A head that counts nowhere is struck out.
+    A head without weight at any pixel is marked as unseen.
     """
     n = recipe.step * recipe.step
     feather = np.float32(recipe.feather)
@@ -216,7 +216,7 @@ def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
                 if feather > 0:
                     w = max(np.float32(0), min(d, d - best[p] + feather))
                 else:
-                    # the first of those that are equally deep
+                    # of several heads with the same distance, the first
                     first = d == best[p] and d > 0 and norm[p] == 0
                     w = np.float32(1) if first else np.float32(0)
                 weights[k, p] = w
@@ -233,7 +233,7 @@ def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
 
 @uncounted_inlined
 def _set_depths(sizes: np.ndarray, k: int, step: int, work: Work) -> None:
-    """Set how far from a head's border the pixels of a cell lie, px, and the most of all heads."""
+    """Set the distances of a cell's pixels from a head's border, px; update the largest ones."""
     places, depths, best = work.places, work.weights, work.best
     right, bottom = np.float32(sizes[k, 0] - 0.5), np.float32(sizes[k, 1] - 0.5)
     half = np.float32(0.5)
@@ -250,7 +250,7 @@ def _set_depths(sizes: np.ndarray, k: int, step: int, work: Work) -> None:
 
 @uncounted_inlined
 def _normalise(weights: np.ndarray, k: int, norm: np.ndarray) -> tuple[int, int]:
-    """Divide weights by their sum; tell whether any is positive, and whether all are 1."""
+    """Divide weights by their sum; return whether one is positive, and whether all are 1."""
     n_some, n_alone = 0, 0
     for p in range(len(norm)):
         w = weights[k, p]

@@ -1,4 +1,4 @@
-"""Memory asked for before it is needed, for compiled code that walks it in jumps."""
+"""Requests for memory before it is needed, for compiled code that reads it in jumps."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 _INT = ir.IntType(32)
-_EMIT: Any = cgutils  # has no types, nor has what makes functions of the following
+_EMIT: Any = cgutils  # it has no types, nor has `intrinsic`
 _emitted: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
 
 
 @_emitted
 def ask_to_read(_typing: Any, address: Any) -> Any:
-    """Have memory brought near that will be read: ``ask_to_read(address)``."""
+    """Ask the processor to load memory that will be read: ``ask_to_read(address)``."""
     return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 0)
 
 
 @_emitted
 def ask_to_write(_typing: Any, address: Any) -> Any:
-    """Have memory brought near that will be written: ``ask_to_write(address)``."""
+    """Ask the processor to load memory that will be written: ``ask_to_write(address)``."""
     return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 1)
 
 
@@ -31,6 +31,6 @@ def _ask(context: Any, builder: ir.IRBuilder, address: Any, write: int) -> Any:
     pointer = ir.IntType(8).as_pointer()
     kind = ir.FunctionType(ir.VoidType(), [pointer, _INT, _INT, _INT])
     ask = _EMIT.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-    how = [ir.Constant(_INT, number) for number in (write, 3, 1)]  # to the nearest cache, data
+    how = [ir.Constant(_INT, number) for number in (write, 3, 1)]  # 3: nearest cache, 1: data
     builder.call(ask, [builder.inttoptr(address, pointer), *how])
     return context.get_dummy_value()

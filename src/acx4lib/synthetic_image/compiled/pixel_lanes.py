@@ -1,7 +1,7 @@
-"""All bands of a pixel at a time, for compiled code: samples read in lines, pixels written.
+"""Lines of samples read and pixels written with all bands at once, for compiled code.
 
-A compiler does not find these by itself. A pixel and its right neighbour stand side by side in
-memory with all their bands; one load brings both, and what is done to them is done at once.
+The compiler does not make these instructions by itself. A pixel and its right neighbour are
+neighbours in memory, with all their bands. One instruction loads or computes both.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 MOST_BANDS = 4
 LANES = 16
 
-_EMIT: Any = cgutils  # has no types, nor has what makes functions of the following
+_EMIT: Any = cgutils  # it has no types, nor has `intrinsic`
 _emitted: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
 
 _INT, _WIDE, _FLOAT = ir.IntType(32), ir.IntType(64), ir.FloatType()
@@ -30,7 +30,7 @@ _CATMULL_ROM = ((0, 1, 0, 0), (-0.5, 0, 0.5, 0), (1, -2.5, 2, -0.5), (-0.5, 1.5,
 
 
 def method_number(bits: int, bands: int, *, cubic: bool) -> int:
-    """Return the number by which `sample_line` knows pixels of so many bits and bands."""
+    """Return the number that tells `sample_line` the bits, the bands and the interpolation."""
     return _METHODS.index((bits, bands, 4 if cubic else 2))
 
 
@@ -47,13 +47,13 @@ def sample_line(
 ) -> Any:
     """Read n samples: ``sample_line(method, n, image, start, growth, scratch, out)``.
 
-    `method` is a `method_number`; `image` the address of a pixel, and the bytes from row to row
-    and from pixel to pixel; `start` and `growth` are where, from that pixel on, the first sample
-    lies and how much farther each next one, col and row, px; none lies left or above. `scratch`
-    are arrays of int32, float32 and float32 for n numbers, rounded up to 16. `out` is an array
-    of float32, the place of the first sample in it, and how far apart samples stand; each is
-    written as four numbers, those beyond the bands without meaning. From its leftmost pixel on,
-    8 numbers of each row are read, 16 where the method is cubic, whatever the number of bands.
+    `method` is a `method_number`. `image` is the address of a pixel, the bytes from row to row,
+    and those from pixel to pixel. `start` is the position of the first sample relative to that
+    pixel, `growth` the step to the next one, both col and row, px; no sample may lie left of the
+    pixel or above it. `scratch` are arrays of int32, float32 and float32 for n numbers, rounded
+    up to 16. `out` is an array of float32, the index of the first sample in it, and the distance
+    of samples; each is written as four numbers, of which those beyond the bands mean nothing.
+    Of each row 8 numbers are read, 16 for a cubic method, whatever the number of bands.
     """
     signature = types.void(method, types.int64, image, start, growth, scratch, out)
 
@@ -89,7 +89,7 @@ def sample_line(
 def _find_places(
     builder: ir.IRBuilder, n: Any, motion: Any, strides: tuple[Any, Any], places: list[Any]
 ) -> None:
-    """Emit, for a line of samples, the bytes to a pixel and the shares of the way to the next."""
+    """Emit, for a line of samples, the byte offset of the pixel before each, and the fractions."""
     (x_0, y_0), (dx, dy) = motion
     row, pixel = (_splat(builder, builder.trunc(stride, _INT), LANES) for stride in strides)
     counting = ir.Constant(ir.VectorType(_FLOAT, LANES), [float(k) for k in range(LANES)])
@@ -139,10 +139,10 @@ def write_line(
 ) -> Any:
     """Write n numbers to an image: ``write_line(bits, n, line, factors, height, address)``.
 
-    `line` is an array of float32 and the place of the first number in it; `factors` are an array
-    of what they are multiplied by, an array of what is added to that `height` times, and two
-    numbers: from which on a sample is saturated, and what it counts then. Of 8 or 16 bits:
-    rounded to the nearest, and held within the range; of 32: as they are.
+    `line` is an array of float32 and the index of the first number in it. `factors` are an array
+    of factors, an array that is added to them `height` times, and two numbers: the limit above
+    which a sample is saturated, and the value of a saturated sample. Numbers of 8 or 16 bits are
+    rounded to the nearest and clipped to their range; those of 32 bits are not changed.
     """
     signature = types.void(bits, types.int64, line, factors, types.float32, address)
 
@@ -185,9 +185,8 @@ def add_line(
 ) -> Any:
     """Add n weighted numbers: ``add_line(n, line, factors, height, weights, total)``.
 
-    `line`, `factors` and `height` are those of `write_line`, but the last of `factors` is two
-    numbers: from which on a sample is saturated, and what it counts then. `weights` is an array,
-    `total` an array and the place of the first number in it. Whole groups of 16 are added.
+    `line`, `factors` and `height` are those of `write_line`. `weights` is an array, `total` an
+    array and the index of the first number in it. Always whole groups of 16 are added.
     """
     signature = types.void(types.int64, line, factors, types.float32, weights, total)
 
@@ -213,7 +212,7 @@ def add_line(
 
 
 def _sources(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> Any:
-    """Emit where numbers and their factors begin, and when they are saturated."""
+    """Emit the addresses of numbers and of their factors, and the limits of saturation."""
     line, first = _EMIT.unpack_tuple(builder, values[0], 2)
     *factors, full = _EMIT.unpack_tuple(builder, values[1], 3)
     types_of = (kinds[0].types[0], *kinds[1].types[:2])
@@ -225,7 +224,7 @@ def _sources(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> An
 
 
 def _equalised(builder: ir.IRBuilder, places: list[Any], height: Any, full: Any, lanes: int) -> Any:
-    """Emit numbers times their factors; those that are saturated count as the largest."""
+    """Emit numbers times their factors; saturated ones have the largest value."""
     number, base, slope = (_load(builder, place, lanes) for place in places)
     growth = builder.fmul(_splat(builder, height, lanes), slope, flags=_FAST)
     product = builder.fmul(number, builder.fadd(base, growth, flags=_FAST), flags=_FAST)
@@ -234,7 +233,7 @@ def _equalised(builder: ir.IRBuilder, places: list[Any], height: Any, full: Any,
 
 
 def _rounded(builder: ir.IRBuilder, number: Any, bits: int) -> Any:
-    """Emit the nearest whole numbers of a range."""
+    """Emit the nearest whole numbers, clipped to the range of the bits."""
     low, high = _filled(number.type, 0.0), _filled(number.type, float(2**bits - 1))
     below = builder.fcmp_ordered("<", number, low, flags=_CLAMP)
     number = builder.select(below, low, number)
@@ -249,7 +248,7 @@ def _rounded(builder: ir.IRBuilder, number: Any, bits: int) -> Any:
 def _bilinear(
     builder: ir.IRBuilder, bits: int, bands: int, image: tuple[Any, Any], shares: Any
 ) -> Any:
-    """Emit a sample between two pixels and the two below them."""
+    """Emit a sample between a pixel, its right neighbour and the two below."""
     place, row = image
     right, down = shares
     upper = _row(builder, place, bits, 8)
@@ -267,7 +266,7 @@ def _between(builder: ir.IRBuilder, one: Any, other: Any, share: Any) -> Any:
 def _cubic(
     builder: ir.IRBuilder, bits: int, bands: int, image: tuple[Any, Any], shares: Any
 ) -> Any:
-    """Emit a sample amid four times four pixels."""
+    """Emit a sample in the middle of 4 x 4 pixels."""
     place, row = image
     right, down = (_catmull_rom(builder, share) for share in shares)
     place = builder.sub(builder.sub(place, row), ir.Constant(_WIDE, bands * bits // 8))
@@ -280,7 +279,7 @@ def _cubic(
 
 
 def _catmull_rom(builder: ir.IRBuilder, share: Any) -> Any:
-    """Emit the weights of four pixels, the place lying between the middle ones."""
+    """Emit the weights of four pixels for a position between the two middle ones."""
     share = _splat(builder, share, 4)
     powers = [ir.Constant(share.type, [float(c) for c in row]) for row in _CATMULL_ROM]
     total = powers[3]
@@ -300,7 +299,7 @@ def _weighted(builder: ir.IRBuilder, vectors: list[Any], weights: Any) -> Any:
 
 
 def _row(builder: ir.IRBuilder, place: Any, bits: int, n: int) -> Any:
-    """Emit n numbers of an image from an address on, as floats."""
+    """Emit n numbers of an image at an address, as floats."""
     kind = ir.VectorType(ir.IntType(bits), n)
     numbers = builder.load(builder.inttoptr(place, kind.as_pointer()))
     numbers.align = bits // 8
@@ -342,4 +341,4 @@ def _load(builder: ir.IRBuilder, place: Any, n: int) -> Any:
 
 def _store(builder: ir.IRBuilder, numbers: Any, place: Any, align: int) -> None:
     stored = builder.store(numbers, builder.bitcast(place, numbers.type.as_pointer()))
-    stored.align = align  # of a single number: lines begin anywhere
+    stored.align = align  # of a single number, as lines may begin anywhere

@@ -1,7 +1,8 @@
-"""Images sampled at the places of maps and blended, in compiled code.
+"""Images sampled at the positions of maps and blended, in compiled code.
 
-Cell after cell of the maps' grid: where a single head counts, its samples are equalised and
-written; elsewhere they are weighted and added first. It knows neither cameras nor files.
+The cells of the maps' grid are made one by one. If only one head has weight in a cell, its
+samples are equalised and written. Otherwise the heads' samples are equalised, weighted and added
+first. This module knows neither cameras nor files.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ from acx4lib.synthetic_image.compiled.pixel_lanes import (
     write_line,
 )
 
-LINE = 64  # bytes that come from memory at a time
+LINE = 64  # bytes that the processor loads from memory at a time
 
 
 @uncounted
 def resample_cells(heads: Heads, recipe: Recipe, window: Window, work: Work) -> None:
     """Make a part of an image.
 
-    Cells are walked downwards: heads mostly lie crosswise, so that the rows of their images are
-    read on and on, and what is read for a cell is still near for the next.
+    Cells are processed downwards. The heads are usually mounted crosswise, so this reads along
+    the rows of their images, and the pixels of one cell are still in the cache for the next.
     """
     step = recipe.step
     n_heads = len(heads.addresses)
@@ -66,15 +67,15 @@ def resample_cells(heads: Heads, recipe: Recipe, window: Window, work: Work) -> 
 
 @uncounted_inlined
 def _sample_cell(heads: Heads, recipe: Recipe, k: int, work: Work) -> None:
-    """Sample an image at the pixels of a cell, in lines that lie along its rows."""
+    """Sample an image at the pixels of a cell, in lines along the rows of the image."""
     step, bands = recipe.step, recipe.bands
     place = _place(work.places, k)
-    turned = abs(place[3]) > abs(place[5])  # going right in the cell goes down in the image
+    turned = abs(place[3]) > abs(place[5])  # right in the cell is down in the image
     a, b = (2, 4) if turned else (4, 2)
     at_line, at_sample = (bands, work.line) if turned else (work.line, bands)
     pixel = bands * recipe.bits // 8
     row = heads.sizes[k, 0] * pixel
-    # from a pixel left of and above all, so that single precision is enough
+    # positions count from a pixel left of and above all others: single precision is then enough
     col_0, row_0 = _before(place, 0, step), _before(place, 1, step)
     for m in range(step):
         start = (
@@ -110,7 +111,7 @@ def _place(places: np.ndarray, k: int) -> Any:
 
 @uncounted_inlined
 def _before(place: Any, axis: int, step: int) -> int:
-    """Return a column or row before all pixels of a cell, by one at least."""
+    """Return a column or row that lies at least one before all pixels of a cell."""
     n = step - 1
     a, b = place[axis], place[axis] + n * place[2 + axis]
     down = n * place[4 + axis]
@@ -122,7 +123,7 @@ def _before(place: Any, axis: int, step: int) -> int:
 def _sample_at_border(
     heads: Heads, recipe: Recipe, k: int, before: Any, way: Any, out: Any
 ) -> None:
-    """Sample an image as if its outermost pixels went on for ever."""
+    """Sample an image as if its outermost pixels were repeated without end."""
     width, height = heads.sizes[k, 0], heads.sizes[k, 1]
     x = min(max(way[0], np.float32(-before[0])), np.float32(width - 1 - before[0]))
     y = min(max(way[1], np.float32(-before[1])), np.float32(height - 1 - before[1]))
@@ -142,7 +143,7 @@ def _sample_at_border(
 
 @uncounted_inlined
 def _weight(cubic: bool, way: float) -> float:
-    """Return the weight of a pixel at a distance, px: a tent, or Catmull and Rom's cubic."""
+    """Return the weight of a pixel at a distance, px: linear, or Catmull and Rom's cubic."""
     d = abs(way)
     if not cubic:
         return max(1 - d, 0.0)
@@ -151,12 +152,12 @@ def _weight(cubic: bool, way: float) -> float:
     return 2 + d * (-4 + d * (2.5 - 0.5 * d)) if d < 2 else 0.0
 
 
-# --- what becomes of them ------------------------------------------------------------------------
+# --- equalised, weighted, written ----------------------------------------------------------------
 
 
 @uncounted_inlined
 def _set_factors(nodes: np.ndarray, k: int, recipe: Recipe, i: int, j: int, work: Work) -> None:
-    """Set what the numbers of a cell's first row are multiplied by, and what a row adds."""
+    """Set the factors of a cell's first row, and their increase from row to row."""
     if nodes.shape[1] == 0:
         return
     first, growth = work.factors
@@ -173,7 +174,7 @@ def _set_factors(nodes: np.ndarray, k: int, recipe: Recipe, i: int, j: int, work
 
 @uncounted_inlined
 def _saturation(recipe: Recipe) -> tuple[np.float32, np.float32]:
-    """Return from where on a sample is saturated, and what it then is: the largest number."""
+    """Return the limit above which a sample is saturated, and its value then: the largest."""
     top = np.float32(2**recipe.bits - 1)
     return top - np.float32(0.5), top
 
@@ -205,7 +206,7 @@ def _mark_unseen(recipe: Recipe, work: Work) -> None:
 def _write_cell(
     recipe: Recipe, window: Window, i: int, j: int, block: np.ndarray, factors: Any, line: int
 ) -> None:
-    """Write what is asked for of a cell."""
+    """Write the part of a cell that lies in the window."""
     step = recipe.step
     given = factors[0], factors[1], _saturation(recipe)
     col = (window.left + j) * step
@@ -216,13 +217,13 @@ def _write_cell(
         to = window.address + ((r - first) * window.width + col) * size
         m = r - i * step
         write_line(recipe.out_bits, n, (block, m * line), given, np.float32(m), to)
-        ask_to_write(to + step * window.width * size)  # the next cell's, below
+        ask_to_write(to + step * window.width * size)  # for the next cell, which lies below
         ask_to_write(to + step * window.width * size + LINE)
 
 
 @uncounted_inlined
 def _ask_ahead(heads: Heads, recipe: Recipe, k: int, i: int, j: int) -> None:
-    """Have brought near what a cell reads of an image; the processor cannot foresee it."""
+    """Ask for the pixels of an image that a cell reads, as the processor cannot predict them."""
     nodes = heads.nodes
     if i + 1 >= nodes.shape[2]:
         return

@@ -1,7 +1,7 @@
 """Windows of an image found in another one by correlation, compiled.
 
-Windows are square with an odd side; where a window or a search leaves the image, or meets a NaN
-in it, results are NaN. The plain version is written out in the tests.
+Windows are square with an odd side. Results are NaN where a window or a search leaves the image
+or contains a NaN. The plain version is written out in the tests.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def window_inside(image: Array, col: int, row: int, half: int) -> bool:
 
 @inlined
 def _peak(before: float, at: float, after: float) -> float:
-    """Return where the parabola through three values has its maximum, from the middle one."""
+    """Return the position of the maximum of the parabola through three values, from the middle."""
     bend = before - 2 * at + after
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
@@ -47,10 +47,10 @@ def correlate_points(
     Returns
     -------
     found : ndarray, shape (n, 2)
-        col, row in `b`, by parabolas through the maximum; NaN where it lies on the border of the
-        search.
+        col, row in `b`, by parabolas through the maximum; NaN where the maximum lies on the
+        border of the search.
     coefficient : ndarray, shape (n,)
-        At the maximum; NaN where a window is not whole or without contrast.
+        Its maximum; NaN where a window is not whole or without contrast.
     """
     n, side, places = len(at), 2 * half + 1, 2 * search + 1
     count = np.float32(side * side)
@@ -75,7 +75,7 @@ def correlate_points(
             for i in range(side):
                 window[j, i] -= mean
                 energy += window[j, i] * window[j, i]
-        level = b[nrow, ncol]  # small numbers: sums of squares keep their digits
+        level = b[nrow, ncol]  # subtracted, so that sums of squares keep their digits
         for j in range(side + 2 * search):
             for i in range(side + 2 * search):
                 patch[j, i] = b[nrow - half - search + j, ncol - half - search + i] - level
@@ -130,9 +130,9 @@ def correlate_points(
 
 @compiled
 def weakest_gradients(image: Array, at: Index, half: int) -> Array:
-    """Return the mean squared derivative of windows in the direction in which it is least.
+    """Return the mean squared derivative of windows in its weakest direction, shape (n,).
 
-    Shape (n,), of central differences; NaN where a window is not whole.
+    From central differences; NaN where a window is not whole.
     """
     out = np.full(len(at), np.nan)
     size = (2 * half + 1) ** 2

@@ -1,8 +1,7 @@
 """Least-squares matching of many points, compiled.
 
-Windows are square with an odd side; a point whose window leaves an image, or meets a NaN in it,
-is NaN in the results. The plain version, an adjustment with ten unknowns, is written out in
-the tests.
+Windows are square with an odd side. Results are NaN where a window leaves an image or contains a
+NaN. The plain version, an adjustment with ten unknowns, is written out in the tests.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from acx4lib.tie_points.compiled.cross_correlation import window_inside
 from acx4lib.tie_points.compiled.spline import spline_weights
 
 N_UNKNOWNS = 10
-"""Shift and affine part (6), gain, offset and its slopes (4)."""
+"""Affine transformation (6); gain, offset and the two slopes of the offset (4)."""
 
 _STEPS = 20
 _DONE_PX = 5e-4  # a hundredth of the best points' standard deviation
@@ -23,9 +22,9 @@ _DONE_PX = 5e-4  # a hundredth of the best points' standard deviation
 
 @inlined
 def _derivatives(a: Array, col: int, row: int, half: int, B: Array) -> bool:
-    """Fill the rows of B by what a window's grey values change with; tell whether they can be.
+    """Fill B with the derivatives of a window's grey values; return False without a whole window.
 
-    Central differences of fourth order. Coordinates in the window count in half sides.
+    Central differences of fourth order. The unit of coordinates in the window is half its side.
     """
     k = 0
     level = a[row, col]
@@ -48,17 +47,17 @@ def _derivatives(a: Array, col: int, row: int, half: int, B: Array) -> bool:
 
 @inlined
 def _derivative_of_noise(correlation: Array) -> float:
-    """Return the variance of a derivative (see `_derivatives`) by that of a grey value."""
+    """Return the variance of a derivative (see `_derivatives`), divided by a grey value's."""
     c = np.zeros(5)
     for d in range(min(5, len(correlation))):
         c[d] = correlation[d]
-    # weights 1, -8, 0, 8, -1 by twelve, each with each
+    # from all pairs of the weights 1, -8, 0, 8, -1, divided by twelve
     return (130 * c[0] - 32 * c[1] - 128 * c[2] + 32 * c[3] - 2 * c[4]) / 144
 
 
 @inlined
 def _inverse(B: Array, N: Array, Q: Array) -> bool:
-    """Invert the normal matrix of B's rows by Cholesky; tell whether it is regular."""
+    """Invert the normal matrix of B's rows by Cholesky; return whether it is regular."""
     for i in range(N_UNKNOWNS):
         for j in range(i + 1):
             total = 0.0
@@ -91,9 +90,9 @@ def _inverse(B: Array, N: Array, Q: Array) -> bool:
 
 @inlined
 def _sample(b: Array, W: Array, half: int, level: np.float32, out: Array) -> bool:
-    """Fill `out` by the window of b under an affine transformation; tell whether it is whole.
+    """Fill `out` with b's window under an affine transformation; return whether it is whole.
 
-    Places count from a whole pixel, so that single precision keeps their fractions.
+    Positions count from a whole pixel, so that single precision keeps their fractions.
     """
     rows, cols = b.shape
     col0, row0 = int(np.floor(W[4])), int(np.floor(W[5]))
@@ -139,9 +138,9 @@ def _sample(b: Array, W: Array, half: int, level: np.float32, out: Array) -> boo
 
 @inlined
 def _compose(W: Array, p: Array, half: int) -> float:
-    """Take an increment of the template's place off an affine transformation, W := W D^-1.
+    """Combine an affine transformation with the inverse of an increment, W := W D^-1.
 
-    Returns how far a corner of the window moves at most, px.
+    Return the largest movement of a corner of the window, px.
     """
     tx, ty = p[0] / p[6], p[1] / p[6]
     xx, xy = 1 + p[2] / (p[6] * half), p[3] / (p[6] * half)
@@ -160,10 +159,10 @@ def _compose(W: Array, p: Array, half: int) -> float:
 
 @inlined
 def _variance(B: Array, Q: Array, out: Array, half: int, correlation: Array, work: Array) -> None:
-    """Fill `out` by the variances of the two shifts, in units of the variance of a grey value.
+    """Fill `out` with the variances of the two shifts, in units of the variance of a grey value.
 
-    The noise of neighbours is correlated: the law of propagation with the full covariance
-    matrix of the window, which is a product of one along rows and one along columns.
+    The noise of neighbours is correlated. So variances are propagated with the full covariance
+    matrix of the window, which is the product of one along rows and one along columns.
     """
     side = 2 * half + 1
     reach = len(correlation) - 1
@@ -195,9 +194,9 @@ def match_points(
     """Match windows of an image with another one by least squares.
 
     The grey values of b, interpolated under an affine transformation W, are those of a with a
-    gain and an offset that may slope: where two heads overlap, their vignetting falls off in
-    different directions. The derivatives are those of a's window, so that they and the normal
-    matrix are computed once.
+    gain and a sloping offset, because the vignetting of two overlapping heads falls off in
+    different directions. The derivatives are those of a's window. So they and the normal matrix
+    are computed only once.
 
     Parameters
     ----------
@@ -205,21 +204,21 @@ def match_points(
     at : ndarray of int64, shape (n, 2)
         col, row of the windows' middles in `a`.
     start : ndarray, shape (n, 2)
-        Approximate places in `b`.
+        Approximate positions in `b`.
     half : int
         Windows have 2 half + 1 pixels a side.
     correlation : ndarray, shape (m,)
-        Of the noise of two pixels 0, 1, ... apart along a row or a column.
+        Correlation of the noise of two pixels 0, 1, ... apart along a row or a column.
 
     Returns
     -------
     found : ndarray, shape (n, 2)
-        Places in `b`; NaN where the matching fails, does not converge or drifts away by more
-        than a fifth of the window.
+        Positions in `b`; NaN where the matching fails, does not converge or moves by more than a
+        fifth of the window.
     sigma : ndarray, shape (n, 2)
         Their standard deviations from the residuals, along columns and rows, px.
     grey : ndarray, shape (n, 2)
-        Gain and the residuals' standard deviation.
+        Gain, and standard deviation of the residuals.
     """
     n, side = len(at), 2 * half + 1
     size = side * side
@@ -228,7 +227,7 @@ def match_points(
     N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
     work, variance = np.empty((2, size)), np.empty(2)
     W, p, rhs = np.empty(6), np.empty(N_UNKNOWNS), np.empty(N_UNKNOWNS)
-    # correlated noise takes up fewer unknowns' worth of residuals: as many as independent pixels
+    # correlated pixels are worth fewer independent ones, by lump^2: less redundancy remains
     lump = correlation[0]
     for d in range(1, len(correlation)):
         lump += 2 * correlation[d]
@@ -291,7 +290,7 @@ def match_points(
                 v -= B[i, k] * p[i]
             squares += v * v
         spread = squares / redundancy
-        # noise makes the derivatives look steeper than they are
+        # noise makes the derivatives appear larger than they are
         apparent = by_noise * spread / (1 + p[6] * p[6])
         if not apparent < 0.7 * min(steepness[0], steepness[1]):
             continue

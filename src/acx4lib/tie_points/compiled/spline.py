@@ -1,4 +1,4 @@
-"""Cubic splines through an image's pixels, evaluated at many places, compiled."""
+"""Cubic splines through an image's pixels, evaluated at many positions, compiled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acx4lib.expected import Array
 
 @inlined
 def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Return the weights of four coefficients a fraction t after the second (cubic B-spline)."""
+    """Return the weights of four cubic B-spline coefficients, a fraction t after the second."""
     sixth = np.float32(1.0 / 6.0)
     s = np.float32(1) - t
     first, last = sixth * s * s * s, sixth * t * t * t
@@ -22,19 +22,19 @@ def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, n
 def sample_between_nodes(
     coefficients: Array, nodes: Array, step: int, origin: Array, out: Array
 ) -> None:
-    """Fill an image by a cubic spline at positions that are bilinear between nodes.
+    """Fill an image with values of a cubic spline at positions that are bilinear between nodes.
 
     Parameters
     ----------
     coefficients : ndarray of float32, shape (rows, cols)
-        Of the spline, part of an image.
+        Coefficients of the spline for a part of an image.
     nodes : ndarray, shape (m, n, 2)
         col, row in the image, at every `step`-th pixel of `out`.
     step : int
     origin : ndarray, shape (2,)
-        col, row in the image at which the part begins.
+        col, row in the image of the part's first pixel.
     out : ndarray of float32
-        NaN where a position has no whole neighbourhood in the part.
+        NaN where the neighbourhood of a position is not wholly in the part.
     """
     rows, cols = coefficients.shape
     for row in range(out.shape[0]):

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,11 @@ import pytest
 
 import acx4sim
 from acx4book.chapters.flight import tables as contents
+from acx4book.chapters.heads import held_focal_length, tables
 from acx4book.chapters.heads import sentences as head_sentences
-from acx4book.chapters.heads import steps, tables
-from acx4book.chapters.synthetic_image import refined as refining
-from acx4book.chapters.synthetic_image import steps as synthetic
-from acx4book.chapters.synthetic_image import tables as pixel_tables
+from acx4book.chapters.synthetic_image import sentences as synthetic_sentences
+from acx4book.chapters.synthetic_image import tables as synthetic_tables
+from acx4book.chapters.synthetic_image import wrong_heads
 from acx4book.notebooks import stages
 from acx4book.paper import printed as paper
 from acx4book.paper.errata import audit
@@ -23,6 +24,7 @@ from acx4lib.calibration.heads import Heads
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.results import adjustments
 from acx4lib.results import folder as results
+from acx4lib.stages import heads, synthetic
 from support.flights.simulated import HEADS, fly
 
 NAMES = {"CAM2": "port", "CAM3": "starboard"}
@@ -35,14 +37,14 @@ def flight():
 
 @pytest.fixture(scope="module")
 def stage(flight):
-    return steps.orient(flight, steps.calibrate(flight))
+    return heads.orient(flight, heads.calibrate(flight))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, stage):
     """Return a results folder that the heads stage has left."""
     folder = tmp_path_factory.mktemp("results")
-    adjustments.write(folder, "heads", steps.records(stage))
+    adjustments.write(folder, "heads", heads.records(stage))
     return folder
 
 
@@ -161,8 +163,8 @@ def test_the_sentences_have_the_papers_claims(flight, stage):
 
 
 def test_held_focal_lengths_are_tabled_and_said(flight, stage):
-    tried = steps.hold(flight, stage, (-0.5, 0.0, 0.5))
-    one = steps.hold_last(flight, stage, 0.5)
+    tried = held_focal_length.all_heads(flight, stage, (-0.5, 0.0, 0.5))
+    one = held_focal_length.last_head(flight, stage, 0.5)
     table = tables.held(stage, [*tried, one])
     assert table["Held $f$"].tolist() == [
         "all heads -0.5 mm",
@@ -175,7 +177,7 @@ def test_held_focal_lengths_are_tabled_and_said(flight, stage):
 
 
 def test_other_heads_are_not_compared_with_the_paper(other):
-    stage = steps.orient(other, steps.calibrate(other))
+    stage = heads.orient(other, heads.calibrate(other))
     assert [head.name for head in stage.orientation.heads] == ["port", "starboard"]
     for table in (
         tables.quality(other, stage),
@@ -193,8 +195,8 @@ def test_other_heads_are_not_compared_with_the_paper(other):
 
 def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
-    failed = steps.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
-    adjustments.write(tmp_path, "heads", steps.records(failed))
+    failed = heads.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
+    adjustments.write(tmp_path, "heads", heads.records(failed))
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
     assert summary["heads/bundle/CAM1"]["converged"] is True
@@ -208,15 +210,15 @@ def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
 
 def test_heads_without_control_points_are_told_so(flight):
     block = without_control(flight.heads)
-    said = steps.calibrate(replace(flight, blocks={"heads": block}))
+    said = heads.calibrate(replace(flight, blocks={"heads": block}))
     assert set(said.failures) == set(HEADS)
     assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
 
 
 def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
     as_declared = replace(flight, estimate_heads=())
-    stage = steps.orient(as_declared, steps.calibrate(as_declared))
-    adjustments.write(tmp_path, "heads", steps.records(stage))
+    stage = heads.orient(as_declared, heads.calibrate(as_declared))
+    adjustments.write(tmp_path, "heads", heads.records(stage))
     read = synthetic.read_heads(as_declared, tmp_path)
     assert [head.interior.k1 for head in read.heads] == [0.0] * 4
     assert "no correlations to show" in head_sentences.correlation(as_declared, stage)
@@ -229,11 +231,11 @@ def test_the_paper_is_beside_no_other_choice_of_heads(flight):
 
 
 def test_without_any_head_everything_still_says_so(flight):
-    none = steps.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
-    tried = steps.hold(flight, none, (-0.5, 0.0, 0.5))
+    none = heads.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
+    tried = held_focal_length.all_heads(flight, none, (-0.5, 0.0, 0.5))
     for table in (tables.quality, tables.interior, tables.border):
         assert table(flight, none)["Head"].tolist() == ["none could be adjusted"]
-    assert len(tables.held(none, [*tried, steps.hold_last(flight, none, 0.5)])) == 1
+    assert len(tables.held(none, [*tried, held_focal_length.last_head(flight, none, 0.5)])) == 1
     sentences = [
         head_sentences.held(none, tried),
         head_sentences.gnss(tried),
@@ -252,8 +254,14 @@ def orientation(flight, folder):
 
 
 @pytest.fixture(scope="module")
-def refinement(flight, orientation):
-    return refining.refine(flight, orientation, None)
+def refined(flight, folder, tmp_path_factory):
+    copy = shutil.copytree(folder, tmp_path_factory.mktemp("refined") / "results")
+    return synthetic.run(flight, copy), copy
+
+
+@pytest.fixture(scope="module")
+def refinement(refined):
+    return refined[0].refinement
 
 
 def test_results_of_the_heads_are_asked_for(flight, tmp_path):
@@ -261,9 +269,8 @@ def test_results_of_the_heads_are_asked_for(flight, tmp_path):
         synthetic.read_heads(flight, tmp_path)
 
 
-def test_the_refined_heads_are_written(refinement, folder, tmp_path):
-    adjustments.write(tmp_path, "synthetic", refining.records(refinement))
-    found = results.read(tmp_path)
+def test_the_refined_heads_are_written(refinement, refined):
+    found = results.read(refined[1])
     assert results.cameras(found, "synthetic/refined") == HEADS
     said = found.summary["synthetic/refined"]
     assert said["n_unknowns"] == 9
@@ -271,71 +278,64 @@ def test_the_refined_heads_are_written(refinement, folder, tmp_path):
     assert 0.3 < said["sigma0_squared"] < 3
 
 
-def test_table_2_is_the_papers(flight):
-    table = synthetic.table_2(flight).set_index("Parameter")
+def test_table_2_is_the_papers(flight, refined):
+    table = synthetic_tables.table_2(flight, refined[0]).set_index("Parameter")
     printed = table["Printed"].str.split(" x ").str[0].astype(float)
     assert np.array_equal(table["Value"].astype(float), printed)
 
 
-def test_coverage_is_that_of_the_printed_table_1(flight, orientation):
+def test_coverage_is_that_of_the_printed_table_1(flight, refined):
     """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
-    table = synthetic.coverage_table(flight, orientation)
+    table = synthetic_tables.seen(flight, refined[0])
     printed = table["Table 1 as printed (%)"].astype(float)
     assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
     assert np.allclose(table["Share (%)"].astype(float), printed, atol=0.5)
 
 
-def test_every_pair_of_heads_has_a_row(flight, refinement):
-    table = refining.overlap_table(flight, refinement)
-    assert len(table) == 6
-    areas = table.set_index("Heads")["Area (Mpx)"].astype(float)
-    assert areas["CAM1 and CAM2"] == pytest.approx(16.4, abs=0.5)
-
-
 def test_the_first_head_is_not_turned(refinement):
-    table = refining.turns_table(refinement).set_index("Head")
+    table = synthetic_tables.turns(refinement).set_index("Head")
     assert table.loc["CAM1"].str.startswith("+0.00 ±").all()
     assert not table.loc["CAM2"].str.startswith("+0.00 ±").any()
 
 
-def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(flight, refinement):
-    table = refining.ways_table(flight, refinement)
-    ways = [refining.BEFORE, refining.MEAN, *refining.BY.values()]
-    assert table["Refined by"].tolist() == ways
+def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(refined):
+    table = synthetic_tables.ways(refined[0])
+    assert table["Refined by"].tolist() == [*synthetic_tables.WAYS.values()]
     left = table["RMS of the differences (px)"].astype(float)
     assert (left[1:] <= left[0]).all()
 
 
-def test_what_is_said_has_the_papers_half_pixel(flight, refinement):
-    assert "3 µm, 0.5 px" in refining.quality(flight, refinement)
-    assert "nothing is rendered" in pixel_tables.rendering(flight, None)
+def test_what_is_said_has_the_papers_half_pixel(flight, refined):
+    assert "3 µm, 0.5 px" in synthetic_sentences.refinement(flight, refined[0])
+    assert "nothing is rendered" in synthetic_sentences.pixels(flight, None)
 
 
 @pytest.mark.slow
-def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(flight, orientation):
+def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(flight, refined):
     """With 0.01 degrees: 0.01 px in the overlaps, 0.02 px in the frame; a shift leaves 3 px."""
-    table = refining.repaired_table(flight, orientation, seed=1)
+    table = synthetic_tables.repaired(wrong_heads.repaired(flight, refined[0], seed=1))
     turned = table[table["Errors"].str.startswith("heads turned")].set_index("Refined by")
     turned = turned.drop(columns="Errors").astype(float)
-    rotations, shift = turned.loc[refining.ROTATIONS], turned.loc[refining.MEAN]
+    rotations, shift = (
+        turned.loc[synthetic_tables.WAYS[way]] for way in ("rotations", "mean shift")
+    )
     assert rotations["Overlaps, RMS (px)"] < 0.01
     assert rotations["at most in the frame (px)"] < 0.02
     assert shift["at most in the frame (px)"] > 1.0
 
 
-def test_without_tie_points_the_refinement_is_left_out(flight, orientation, tmp_path):
+def test_without_tie_points_the_refinement_is_left_out(flight, folder, tmp_path):
     block = flight.blocks["heads"]
     rows = block.images.camera_idx[block.image_points.image_idx] == 0
     alone = replace(block, image_points=block.image_points[rows])
     bare = replace(flight, blocks={"heads": alone})
-    refinement = refining.refine(bare, orientation, None)
-    adjustments.write(tmp_path, "synthetic", refining.records(refinement))
-    entry = results.read(tmp_path).summary["synthetic/refined"]
+    copy = shutil.copytree(folder, tmp_path / "results")
+    stage = synthetic.run(bare, copy)
+    entry = results.read(copy).summary["synthetic/refined"]
     (reason,) = results.messages(entry, "left_out")
     assert reason.startswith("synthetic/refined: ")
-    assert "nothing can be refined" in refining.quality(bare, refinement)
-    for table in (refining.overlap_table, refining.ways_table):
-        assert table(bare, refinement).to_dict("records") == [refining.NO_TIES]
+    assert "nothing can be refined" in synthetic_sentences.refinement(bare, stage)
+    assert synthetic_tables.ways(stage).to_dict("records") == [synthetic_tables.NO_TIES]
 
 
 # --- the notebooks ---------------------------------------------------------------------------

@@ -17,13 +17,13 @@ from acx4book.chapters.image_quality.examined import (
     drawn_calibration,
     drawn_errors,
     errors_of,
-    every_refinement,
     examine,
     frame_deviations,
     measured_ties,
 )
 from acx4book.chapters.image_quality.known_exposure import heads_response
 from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
+from acx4book.chapters.synthetic_image.wrong_heads import every_refinement
 from acx4book.paper import printed
 from support.pictures.known import known
 

@@ -14,7 +14,6 @@ from acx4book.chapters.image_quality.examined import (
     border_distortion_of_targets,
     drawn_calibration,
     drawn_errors,
-    every_refinement,
     examine_all,
     geometry_errors,
     measured_ties,
@@ -28,6 +27,7 @@ from acx4book.chapters.image_quality.figures import (
 )
 from acx4book.chapters.image_quality.known_exposure import heads_response
 from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
+from acx4book.chapters.synthetic_image.wrong_heads import every_refinement
 from acx4book.paper import printed
 from support.pictures.known import known
 

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from acx4book.chapters.mounting.determination import (
-    determination_table,
-    geometry_page,
-    geometry_table,
-)
+from acx4book.chapters.mounting.determination import geometry_page, geometry_table
+from acx4book.chapters.mounting.tables import determination
 from acx4book.typesetting.labels import LABELS
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration.determination import strong_correlations
@@ -19,7 +16,7 @@ from support import blocks
 @pytest.fixture(scope="module")
 def table(noisy_block):
     found = mounting.single_step(noisy_block, free=("f", "xp", "yp", "k1", "k2", "k3"))
-    return found, determination_table({"single_step": found})
+    return found, determination({"single_step": found})
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +59,6 @@ def test_limits_and_geometries_are_those_of_the_messages():
 
 
 def test_several_cameras_are_told_apart(two_cameras):
-    (row,) = determination_table({"single_step": two_cameras}).to_dict("records")
+    (row,) = determination({"single_step": two_cameras}).to_dict("records")
     listed = row["Correlations above 0.9"].split("; ")
     assert "CAM $k_1$, CAM $k_2$" in listed[0] or "AFT $k_1$, AFT $k_2$" in listed[0]

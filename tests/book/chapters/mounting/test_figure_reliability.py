@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.mounting.figure_reliability import image_redundancy, weak_places
+from acx4book.chapters.mounting.figures.weak_places import image_redundancy, weak_places
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting

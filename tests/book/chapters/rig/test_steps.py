@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4book.chapters.rig import steps, tables
+from acx4book.chapters.rig import deformations, one_by_one, tables, truth
 from acx4book.chapters.rig.figures import rig_correlations, rig_deformations, rig_gains
 from acx4lib import flight as flights
 from acx4lib.flight.block import select_images
 from acx4lib.results import adjustments, folder
+from acx4lib.stages import rig
 
 
 @pytest.fixture(scope="module")
@@ -24,17 +25,17 @@ def flight(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def stage(flight):
-    return steps.calibrate(flight)
+    return rig.calibrate(flight)
 
 
 @pytest.fixture(scope="module")
 def ways(flight, stage):
-    return steps.orient(flight, stage)
+    return one_by_one.oriented(flight, stage)
 
 
 def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, stage):
     folder.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
-    adjustments.write(tmp_path, "mounting/rig", steps.records(stage))
+    adjustments.write(tmp_path, "mounting/rig", rig.records(stage))
     found = folder.read(tmp_path)
     assert set(found.summary) == {"mounting/single_step", "mounting/rig"}
     assert folder.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
@@ -54,25 +55,25 @@ def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, stage
 def test_heads_stand_in_the_order_of_the_synthetic_table(flight, stage):
     names = ("CAM4", "CAM2")
     some = replace(flight, synthetic=replace(flight.synthetic, heads=names))
-    found = steps.calibrate(some)
+    found = rig.calibrate(some)
     assert tuple(camera.name for camera in found.block.cameras) == names
     assert len(found.block.images) == len(stage.block.images) / 2
 
 
 def test_the_truth_is_that_of_the_simulation(flight, stage):
-    true = steps.true_heads(flight, stage)
+    true = truth.true_heads(flight, stage)
     assert true[1].interior.f == 73.863353  # the simulator's constants
     assert list(true[1].T_b_c.r) == [0.143, -0.319, -0.201]
     assert np.degrees(true[1].T_b_c.opk) == pytest.approx([14.782598, 12.163894, -93.408507])
-    exact = steps.true_orientation(flight, stage)
+    exact = truth.true_orientation(flight, stage)
     assert np.degrees(exact.opk[1]) == pytest.approx([14.782598, 12.163894, -93.408507])
 
 
 def test_a_flight_without_truth_has_no_column_of_errors(flight, stage, ways, tmp_path):
     measured = replace(flight, pictures=tmp_path)
-    assert steps.true_heads(measured, stage) == ()
-    assert steps.true_orientation(measured, stage) is None
-    found = steps.deform(measured, ways, None)
+    assert truth.true_heads(measured, stage) == ()
+    assert truth.true_orientation(measured, stage) is None
+    found = deformations.of_all(measured, ways, None)
     table = tables.image(measured, ways, found)
     assert not [column for column in table.columns if "true" in column]
     assert "Farthest from the truth (σ)" not in tables.calibration(stage, ())
@@ -88,12 +89,12 @@ def test_tables_set_the_ways_beside_each_other(flight, stage, ways):
     gain = ways["one by one"].sigma[2, 0] / ways["rig"].sigma[2, 0]
     assert orientation["Gain"][2] == f"{gain:.1f}"
     assert orientation["Gain"][8] == ""  # Zc of the first head is held one by one
-    found = steps.deform(flight, ways, steps.true_orientation(flight, stage))
+    found = deformations.of_all(flight, ways, truth.true_orientation(flight, stage))
     image = tables.image(flight, ways, found)
     assert list(image["Heads"]) == list(ways)
     predicted = [float(v) for v in image["Misfit in overlaps, predicted RMS (px)"]]
     assert predicted[-1] == min(predicted)
-    far = tables.calibration(stage, steps.true_heads(flight, stage))
+    far = tables.calibration(stage, truth.true_heads(flight, stage))
     assert max(map(float, far["Farthest from the truth (σ)"])) < 4
     for figure in (
         rig_gains(ways),
@@ -107,7 +108,7 @@ def test_sentences_have_the_numbers_of_the_run(flight, stage, ways):
     assert "times by 2" in tables.shared(stage)
     assert "in other exposures too" in tables.shared(stage)
     assert "times smaller for $X_c$ and $Y_c$" in tables.gain(stage, ways)
-    found = steps.deform(flight, ways, None)
+    found = deformations.of_all(flight, ways, None)
     ratio = found["rig, no shared points"].gap_sigma_mm / found["rig"].gap_sigma_mm
     assert f"{ratio:.1f} times less" in tables.without_shared_points(flight, found)
 
@@ -125,16 +126,16 @@ def test_a_rig_that_is_not_determined_ends_no_run(flight):
     block = select_images(block, np.array(block.images.strips) == block.images.strips[0])
     points = block.image_points
     kept = ~np.isin(points.point_idx, block.control.point_idx)
-    stage = steps.calibrate(with_block(flight, replace(block, image_points=points[kept])))
-    entry = steps.records(stage)[0].summary["mounting/rig"]
+    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = rig.records(stage)[0].summary["mounting/rig"]
     assert any("lever" in line and "control points" in line for line in entry["left_out"])
-    assert steps.orient(flight, stage) == {}
+    assert one_by_one.oriented(flight, stage) == {}
     assert "nothing to compare" in tables.gain(stage, {})
 
 
 def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(flight, stage):
     failed = replace(stage, rig=None, left_out="it does not converge")
-    (record,) = steps.records(failed)
+    (record,) = rig.records(failed)
     entry = record.summary["mounting/rig"]
     assert entry["left_out"] == ["mounting/rig: it does not converge"]
     assert not entry["converged"]
@@ -151,10 +152,10 @@ def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(flight, stage
 
 def test_a_flight_without_a_synthetic_image_has_a_rig_all_the_same(flight):
     plain = replace(flight, synthetic=None)
-    stage = steps.calibrate(plain)
+    stage = rig.calibrate(plain)
     assert stage.rig is not None
-    assert steps.orient(plain, stage) == {}
-    assert steps.deform(plain, {}, None) == {}
+    assert one_by_one.oriented(plain, stage) == {}
+    assert deformations.of_all(plain, {}, None) == {}
 
 
 def test_points_of_one_exposure_only_are_said(flight):
@@ -166,8 +167,8 @@ def test_points_of_one_exposure_only_are_said(flight):
     tie = ~np.isin(points.point_idx, block.control.point_idx)
     row = np.flatnonzero(tie & (np.bincount(together)[together] == 2))[0]
     kept = (points.point_idx != points.point_idx[row]) | (exposure == exposure[row])
-    stage = steps.calibrate(with_block(flight, replace(block, image_points=points[kept])))
-    entry = steps.records(stage)[0].summary["mounting/rig"]
+    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = rig.records(stage)[0].summary["mounting/rig"]
     assert entry["notes"] == [
         "mounting/rig: 1 points that heads share at one exposure only are as high as the nearest"
     ]

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import tifffile
 
-from acx4book.chapters.synthetic_image import pixels, tables
-from acx4book.chapters.synthetic_image import refined as refinement
+from acx4book.chapters.synthetic_image import equalised, sentences, tables
 from acx4book.notebooks import stages
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
 from acx4lib.results import folder as results
+from acx4lib.stages import pictures as taken
+from acx4lib.stages import synthetic
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points.differences import tie_differences
 from support.flights import pictured
@@ -36,12 +37,22 @@ def orientation():
 
 @pytest.fixture(scope="module")
 def pictures(flight, orientation):
-    return pixels.read_pictures(flight, orientation)
+    return taken.read_pictures(flight, orientation)
 
 
 @pytest.fixture(scope="module")
 def found(pictures, orientation):
-    return pixels.find(pictures, orientation)
+    return taken.find(pictures, orientation)
+
+
+def stage_of(flight, orientation, pictures, found):
+    return synthetic.SyntheticStage(
+        synthetic=flight.synthetic_camera,
+        orientation=orientation,
+        pictures=pictures,
+        found=found,
+        refinement=synthetic.refine(flight, orientation, found),
+    )
 
 
 def test_a_flight_without_files_has_no_pictures(path, orientation, tmp_path):
@@ -50,23 +61,20 @@ def test_a_flight_without_files_has_no_pictures(path, orientation, tmp_path):
     lines = [line.rpartition(",")[0] for line in table.splitlines()]
     (bare / "heads" / "images.csv").write_text("\n".join(lines) + "\n")
     read = flights.read(bare)
-    assert pixels.read_pictures(read, orientation) is None
-    assert "nothing is rendered" in tables.rendering(read, None)
-    said = [
-        tables.found_table(orientation, None),
-        tables.response_table(orientation, None),
-    ]
-    assert [table.to_dict("records") for table in said] == [[pixels.NO_PIXELS]] * 2
+    assert taken.read_pictures(read, orientation) is None
+    assert "nothing is rendered" in sentences.pixels(read, None)
+    table = tables.found(stage_of(read, orientation, None, None))
+    assert table.to_dict("records") == [tables.NO_PIXELS]
 
 
 def test_the_size_of_the_files_says_by_how_much_they_are_reduced(flight, pictures):
     assert pictures.reduction == K
     assert [one.exposure for one in pictures.exposed] == ["E0", "E1"]
-    assert f"at 1/{K} of the full size" in tables.rendering(flight, pictures)
+    assert f"at 1/{K} of the full size" in sentences.pixels(flight, pictures)
 
 
 def test_pixels_can_be_averaged_first(flight, orientation, pictures):
-    half = pixels.read_pictures(flight, orientation, reduce=2)
+    half = taken.read_pictures(flight, orientation, reduce=2)
     assert half.reduction == 2 * K
     one, two = (read.exposed[0].images[0].astype(float) for read in (pictures, half))
     rows, cols = two.shape[:2]
@@ -79,7 +87,7 @@ def test_pixels_can_be_averaged_first(flight, orientation, pictures):
 def test_the_middle_of_a_picture_is_the_middle_of_the_sensor(orientation):
     head = orientation.heads[0]
     reduced = np.array([[head.width_px // K - 1, head.height_px // K - 1]]) / 2
-    full = pixels.full_size(reduced, np.array([0]), orientation, K)
+    full = taken.full_size(reduced, np.array([0]), orientation, K)
     assert full[0] == pytest.approx([(head.width_px - 1) / 2, (head.height_px - 1) / 2], abs=1e-12)
 
 
@@ -91,27 +99,29 @@ def test_tie_points_are_where_both_heads_see_one_place(found, orientation):
     assert set(found.ties.exposure_idx) == {0, 1}
 
 
-def test_refining_what_is_right_moves_it_by_hundredths_of_a_pixel(flight, orientation, found):
-    refined = refinement.refine(flight, orientation, found)
+def test_refining_what_is_right_moves_it_by_hundredths_of_a_pixel(
+    flight, orientation, pictures, found
+):
+    stage = stage_of(flight, orientation, pictures, found)
     corner = 0.4 * np.array([[67.2, 90.72]])
-    places = [head_from_synthetic(o, 1, corner) for o in (orientation, refined.orientation)]
+    places = [
+        head_from_synthetic(o, 1, corner) for o in (orientation, stage.refinement.orientation)
+    ]
     assert np.linalg.norm(places[1] - places[0]) < 0.05 * K
-    table = refinement.ways_table(flight, refined)
-    assert table["Refined by"].iloc[-1] == refinement.EACH
-    assert len(refinement.overlap_table(flight, refined)) == 1
+    assert tables.ways(stage)["Refined by"].iloc[-1] == tables.EACH
+    assert len(tables.found(stage)) == 2  # exposures of one overlap
 
 
 def test_grey_values_agree_after_equalisation(pictures, orientation):
-    fit = pixels.fit(pictures, orientation, seed=1)
-    after = tables.response_table(orientation, fit)["after (%)"]
-    assert (after.astype(float) < 1.0).all()
-    assert "disagree by" in tables.response_sentence(orientation, fit)
+    fit = equalised.response(pictures, orientation, seed=1)
+    assert all(np.max(one.after) < 0.01 for one in fit.overlaps)
+    assert "disagree by" in sentences.response(orientation, fit)
 
 
 @pytest.mark.parametrize("feather_px", [0.0, 150.0])
 def test_the_rendered_image_is_the_scene(pictures, orientation, feather_px):
     """Interpolated twice, cubic and bilinear: a few per cent of the scene's contrast."""
-    image = pixels.rendered(pictures, orientation, None, feather_px=feather_px)
+    image = equalised.image(pictures, orientation, None, feather_px=feather_px)
     scene = pictured.frame_of(pictured.scene(2))  # the middle one of two exposures is the second
     assert image.shape == scene.shape
     seen = (image > 0).all(axis=2)
@@ -125,7 +135,7 @@ def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(path, orien
     file = pictured.head_path(spoilt, "E1", "RIGHT")
     tifffile.imwrite(file, tifffile.imread(file)[::-1, ::-1], photometric="rgb")
     with pytest.raises(FlightError, match=r"^exposure E1: .*turned by 180 degrees"):
-        pixels.read_pictures(flights.read(spoilt), orientation)
+        taken.read_pictures(flights.read(spoilt), orientation)
 
 
 @pytest.mark.slow

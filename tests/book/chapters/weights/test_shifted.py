@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4book.chapters.weights import shift_tables
+from acx4book.chapters.mounting import sentences
+from acx4book.chapters.weights import tables
 from acx4book.chapters.weights.shifted import SHIFT_M, shifted_trajectories
 from acx4book.chapters.weights.simulated import TIES, fly, scatter
 from acx4lib.calibration import gnss_shift, mounting
@@ -39,13 +40,13 @@ def test_the_variance_of_unit_weight_gives_a_shift_away(errors):
     mean = errors.groupby("kind")["sigma0_squared"].mean()
     assert mean[SHIFTED] > 1.15
     assert mean[UNKNOWN] == pytest.approx(1.0, abs=0.03)
-    said = shift_tables.ratio_sentence(errors)
+    said = tables.ratio_sentence(errors)
     assert f"is {mean[SHIFTED]:.2f} on average, and {mean[UNKNOWN]:.2f} with" in said
 
 
 def test_a_lever_arm_that_is_held_has_no_errors_to_show(errors):
     found = scatter(errors)
-    table = shift_tables.ratio_table(found).set_index("Parameter")
+    table = tables.ratio_table(found).set_index("Parameter")
     assert (table.loc["lever arm $z$"] == "held").sum() == 1
     row = found.set_index(["kind", "parameter"]).loc[(UNKNOWN, "f_mm")]
     assert table.loc["$f$", "Shifted; unknown: shift"] == f"{row['ratio']:.1f}"
@@ -57,11 +58,11 @@ def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
     flown = fly("single-head", 1, options)
     settings = {"free": flown.flight.estimate_mounting}
     found = mounting.single_step(flown.block, **settings, gnss=("shift",))
-    lines = shift_tables.said(found).splitlines()
+    lines = sentences.gnss_shift(found).splitlines()
     assert lines[1] == (
         "- The height of the GNSS shift is held, since it and the lever arm's z are one unknown."
     )
     assert len(lines) == len(gnss_shift.notes(found.bundle)) == 3
     without = mounting.single_step(flown.block, **settings)
-    assert shift_tables.said(without) == shift_tables.FREE_OF_SHIFT
-    assert "no single step" in shift_tables.said(None)
+    assert sentences.gnss_shift(without) == sentences.FREE_OF_SHIFT
+    assert "no single step" in sentences.gnss_shift(None)

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4lib.bundle import adjust
+from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
@@ -36,7 +36,7 @@ def with_positions(block):
         sigma_position=block.trajectory.sigma_position[block.images.exposure_idx],
         sigma_attitude=np.full((n, 3), np.inf),
     )
-    return adjust.free_orientation(block, free=("f", "xp"), positions=observed)
+    return uses.free_orientation(block, free=("f", "xp"), positions=observed)
 
 
 def with_held_control(block):
@@ -44,28 +44,28 @@ def with_held_control(block):
     sigma_m[::3] = 0.0  # error-free
     sigma_m[1, 2] = np.inf  # a height that was taken out
     held = replace(block, control=replace(block.control, sigma_m=sigma_m))
-    return adjust.free_orientation(held, free=ALL[:5])
+    return uses.free_orientation(held, free=ALL[:5])
 
 
 NETWORKS = {
-    "single step": lambda f: adjust.mounted_orientation(f.calibration, free=ALL[:8]),
-    "all interior": lambda f: adjust.mounted_orientation(f.calibration, free=ALL),
-    "boresight only": lambda f: adjust.mounted_orientation(
+    "single step": lambda f: uses.mounted_orientation(f.calibration, free=ALL[:8]),
+    "all interior": lambda f: uses.mounted_orientation(f.calibration, free=ALL),
+    "boresight only": lambda f: uses.mounted_orientation(
         f.calibration, free=(), free_mount=("boresight_x", "boresight_z")
     ),
-    "refraction": lambda f: adjust.mounted_orientation(
+    "refraction": lambda f: uses.mounted_orientation(
         f.calibration, free=("f",), refraction="standard"
     ),
-    "a rig of four heads": lambda f: adjust.mounted_orientation(
+    "a rig of four heads": lambda f: uses.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
     ),
-    "free exteriors": lambda f: adjust.free_orientation(f.calibration, free=ALL[:3]),
+    "free exteriors": lambda f: uses.free_orientation(f.calibration, free=ALL[:3]),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),
-    "a shift and drifts of GNSS positions": lambda f: adjust.mounted_orientation(
+    "a shift and drifts of GNSS positions": lambda f: uses.mounted_orientation(
         f.calibration, free=ALL[:3], gnss=("shift", "drift")
     ),
-    "a shift in height of a rig": lambda f: adjust.mounted_orientation(
+    "a shift in height of a rig": lambda f: uses.mounted_orientation(
         f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
     ),
 }
@@ -145,7 +145,7 @@ def test_a_point_measured_twice_in_one_image_counts_twice(flight):
     block = flight.calibration
     again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
     doubled = replace(block, image_points=block.image_points[again])
-    net = adjust.mounted_orientation(doubled, free=("f",))
+    net = uses.mounted_orientation(doubled, free=("f",))
     assert_equal_normals(net, net.start, damping=0.0)
 
 
@@ -186,7 +186,7 @@ def test_large_singular_blocks_are_refused_in_words(flight, monkeypatch):
     monkeypatch.setattr(normals, "LARGEST_DENSE", 10)
     block = flight.calibration
     without = replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
-    net = adjust.free_orientation(without, free=("f",))
+    net = uses.free_orientation(without, free=("f",))
     with pytest.raises(adjustment.AdjustmentError, match="singular and too large"):
         net.normals(net.start).step()
 

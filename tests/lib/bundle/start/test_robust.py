@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.adjust import adjust, mounted_orientation
+from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.start.robust import reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.uses import mounted_orientation
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4lib.bundle import adjust
+from acx4lib.bundle import uses
 from acx4lib.bundle.start.start_values import recovered, start_points
 from acx4lib.geometry.frames import Pose, turn
 from support import blocks
@@ -39,7 +39,7 @@ def with_attitudes(block, R_m_b):
 def test_any_mounting_is_recovered_and_the_observed_attitudes_stay(exact_block, seed):
     (camera,) = exact_block.cameras
     anyhow = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    network = adjust.mounted_orientation(exact_block, free=FREE)
+    network = uses.mounted_orientation(exact_block, free=FREE)
     T_b_c = Pose(R=anyhow[None], r=camera.T_b_c.r[None])
     state = recovered(replace(network, start=replace(network.start, T_b_c=T_b_c)))
     assert rotation_angle(state.T_b_c.R[0], camera.T_b_c.R) < 1e-6  # exact data
@@ -52,7 +52,7 @@ def test_any_mounting_is_recovered_and_the_observed_attitudes_stay(exact_block, 
 def test_any_attitudes_are_recovered_where_none_is_observed(exact_block, seed):
     """Nine control points are seen by all images, wholly or in part."""
     anyhow = Rotation.random(12, rng=np.random.default_rng(seed)).as_matrix()
-    network = adjust.free_orientation(with_attitudes(exact_block, anyhow), free=FREE)
+    network = uses.free_orientation(with_attitudes(exact_block, anyhow), free=FREE)
     assert rotation_angle(recovered(network).T_m_b.R, true_poses(exact_block).R).max() < 1e-3
 
 
@@ -65,7 +65,7 @@ def test_only_attitudes_that_are_not_observed_are_turned(exact_block):
         exact_block,
         trajectory=replace(trajectory, T_m_b=Pose(R=R, r=trajectory.T_m_b.r), sigma_attitude=sigma),
     )
-    found = recovered(adjust.mounted_orientation(block, free=FREE)).T_m_b.R
+    found = recovered(uses.mounted_orientation(block, free=FREE)).T_m_b.R
     assert_allclose(np.delete(found, 5, axis=0), np.delete(R, 5, axis=0), atol=0)
     assert rotation_angle(found[5], trajectory.T_m_b.R[5]) < np.radians(0.1)
 
@@ -76,7 +76,7 @@ def test_an_image_without_control_is_turned_like_the_others_and_onto_its_tie_poi
     block = replace(exact_block, image_points=exact_block.image_points[keep])
     (camera,) = block.cameras
     wrong = with_mounting(block, camera.T_b_c.R @ turn(2, np.pi / 2))
-    network = adjust.free_orientation(wrong, free=FREE)
+    network = uses.free_orientation(wrong, free=FREE)
     assert rotation_angle(recovered(network).T_m_b.R[4], true_poses(block).R[4]) < 1e-3
 
 
@@ -85,7 +85,7 @@ def test_a_wrong_control_point_hardly_turns_a_camera(exact_block):
     block = blocks.changed(exact_block, "control_point", [[0.0, 200.0, 0.0]] + [[0.0] * 3] * 8)
     (camera,) = block.cameras
     wrong = with_mounting(block, camera.T_b_c.R @ turn(2, np.pi / 2))
-    state = recovered(adjust.mounted_orientation(wrong, free=FREE))
+    state = recovered(uses.mounted_orientation(wrong, free=FREE))
     assert rotation_angle(state.T_b_c.R[0], camera.T_b_c.R) < np.radians(0.1)
 
 
@@ -94,7 +94,7 @@ def test_one_ray_leaves_the_turn_about_itself_as_it_was(exact_block):
     points = exact_block.image_points
     own = np.flatnonzero(points.image_idx == 4)
     block = replace(exact_block, image_points=points[np.setdiff1d(np.arange(len(points)), own[1:])])
-    network = adjust.free_orientation(block, free=FREE)
+    network = uses.free_orientation(block, free=FREE)
     # about the vertical, which the ray of a control point leaves by up to 25 degrees
     R = network.observed.T_m_b.R.copy()
     R[4] = turn(2, np.radians(1.0)) @ R[4]

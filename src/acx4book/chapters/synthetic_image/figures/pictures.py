@@ -15,7 +15,6 @@ from acx4book.typesetting.pictures import (
     HALO,
     NO_PICTURES,
     OUTLINED,
-    HasPictures,
     Stretch,
     Window,
     common_stretch,
@@ -25,7 +24,6 @@ from acx4book.typesetting.pictures import (
     frameless,
     in_mm,
     middle_xy,
-    shown_exposure,
     smaller,
 )
 from acx4book.typesetting.style import (
@@ -44,6 +42,7 @@ from acx4book.typesetting.style import (
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Raster
 from acx4lib.geometry.camera import Camera, inside
+from acx4lib.stages.pictures import Pictures
 from acx4lib.synthetic_image.frame import footprint, head_from_synthetic, reduced_camera
 
 FRAMES_WIDTH = 5.1
@@ -62,14 +61,14 @@ EDGE_PX = 5
 # --- as they were taken ----------------------------------------------------------------------
 
 
-def head_pictures(pictures: HasPictures | None, orientation: RelativeOrientation) -> Figure:
+def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -> Figure:
     """Draw the images of all heads as they were taken, where each lies in the synthetic image.
 
     One stretch for all heads and bands: what gain and falloff do is seen.
 
     Parameters
     ----------
-    pictures : HasPictures or None
+    pictures : Pictures or None
         The exposure in the middle is drawn.
     orientation : RelativeOrientation
         Of the full-size heads; says where flight goes, and where the middle of the synthetic
@@ -82,7 +81,7 @@ def head_pictures(pictures: HasPictures | None, orientation: RelativeOrientation
     """
     if pictures is None:
         return nothing(NO_PICTURES)
-    one = shown_exposure(pictures)
+    one = pictures.middle
     grid = _places(orientation)
     n_rows, n_cols = grid.shape
     wide = FRAMES_WIDTH / n_cols - 0.2
@@ -177,7 +176,7 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
 
 def synthetic_picture(
     image: Raster | None,
-    pictures: HasPictures | None,
+    pictures: Pictures | None,
     orientation: RelativeOrientation,
     *,
     height_m: float | None = None,
@@ -187,7 +186,7 @@ def synthetic_picture(
     Parameters
     ----------
     image : ndarray or None, shape (rows, cols, bands)
-    pictures : HasPictures or None
+    pictures : Pictures or None
         That it was rendered from.
     orientation : RelativeOrientation
     height_m : float, optional

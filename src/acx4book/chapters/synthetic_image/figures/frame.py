@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from acx4book.typesetting.pictures import HasRefinement
+from acx4book.chapters.synthetic_image.tables import WAYS
 from acx4book.typesetting.style import (
     INK,
     SOFT,
@@ -30,17 +30,18 @@ from acx4book.typesetting.style import (
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import Coverage, coverage, footprint
 from acx4lib.tie_points.ties import Overlap
 
 COUNTS = ("#f0bfae", "#eef2f6", "#c3d6e8", "#8fb2d3", "#5b8dbd")
 """Grounds of what no head sees, and of what one to four or more heads see."""
 
-WAYS = ("as calibrated", "mean differences", "three rotations")
+SHOWN = ("before", "mean shift", "rotations")
 """Ways to refine that `refinements` shows beside each other."""
 
 CELLS = 12
-"""Cells along the longer side of the synthetic image in `differences`."""
+"""Cells along the longer side of the synthetic image in `refinements`."""
 
 
 def footprints(
@@ -141,21 +142,21 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
             )
 
 
-def refinements(refined: HasRefinement, synthetic: Camera) -> Figure:
+def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     """Draw the differences between heads at tie points after each of several refinements.
 
     Parameters
     ----------
-    refined : HasRefinement
+    refined : Refinement
     synthetic : Camera
 
     Returns
     -------
     Figure
-        Those of `WAYS` that there are: means of cells, in pixels of the synthetic image, with one
+        Those of `SHOWN` that there are: means of cells, in pixels of the synthetic image, with one
         scale; only a dot is seen where nothing is left.
     """
-    fields = {way: refined.overlaps(way) for way in WAYS if way in refined.orientations}
+    fields = {WAYS[way]: refined.overlaps(way) for way in SHOWN if way in refined.orientations}
     if not any(fields.values()):
         return nothing("No two heads share a tie point at an exposure.")
     pixel = synthetic.pixel_mm

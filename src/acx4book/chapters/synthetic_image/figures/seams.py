@@ -17,15 +17,12 @@ from numpy.typing import NDArray
 from acx4book.typesetting.pictures import (
     ALL_LEVELS,
     NO_PICTURES,
-    HasPictures,
-    HasRefinement,
     Window,
     border_distances,
     common_stretch,
     displayed,
     extent_mm,
     frameless,
-    shown_exposure,
     smaller,
     window_xy,
 )
@@ -44,6 +41,8 @@ from acx4book.typesetting.style import (
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask, Raster
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.stages.pictures import Pictures
+from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import (
     footprint,
     head_from_synthetic,
@@ -52,7 +51,7 @@ from acx4lib.synthetic_image.frame import (
     synthetic_from_head,
 )
 from acx4lib.synthetic_image.head_map import window_map
-from acx4lib.synthetic_image.rendering import RenderPlan, render
+from acx4lib.synthetic_image.rendering import FEATHER_PX, RenderPlan, render
 from acx4lib.synthetic_image.response import ResponseFit
 
 SIDE_PX = 56
@@ -101,11 +100,11 @@ class _Place:
 
 
 def seams(
-    pictures: HasPictures | None,
-    refined: HasRefinement,
+    pictures: Pictures | None,
+    refined: Refinement,
     response: ResponseFit | None,
     *,
-    feather_px: float = 150.0,
+    feather_px: float = FEATHER_PX,
 ) -> Figure:
     """Draw places on the seams enlarged, with the heads as they came, refined, equalised, blended.
 
@@ -114,9 +113,9 @@ def seams(
 
     Parameters
     ----------
-    pictures : HasPictures or None
+    pictures : Pictures or None
         The exposure in the middle is drawn.
-    refined : HasRefinement
+    refined : Refinement
     response : ResponseFit or None
         None leaves grey values as they were taken.
     feather_px : float
@@ -129,8 +128,8 @@ def seams(
     """
     if pictures is None:
         return nothing(NO_PICTURES)
-    images, k = shown_exposure(pictures).images, pictures.reduction
-    before, after = next(iter(refined.orientations.values())), refined.orientation
+    images, k = pictures.middle.images, pictures.reduction
+    before, after = refined.before, refined.orientation
     heads = [reduced_heads(orientation, k) for orientation in (before, after)]
     places = _places(images, heads, pictures.synthetic, response)
     plans = ((0, None, 0.0), (1, None, 0.0), (1, response, 0.0), (1, response, feather_px / k))

@@ -1,4 +1,4 @@
-"""The heads' pixels in the synthetic stage: tie points, response, the image itself (2.1, 4.1)."""
+"""The heads' pictures in stage synthetic, and the tie points that are found in them (2.1)."""
 
 from __future__ import annotations
 
@@ -6,29 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Raster
 from acx4lib.flight import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.flight_response import spread
 from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
-from acx4lib.synthetic_image.grey_samples import overlap_samples
-from acx4lib.synthetic_image.rendering import render, render_plan
-from acx4lib.synthetic_image.response import ResponseFit, fit_response
 from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
 from acx4lib.tie_points.ties import TiePoints
-
-Image = NDArray[np.unsignedinteger]
-
-FEATHER_PX = 150.0
-"""Width of the blend of two heads, pixels at full size."""
-
-NO_PIXELS = {"Heads": "heads/images.csv names no files with pixels"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +34,7 @@ class Exposed:
 
     exposure: str
     exposure_idx: int
-    images: tuple[Image, ...]
+    images: tuple[Raster, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +58,11 @@ class Pictures:
     synthetic: Camera
     n_complete: int
 
+    @property
+    def middle(self) -> Exposed:
+        """Exposure in the middle, which the figures show."""
+        return self.exposed[len(self.exposed) // 2]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoundTies:
@@ -89,9 +83,6 @@ class FoundTies:
     exposures: tuple[str, ...]
 
 
-# --- steps -----------------------------------------------------------------------------------
-
-
 def read_pictures(
     flight: Flight, orientation: RelativeOrientation, *, reduce: int = 1
 ) -> Pictures | None:
@@ -110,7 +101,8 @@ def read_pictures(
         With a sentence for every file that cannot be used, and for every picture that does not
         show what its neighbours show.
     """
-    if flight.heads is None or not any(flight.image_files["heads"]):
+    synthetic = flight.synthetic_camera
+    if flight.heads is None or synthetic is None or not any(flight.image_files["heads"]):
         return None
     names = [camera.name for camera in orientation.heads]
     cameras = [flight.cameras[name] for name in names]
@@ -129,10 +121,6 @@ def read_pictures(
         for files, one in zip(chosen, read, strict=True)
         if one.reduction == first
     )
-    if flight.synthetic is None:
-        msg = "flight.toml has no table [synthetic]"
-        raise ValueError(msg)
-    synthetic = flight.cameras[flight.synthetic.camera]
     pictures = Pictures(
         exposed=exposed,
         reduction=first * reduce,
@@ -143,7 +131,7 @@ def read_pictures(
     return pictures
 
 
-def _averaged(image: Image, k: int) -> Image:
+def _averaged(image: Raster, k: int) -> Raster:
     """Return means of k x k pixels around the middle of an image."""
     if k == 1:
         return image
@@ -209,62 +197,3 @@ def full_size(colrow: Array, head: Array, orientation: RelativeOrientation, k: i
     """Return full-size pixels of those of images at 1/k of the size, shape (n, 2)."""
     size = np.array([[h.width_px, h.height_px] for h in orientation.heads])
     return k * (colrow - 0.5 * (size // k - 1)[head]) + 0.5 * (size - 1)[head]
-
-
-def fit(pictures: Pictures, orientation: RelativeOrientation, *, seed: int) -> ResponseFit:
-    """Estimate the response of the heads from the overlaps of all pictures.
-
-    Parameters
-    ----------
-    pictures : Pictures
-    orientation : RelativeOrientation
-        Refined, of the full-size heads.
-    seed : int
-        Of the places that are compared.
-    """
-    heads = reduced_heads(orientation, pictures.reduction)
-    rng = np.random.default_rng(seed)
-    samples = [
-        part
-        for one in pictures.exposed
-        for part in overlap_samples(one.images, heads, pictures.synthetic, rng=rng)
-    ]
-    bands = pictures.exposed[0].images[0].shape[2]
-    return fit_response(samples, n_heads=len(heads.heads), n_bands=bands)
-
-
-def rendered(
-    pictures: Pictures,
-    orientation: RelativeOrientation,
-    response: ResponseFit | None,
-    *,
-    feather_px: float = FEATHER_PX,
-) -> Image:
-    """Render the synthetic image of the middle exposure.
-
-    Parameters
-    ----------
-    pictures : Pictures
-    orientation : RelativeOrientation
-        Refined, of the full-size heads.
-    response : ResponseFit or None
-        None leaves grey values as the heads took them.
-    feather_px : float
-        At full size; 0 is a hard seam.
-
-    Returns
-    -------
-    ndarray, shape (rows, cols, bands)
-    """
-    plan = render_plan(
-        reduced_heads(orientation, pictures.reduction),
-        pictures.synthetic,
-        response=None if response is None else response.response,
-        feather_px=feather_px / pictures.reduction,
-    )
-    return render(plan, middle(pictures).images)
-
-
-def middle(pictures: Pictures) -> Exposed:
-    """Return the exposure that is shown."""
-    return pictures.exposed[len(pictures.exposed) // 2]

@@ -11,9 +11,6 @@ from matplotlib.patches import Rectangle
 
 from acx4book.typesetting.pictures import (
     NO_PICTURES,
-    HasImages,
-    HasPictures,
-    HasRefinement,
     Window,
     common_stretch,
     displayed,
@@ -23,7 +20,6 @@ from acx4book.typesetting.pictures import (
     greyed,
     in_mm,
     middle_xy,
-    shown_exposure,
     smaller,
 )
 from acx4book.typesetting.style import (
@@ -41,6 +37,8 @@ from acx4book.typesetting.style import (
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera
+from acx4lib.stages.pictures import Exposed, Pictures
+from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import footprint, reduced_camera, reduced_heads
 from acx4lib.synthetic_image.rendering import resample
 from acx4lib.tie_points.overlaps import SharedWindow, shared_windows
@@ -55,9 +53,9 @@ LENGTHS = LinearSegmentedColormap.from_list(
 
 
 def overlap_ties(
-    pictures: HasPictures | None,
+    pictures: Pictures | None,
     orientation: RelativeOrientation,
-    refined: HasRefinement,
+    refined: Refinement,
     *,
     pair: tuple[int, int] | None = None,
 ) -> Figure:
@@ -65,11 +63,11 @@ def overlap_ties(
 
     Parameters
     ----------
-    pictures : HasPictures or None
+    pictures : Pictures or None
         The exposure in the middle is drawn.
     orientation : RelativeOrientation
         Of the full-size heads; the picture is drawn by it.
-    refined : HasRefinement
+    refined : Refinement
         Its orientation has the differences that are drawn: what is left.
     pair : tuple of int, optional
         Two heads; those with most tie points unless given.
@@ -88,7 +86,7 @@ def overlap_ties(
     """
     if pictures is None:
         return nothing(NO_PICTURES)
-    one = shown_exposure(pictures)
+    one = pictures.middle
     own = refined.kept[refined.kept.exposure_idx == one.exposure_idx]
     found = {(o.head_a, o.head_b): o for o in overlaps(own, refined.orientation)}
     if pair is None:
@@ -149,9 +147,9 @@ def _overlap_axes(window: Window) -> tuple[Figure, tuple[Axes, Axes, Axes]]:
 
 def _draw_overlap(
     ax: Axes,
-    one: HasImages,
+    one: Exposed,
     orientation: RelativeOrientation,
-    pictures: HasPictures,
+    pictures: Pictures,
     shared: SharedWindow,
 ) -> None:
     """Draw what the first head of a pair sees of an overlap, grey and light."""

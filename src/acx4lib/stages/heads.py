@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-import numpy as np
-
-from acx4book.chapters.heads.held_focal_length import HeldFocalLength, held_focal_length
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import interior_exterior, largest_pairs
 from acx4lib.calibration.estimates import from_bundle, not_determined
@@ -25,6 +22,7 @@ from acx4lib.results.adjustments import (
     of_failure,
     of_left_out,
     of_relative_orientation,
+    write,
 )
 
 
@@ -45,7 +43,18 @@ class HeadsStage:
     left_out: str = ""
 
 
-# --- steps -----------------------------------------------------------------------------------
+def run(flight: Flight, results_path: str | Path) -> HeadsStage:
+    """Calibrate the heads, orient them to each other, and write the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    results_path : path
+    """
+    stage = orient(flight, calibrate(flight))
+    write(results_path, "heads", records(stage))
+    return stage
 
 
 def calibrate(flight: Flight) -> Heads:
@@ -54,15 +63,11 @@ def calibrate(flight: Flight) -> Heads:
     Parameters
     ----------
     flight : Flight
-        With a block heads. Its [synthetic] says which cameras are heads; without it all of the
-        block's are.
+        With a block heads.
     """
-    block = flight.blocks["heads"]
-    present = tuple(camera.name for camera in block.cameras)
-    names = flight.synthetic.heads if flight.synthetic else present
     return calibrate_heads(
-        block,
-        [name for name in names if name in present],
+        flight.blocks["heads"],
+        flight.head_names,
         free=flight.estimate_heads,
         refraction=flight.refraction,
     )
@@ -76,11 +81,10 @@ def orient(flight: Flight, heads: Heads) -> HeadsStage:
     flight : Flight
     heads : Heads
     """
-    left_out = _why_not(flight, heads)
-    if left_out or flight.synthetic is None:
+    left_out, synthetic = _why_not(flight, heads), flight.synthetic_camera
+    if left_out or synthetic is None:
         return HeadsStage(heads=heads, orientation=None, left_out=left_out)
     try:
-        synthetic = flight.cameras[flight.synthetic.camera]
         orientation = relative_orientation(heads.bundles, synthetic)
     except AdjustmentError as error:
         return HeadsStage(heads=heads, orientation=None, left_out=str(error))
@@ -119,34 +123,3 @@ def _record(name: str, fit: Bundle) -> Record:
     record = of_bundle("heads", "bundle", fit, summary_key=key)
     largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
     return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})
-
-
-def hold(flight: Flight, stage: HeadsStage, changes_mm: Sequence[float]) -> list[HeldFocalLength]:
-    """Calibrate all heads again with the focal length held at other values.
-
-    Parameters
-    ----------
-    flight : Flight
-    stage : HeadsStage
-    changes_mm : sequence of float
-        Against the first calibration, the same for all heads.
-    """
-    n = len(stage.heads.bundles)
-    return [_held(flight, stage, np.full(n, float(change))) for change in changes_mm]
-
-
-def hold_last(flight: Flight, stage: HeadsStage, change_mm: float) -> HeldFocalLength:
-    """Calibrate the heads again with the focal length of the last one held at another value."""
-    change = np.zeros(len(stage.heads.bundles))
-    change[-1:] = change_mm
-    return _held(flight, stage, change)
-
-
-def _held(flight: Flight, stage: HeadsStage, change_mm: np.ndarray) -> HeldFocalLength:
-    synthetic = flight.cameras[flight.synthetic.camera] if flight.synthetic else None
-    return held_focal_length(
-        stage.heads.bundles,
-        flight.estimate_heads,
-        synthetic=synthetic if stage.orientation is not None else None,
-        change_mm=change_mm,
-    )

@@ -1,4 +1,4 @@
-"""Figures of the mounting calibration: correlations, eqs (12)-(13) by image, the lever arm."""
+"""Figures of the mounting calibration: eqs (12)-(13) by image, and the lever arm."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.style import (
     BLUE,
-    DIVERGING,
     INK,
     ORANGE,
     SOFT,
     WIDTH,
-    bare,
     colour,
     legend_below,
     nothing,
@@ -28,53 +25,6 @@ from acx4book.typesetting.style import (
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose, log
-
-
-def correlation_matrix(correlations: pd.DataFrame) -> Figure:
-    """Draw a correlation matrix, with the numbers where they are 0.3 and more.
-
-    Parameters
-    ----------
-    correlations : DataFrame
-        As `experiments.correlations` returns it.
-    """
-    if correlations.empty:
-        return nothing("The single step gave no result.")
-    values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
-    n = len(names)
-    with style():
-        side = min(WIDTH, 2.2 + 0.34 * n)
-        fig, ax = plt.subplots(figsize=(side + 0.6, side))
-        image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
-        bare(ax)
-        ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")
-        ax.set_yticks(range(n), names)
-        ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
-        ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
-        ax.grid(visible=True, which="minor", color="white", linewidth=1.2)
-        ax.tick_params(which="minor", length=0)
-        for i, j in zip(*np.nonzero(np.abs(values) >= 0.3), strict=True):
-            if i != j:
-                dark = abs(values[i, j]) > 0.6
-                ax.text(
-                    *(j, i, f"{values[i, j]:+.2f}".replace("0.", ".")),
-                    ha="center",
-                    va="center",
-                    fontsize=6.8,
-                    color="white" if dark else INK,
-                )
-        bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
-        bar.set_label("correlation (no unit)")
-        bar.outline.set_visible(False)
-    return fig
-
-
-def _label(name: str) -> str:
-    """Return what a reader sees for a parameter's name, or for ``camera/parameter``."""
-    camera, _, parameter = name.rpartition("/")
-    if parameter not in LABELS:
-        return plain(name)
-    return f"{plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]
 
 
 def mounting_per_image(
@@ -152,7 +102,7 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `experiments.lever_arm_seen` returns it.
+        As `variants.lever_arm_seen` returns it.
     """
     if table.empty:
         return nothing("One of the two methods gave no result.")

@@ -1,0 +1,1 @@
+"""Figures of the mounting: estimates image by image, weak places, adjustments from bad starts."""

@@ -1,0 +1,58 @@
+"""A correlation matrix, for every page that draws one."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.style import DIVERGING, INK, WIDTH, bare, nothing, plain, style
+
+
+def correlation_matrix(correlations: pd.DataFrame) -> Figure:
+    """Draw a correlation matrix, with the numbers where they are 0.3 and more.
+
+    Parameters
+    ----------
+    correlations : DataFrame
+        Square; rows and columns by ``parameter`` or ``camera/parameter``.
+    """
+    if correlations.empty:
+        return nothing("The single step gave no result.")
+    values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
+    n = len(names)
+    with style():
+        side = min(WIDTH, 2.2 + 0.34 * n)
+        fig, ax = plt.subplots(figsize=(side + 0.6, side))
+        image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
+        bare(ax)
+        ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")
+        ax.set_yticks(range(n), names)
+        ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
+        ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
+        ax.grid(visible=True, which="minor", color="white", linewidth=1.2)
+        ax.tick_params(which="minor", length=0)
+        for i, j in zip(*np.nonzero(np.abs(values) >= 0.3), strict=True):
+            if i != j:
+                dark = abs(values[i, j]) > 0.6
+                ax.text(
+                    *(j, i, f"{values[i, j]:+.2f}".replace("0.", ".")),
+                    ha="center",
+                    va="center",
+                    fontsize=6.8,
+                    color="white" if dark else INK,
+                )
+        bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
+        bar.set_label("correlation (no unit)")
+        bar.outline.set_visible(False)
+    return fig
+
+
+def _label(name: str) -> str:
+    """Return what a reader sees for a parameter's name, or for ``camera/parameter``."""
+    camera, _, parameter = name.rpartition("/")
+    if parameter not in LABELS:
+        return plain(name)
+    return f"{plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]

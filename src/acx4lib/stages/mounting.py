@@ -1,0 +1,78 @@
+"""Interior orientation, boresight and lever arm of the calibration block (section 4.2, Table 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypedDict
+
+from acx4lib.calibration import weights
+from acx4lib.calibration.mounting import Mounting, Mountings, calibrate
+from acx4lib.flight import Flight
+from acx4lib.flight.block import Block
+from acx4lib.results import adjustments
+
+
+class Settings(TypedDict):
+    """What flight.toml says of the adjustments, as the functions of `calibration` take it."""
+
+    free: tuple[str, ...]
+    fix: tuple[str, ...]
+    refraction: str
+    gnss: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MountingStage:
+    """The calibration block, adjusted by all methods.
+
+    Attributes
+    ----------
+    block : Block
+        With the standard deviations that the flight asks for.
+    sigma_factors : mapping of str to float
+        By what the given standard deviations were multiplied, by group of observations; empty
+        where they are taken as given.
+    settings : Settings
+    mountings : Mountings
+    """
+
+    block: Block
+    sigma_factors: Mapping[str, float]
+    settings: Settings
+    mountings: Mountings
+
+    @property
+    def single_step(self) -> Mounting | None:
+        """Outcome of the single step; None where it has none."""
+        return self.mountings.methods.get("single_step")
+
+
+def run(flight: Flight, results_path: str | Path) -> MountingStage:
+    """Calibrate the mounting by all methods, and write the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block calibration.
+    results_path : path
+
+    Raises
+    ------
+    AdjustmentError
+        Where no method has an outcome, or standard deviations cannot be estimated.
+    """
+    settings = Settings(
+        free=flight.estimate_mounting,
+        fix=flight.fix,
+        refraction=flight.refraction,
+        gnss=flight.gnss,
+    )
+    block, factors = weights.weighted(
+        flight.blocks["calibration"], weights=flight.weights, **settings
+    )
+    mountings = calibrate(block, **settings)
+    records = adjustments.of_mountings(mountings, applied=factors)
+    adjustments.write(results_path, "mounting", records)
+    return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)

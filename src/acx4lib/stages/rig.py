@@ -1,0 +1,87 @@
+"""The heads together: one adjustment of their block with its trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.calibration import rig
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.errors import AdjustmentError
+from acx4lib.flight import Flight
+from acx4lib.flight.block import Block, select_cameras
+from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigStage:
+    """The heads of a flight, calibrated together.
+
+    Attributes
+    ----------
+    block : Block
+        Of the heads, in the order of flight.toml's [synthetic].
+    rig : Mounting or None
+    left_out : str
+        Why there is no rig; empty where there is one.
+    """
+
+    block: Block
+    rig: Mounting | None
+    left_out: str = ""
+
+
+def run(flight: Flight, results_path: str | Path) -> RigStage:
+    """Calibrate all heads together, and write the results beside those of stage mounting.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    results_path : path
+    """
+    stage = calibrate(flight)
+    write(results_path, "mounting/rig", records(stage))
+    return stage
+
+
+def calibrate(flight: Flight) -> RigStage:
+    """Adjust all heads of a flight together; the interior parameters are those of stage heads.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    """
+    block = select_cameras(flight.blocks["heads"], flight.head_names)
+    try:
+        found = rig.calibrate(block, free=flight.estimate_heads, refraction=flight.refraction)
+    except AdjustmentError as error:
+        return RigStage(block=block, rig=None, left_out=str(error))
+    return RigStage(block=block, rig=found)
+
+
+def records(stage: RigStage) -> list[Record]:
+    """Return what the rig leaves in a results folder, a failure included."""
+    if stage.rig is None:
+        return [of_left_out("mounting", "rig", stage.left_out)]
+    record = of_mounting(stage.rig)
+    entry = record.summary["mounting/rig"]
+    notes = [*_list(entry["notes"]), *(f"mounting/rig: {note}" for note in _notes(stage))]
+    return [replace(record, summary={"mounting/rig": {**entry, "notes": notes}})]
+
+
+def _list(value: object) -> list[object]:
+    return value if isinstance(value, list) else []
+
+
+def _notes(stage: RigStage) -> list[str]:
+    """Return what a user should know of a rig, in sentences."""
+    notes = []
+    if stage.rig is not None and np.all(stage.rig.calibration.layout.interior[:, 0] < 0):
+        notes.append("the focal lengths are held; estimated, something would not be determined")
+    if n := len(rig.one_exposure_points(stage.block)):
+        notes.append(f"{n} points that heads share at one exposure only are as high as the nearest")
+    return notes

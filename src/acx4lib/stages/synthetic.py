@@ -1,0 +1,217 @@
+"""The heads refined by tie points for the synthetic image (section 2.1, Table 2, Figure 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import AdjustmentError
+from acx4lib.flight import Flight
+from acx4lib.geometry.camera import Camera
+from acx4lib.results import folder
+from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write
+from acx4lib.results.read_back import read_relative_orientation
+from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
+from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
+from acx4lib.tie_points.ties import (
+    Overlap,
+    TiePoints,
+    overlaps,
+    refine_by_mean_differences,
+    shared_points,
+)
+
+ORIENTED = "heads/relative_orientation"
+"""Where the heads are read from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refinement:
+    """The heads before the refinement, and after it in every way.
+
+    Attributes
+    ----------
+    ties : TiePoints
+        All that were found; some may be rejected.
+    from_pixels : bool
+        Whether they were found in the pictures; otherwise the flight came with them.
+    orientations : dict of str to RelativeOrientation
+        ``before``, ``mean shift`` and the ways of `refinement.FREE`, those that the tie points
+        determine.
+    fits : dict of str to Refined
+        By the ways of `refinement.FREE`.
+    reasons : dict of str to str
+        Why a way is missing.
+    """
+
+    ties: TiePoints
+    from_pixels: bool
+    orientations: dict[str, RelativeOrientation]
+    fits: dict[str, Refined]
+    reasons: dict[str, str]
+
+    @property
+    def before(self) -> RelativeOrientation:
+        """As the heads were calibrated."""
+        return self.orientations["before"]
+
+    @property
+    def orientation(self) -> RelativeOrientation:
+        """Refined by rotations, or as it was where tie points do not determine them."""
+        return self.orientations.get("rotations", self.before)
+
+    @property
+    def kept(self) -> TiePoints:
+        """The tie points without the rejected ones."""
+        fit = self.fits.get("rotations")
+        return self.ties if fit is None else self.ties[~fit.rejected]
+
+    def overlaps(self, way: str) -> list[Overlap]:
+        """Return the differences that a way leaves in all overlaps."""
+        return overlaps(self.kept, self.orientations[way])
+
+    def each(self) -> list[tuple[RelativeOrientation, TiePoints]]:
+        """Return the heads refined by rotations at every exposure by itself, and its tie points.
+
+        Parallax of another flying height is then no error. Empty where the tie points of an
+        exposure do not determine them, and where there is one exposure only.
+        """
+        exposures = np.unique(self.kept.exposure_idx)
+        parts = [self.kept[self.kept.exposure_idx == exposure] for exposure in exposures]
+        if len(parts) < 2 or not self.from_pixels:
+            return []
+        try:
+            return [(refine_by_rotations(self.before, part).orientation, part) for part in parts]
+        except AdjustmentError:
+            return []
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SyntheticStage:
+    """The heads of a flight, refined for its synthetic image.
+
+    Attributes
+    ----------
+    synthetic : Camera
+        Of the synthetic image.
+    orientation : RelativeOrientation
+        As stage heads left it.
+    pictures : Pictures or None
+        None where the flight has none.
+    found : FoundTies or None
+        From the pictures.
+    refinement : Refinement
+    """
+
+    synthetic: Camera
+    orientation: RelativeOrientation
+    pictures: Pictures | None
+    found: FoundTies | None
+    refinement: Refinement
+
+
+def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> SyntheticStage:
+    """Find the tie points of the heads, refine the heads by them, and write the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads and a table [synthetic].
+    results_path : path
+        With the results of stage heads.
+    reduce : int
+        So many pixels of the pictures, in each direction, are averaged first.
+
+    Raises
+    ------
+    FlightError
+        Where the results of stage heads are missing, or a picture cannot be used.
+    AdjustmentError
+        Where stage heads could not orient the heads.
+    ValueError
+        Where flight.toml has no table [synthetic].
+    """
+    synthetic = flight.synthetic_camera
+    if synthetic is None:
+        msg = "flight.toml has no table [synthetic]"
+        raise ValueError(msg)
+    orientation = read_heads(flight, results_path)
+    pictures = read_pictures(flight, orientation, reduce=reduce)
+    found = find(pictures, orientation) if pictures else None
+    refinement = refine(flight, orientation, found)
+    write(results_path, "synthetic", records(refinement))
+    return SyntheticStage(
+        synthetic=synthetic,
+        orientation=orientation,
+        pictures=pictures,
+        found=found,
+        refinement=refinement,
+    )
+
+
+def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
+    """Return the oriented heads as stage heads left them.
+
+    Raises
+    ------
+    FlightError
+        Where that stage has not been run.
+    AdjustmentError
+        Where it could not orient the heads.
+    """
+    found = folder.read(results_path)
+    reasons = folder.messages(found.summary.get(ORIENTED, {}), "left_out")
+    if reasons:
+        raise AdjustmentError("; ".join(reasons))
+    return read_relative_orientation(found, ORIENTED, flight.cameras)
+
+
+def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | None) -> Refinement:
+    """Refine the heads by their tie points.
+
+    Parameters
+    ----------
+    flight : Flight
+    orientation : RelativeOrientation
+    found : FoundTies or None
+        From pixels; None takes the points that two heads measured at one exposure.
+    """
+    ties = shared_points(flight.blocks["heads"], orientation) if found is None else found.ties
+    orientations, fits, reasons = {"before": orientation}, {}, {}
+    for way in FREE:
+        try:
+            fits[way] = refine_by_rotations(orientation, ties, free=way)
+            orientations[way] = fits[way].orientation
+        except AdjustmentError as error:
+            reasons[way] = str(error)
+    if len(ties):
+        rejected = fits["rotations"].rejected if fits else np.zeros(len(ties), dtype=bool)
+        orientations["mean shift"] = refine_by_mean_differences(orientation, ties[~rejected])
+    return Refinement(
+        ties=ties,
+        from_pixels=found is not None,
+        orientations=orientations,
+        fits=fits,
+        reasons=reasons,
+    )
+
+
+def records(refinement: Refinement) -> list[Record]:
+    """Return what the stage leaves in a results folder."""
+    reason = refinement.reasons.get("rotations")
+    if reason is not None:
+        return [of_left_out("synthetic", "refined", reason)]
+    fit = refinement.fits["rotations"]
+    n_turned = len(refinement.orientation.heads) - 1 - len(fit.unreached)
+    n_observations, n_unknowns = 2 * len(refinement.kept), 3 * n_turned
+    said = {
+        "n_observations": n_observations,
+        "n_unknowns": n_unknowns,
+        "redundancy": n_observations - n_unknowns,
+        "sigma0_squared": fit.sigma0**2,
+        "n_rejected": int(fit.rejected.sum()),
+    }
+    return [of_relative_orientation("synthetic", "refined", refinement.orientation, **said)]
