@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from acx4book.chapters.mounting.figures import starts as figure_starts
 from acx4book.chapters.mounting.bad_starts import OFF_DEG, PHASES, from_bad_starts
+from acx4book.chapters.mounting.figures import starts as figure_starts
 from acx4lib.calibration import mounting
 from support.flights import simulated
 
