@@ -26,8 +26,8 @@ def pictured(images, k=K):
             Exposed(exposure="now", exposure_idx=7, images=tuple(images)),
         ),
         reduction=k,
-        n_complete=2,
         synthetic=taken.synthetic(k),
+        n_complete=2,
     )
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.heads import held_focal_length
 from acx4book.chapters.heads.held_focal_length import asked_by_gnss
+from acx4book.chapters.heads.held_focal_length import hold as hold_heads
 from acx4lib.calibration.heads import Heads
 from acx4lib.stages.heads import HeadsStage
 from support.flights.simulated import HEADS
@@ -14,7 +14,7 @@ from support.flights.simulated import HEADS
 
 def hold(flown, fits, orientation, *change_mm):
     stage = HeadsStage(heads=Heads(bundles=fits, failures={}), orientation=orientation)
-    return held_focal_length.hold(flown.flight, stage, np.array(change_mm))
+    return hold_heads(flown.flight, stage, np.array(change_mm))
 
 
 def test_an_unchanged_focal_length_gives_the_same_heads(held, fits, orientation):
