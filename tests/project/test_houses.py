@@ -14,7 +14,7 @@ HOUSES = {"lib": "acx4lib", "sim": "acx4sim", "book": "acx4book"}
 NOT_MIRRORING = ("benchmarks", "built_book", "project", "whole", "lib/calibration/geometries")
 LIBRARY = SRC / "acx4lib"
 MODULES = sorted(SRC.glob("acx4*/**/*.py"))
-PACKAGES = sorted(path.parent for path in MODULES if path.name == "__init__.py")
+PACKAGES = sorted({path.parent for path in MODULES})
 
 
 def entries(folder):
