@@ -1,9 +1,8 @@
-"""Runs the parametrised notebooks, stage after stage, and keeps what they leave.
+"""Runs of the parametrised notebooks, stage after stage; their results are kept.
 
-A notebook reads the copy of the flight's tables that the results keep, and nothing else but the
-pictures. It runs beside the results folder, in a copy of it; only one that has run to its end
-changes the folder. The executed notebooks say nothing of when and where they ran, so that two
-runs of one flight are equal byte for byte.
+A notebook reads only the copy of the flight's tables in the results, and the pictures. It runs
+in a copy of the results folder, beside it; only a notebook without errors changes the folder.
+Executed notebooks have no date and no place, so two runs of one flight give equal bytes.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
-"""Where the notebooks lie."""
+"""Folder of the notebooks."""
 
 NOTEBOOKS: Mapping[str, str] = {
     "flight": "00-flight",
@@ -36,51 +35,51 @@ NOTEBOOKS: Mapping[str, str] = {
     "rig": "08-rig",
     "validation": "04-validation",
 }
-"""The notebook of every stage; ``flight`` only shows the data, and always runs first. ``rig`` is
-the part of stage mounting that works on the block heads."""
+"""The notebook of every stage. ``flight`` only shows the data, and always runs first. ``rig`` is
+the part of the stage mounting that uses the block heads."""
 
 STAGE_OF: Mapping[str, str] = {"rig": "mounting"}
-"""The stage that a notebook belongs to, where it is not called by it."""
+"""The stage of a notebook, if it has another name."""
 
 ENDS = ("synthetic",)
-"""Stages whose results no later one needs: where one is not determined, the run goes on."""
+"""Stages whose results no later stage needs: if one is not determined, the run goes on."""
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
-"""Methods that must be determined; the others are left out where they are not."""
+"""Methods that must be determined; other methods are left out if they are not."""
 
 COMMAND = "acx4 run"
-"""Whose mark a folder of results bears."""
+"""The command that is named in the mark of a results folder."""
 
 FAILED = "failed"
 """Folder of the executed notebooks that failed."""
 
 NO_RIG = "there are no heads"
-"""Why a flight has no rig that nobody expects: the stage heads says so already."""
+"""A reason for no rig that is not reported, as the stage heads reports it already."""
 
 GIVEN = {"flight_path", "pictures_path", "results_path"}
 """Parameters of the notebooks that a run sets itself."""
 
 Tell = Callable[[str, int, int], None]
-"""Called with the stage, the cells that are done, and the number of cells."""
+"""It is called with the stage, the number of finished cells, and the number of cells."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOutcome:
-    """What a run did, as sentences of one line where there is something to say.
+    """The outcome of a run; sentences have one line.
 
     Attributes
     ----------
     ran : tuple of str
-        Names of the stages.
+        Names of the stages that were run.
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Parameters of `DECISIVE` methods that the data do not determine, and what stopped a stage
-        of `ENDS`.
+        Sentences on parameters of `DECISIVE` methods that the data do not determine, and on the
+        error that stopped a stage of `ENDS`.
     notes : tuple of str
-        What else the stages have to say of the data.
+        Other remarks of the stages on the data.
     left_out : tuple of str
-        Methods that were left out, and why.
+        Methods that were left out, with the reasons.
     """
 
     ran: tuple[str, ...]
@@ -92,7 +91,7 @@ class RunOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class _Job:
-    """A stage that is to run: its notebook with the values of all its parameters."""
+    """A stage to run: its notebook with the values of all its parameters."""
 
     stage: str
     notebook: Path
@@ -117,26 +116,26 @@ def run(
     flight_path, results_path : path
         The flight, and the folder for the results: new, empty, or that of an earlier run.
     stages : sequence of str
-        Those of `folder.STAGES` that are to run; the others keep their results.
+        Stages to run, of `folder.STAGES`; the others keep their results.
     parameters : mapping, optional
-        Values of further parameters of the notebooks, such as ``seed``; each notebook takes
+        Values of further parameters of the notebooks, such as ``seed``; each notebook gets
         those that it has.
     notebooks_path : Path
     tell : callable, optional
-        Progress.
+        It is told the progress.
 
     Raises
     ------
     FlightError
-        The flight's files are wrong, results of an earlier stage are missing, or files of the
-        results were changed since, and not all stages are to run.
+        The flight's files are wrong; results of an earlier stage are missing; or only some
+        stages are to run and files of the results were changed after the earlier run.
     OutputError
-        The folder is no place for results, or another run is writing there.
+        The folder must not be used for results, or another run is writing there.
     AdjustmentError
         A stage does not converge, or is not determined.
     NotebookError
-        A notebook failed for another reason. Like the two above, it carries the sentences
-        `RunOutcome.not_determined` of the stages before it as notes.
+        A notebook failed for another reason. Like the two errors before it, it has the sentences
+        `RunOutcome.not_determined` of earlier stages as notes.
     ValueError
         Unknown stage, or a parameter that no notebook has or that is of another type.
     """
@@ -166,7 +165,7 @@ def run(
 
 
 def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
-    """Run stage after stage; return those that ran, and what stopped one of `ENDS`."""
+    """Run the stages; return those that were run, and the errors that stopped some of `ENDS`."""
     done: list[str] = []
     failed: list[str] = []
     try:
@@ -188,9 +187,9 @@ def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[st
 def _prepare(
     own: OwnFolder, flight: flights.Flight, skipped: Mapping[str, str], *, whole: bool
 ) -> None:
-    """Make a folder ready for a run: the flight kept, what it does not have removed.
+    """Prepare a folder for a run: keep the flight, remove results of blocks that it lacks.
 
-    What was changed in results that are all replaced does not matter; otherwise it ends the run.
+    Changed files end the run, unless all results will be replaced.
     """
     notebook_files = [f"{name}.ipynb" for name in NOTEBOOKS.values()]
     tables = flights.table_files(flight)
@@ -216,7 +215,7 @@ def _prepare(
 
 
 def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
-    """Return the stages in their order."""
+    """Return the names of the notebooks to run, in their order."""
     unknown = [stage for stage in stages if stage not in results.STAGES]
     if unknown:
         known = ", ".join(results.STAGES)
@@ -226,7 +225,7 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
 
 
 def _missing(flight: flights.Flight, stage: str) -> str:
-    """Return why a stage cannot run; empty where it can."""
+    """Return the reason why a stage cannot run; empty if it can."""
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
     if block not in flight.blocks:
         return NO_RIG if stage == "rig" else f"the flight has no block {block}"
@@ -243,7 +242,7 @@ def _missing(flight: flights.Flight, stage: str) -> str:
 def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
-    """Yield the sentences that methods of the given stages left in the summary."""
+    """Yield the sentences of some methods of the given stages in the summary."""
     for name, entry in results.read(folder).summary.items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
@@ -268,7 +267,7 @@ def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
 
 
 def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
-    """Run a notebook in a copy of the results, and keep what it left where it succeeds."""
+    """Run a notebook in a copy of the results, and keep its results if it succeeds."""
     folder, name = own.path, job.notebook.name
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         staging = folder / Path(temporary).name
@@ -286,7 +285,7 @@ def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
             execute.scrub(executed, hidden=staging.name)
             _move({executed: folder / FAILED / name})
             own.seal()
-            if isinstance(error, FlightError):  # what it read is a copy of the results
+            if isinstance(error, FlightError):  # its paths are those of the copy
                 own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
                 raise FlightError(own_names) from None
             raise
