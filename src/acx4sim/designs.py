@@ -48,7 +48,7 @@ ORDINARY = Camera(
 
 
 def _heads_block() -> BlockPlan:
-    """Block 1: overlaps of 80 and 50 % hold in every head, whose image is about 44 x 59 mm."""
+    """Plan block 1: overlaps are 80 and 50 % in every head, whose image is about 44 x 59 mm."""
     low = Strip(n=7, height_m=1600.0, base_m=190.0)
     return BlockPlan(
         letter="H",
@@ -68,7 +68,7 @@ def _heads_block() -> BlockPlan:
 
 
 def _calibration_block() -> BlockPlan:
-    """Block 2: 67.2 mm forward and 90.72 mm across at f = 74.44 mm, overlaps 80 and 50 %."""
+    """Plan block 2: images of 67.2 x 90.72 mm (forward x across), overlaps 80 and 50 %."""
     low = Strip(n=10, height_m=1000.0, base_m=181.0)
     high = Strip(n=11, height_m=1500.0, base_m=271.0)
     return BlockPlan(
@@ -90,9 +90,9 @@ def _calibration_block() -> BlockPlan:
 
 
 def _validation_block() -> BlockPlan:
-    """Block 3: 20 strips of 13 or 14 images, overlaps 60 and 30 %, another day.
+    """Plan block 3: 20 strips of 13 or 14 images, overlaps 60 and 30 %, on another day.
 
-    The targets were sought where strips overlap, which gives about the paper's 262 pairs.
+    Its targets lie where strips overlap; this gives about as many pairs as in the paper, 262.
     """
     return BlockPlan(
         letter="V",
@@ -158,7 +158,7 @@ def acx4_plan() -> Plan:
 
 
 def single_head_plan() -> Plan:
-    """Plan a flight of one ordinary camera, its long side across the flight.
+    """Plan a flight of one ordinary camera, with the long side of the image across the flight.
 
     The image is 40.06 mm forward and 53.40 mm across at f = 50.13 mm.
     """

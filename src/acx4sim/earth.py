@@ -1,7 +1,7 @@
 """The simulator's own Earth: ellipsoid, map grid, attitudes and terrain.
 
-PROJ serves for the map projection alone. Latitudes and longitudes are in radians, positions
-in metres, attitudes are `scipy.spatial.transform.Rotation`.
+PROJ is used for the map projection only. Latitudes and longitudes are in radians, positions in
+metres; attitudes are `scipy.spatial.transform.Rotation`.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 
 _NORTH_STEP = 1e-5  # rad, 64 m: the step's error and rounding are both below 2e-11 rad
 _METRES_PER_RAD = 6.37e6
-_ECEF_STEPS = 4  # each takes off five digits at the height of an aircraft
+_ECEF_STEPS = 4  # each adds five correct digits at the height of an aircraft
 _HILLS = (  # amplitude m, wavelength m, azimuth deg, phase rad
     (30.0, 4300.0, 20.0, 0.4),
     (23.0, 2650.0, 105.0, 2.1),
@@ -37,7 +37,7 @@ class Grid:
     Attributes
     ----------
     crs : str
-        Projected CRS in metres, as PROJ names it.
+        Projected CRS in metres, by PROJ's name for it.
     """
 
     crs: str
@@ -92,9 +92,9 @@ class Grid:
         return np.column_stack([lat, np.arctan2(x_e[:, 1], x_e[:, 0]), height])
 
     def convergence(self, llh: Array) -> Array:
-        """Compute the azimuth of grid north, rad, from the direction in which north is drawn.
+        """Compute the azimuth of grid north, rad, from the direction of true north in the grid.
 
-        Two points on the meridian are projected; the projection is conformal.
+        Two points on the meridian are projected; the projection must be conformal.
         """
         step = np.array([_NORTH_STEP, 0.0, 0.0])
         drawn = self.grid_from_geodetic(llh + step) - self.grid_from_geodetic(llh - step)
@@ -124,7 +124,7 @@ def rph_from_attitude(R_enu_b: Rotation) -> Array:
 
 
 def opk_from_attitude(R_enu_b: Rotation, convergence: Array) -> Array:
-    """Compute omega, phi, kappa, rad, of an attitude against the grid."""
+    """Compute omega, phi, kappa, rad, of an attitude relative to the grid."""
     return (Rotation.from_rotvec(convergence[:, None] * [0.0, 0.0, 1.0]) * R_enu_b).as_euler("XYZ")
 
 
@@ -134,17 +134,17 @@ def rotation_from_opk_deg(opk_deg: tuple[float, float, float]) -> Rotation:
 
 
 def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = None) -> Array:
-    """Compute the height, m, of smooth hills at a place; the same at every run.
+    """Compute the height of smooth hills at given positions, m; it is the same in every run.
 
     Parameters
     ----------
     llh : ndarray, shape (n, 3)
         Latitude, longitude, rad; the third column is not used.
     mean_height : float
-        Of the ground, m.
+        Mean height of the ground, m.
     latitude : float, optional
-        Where a degree of longitude is measured, rad; the mean of the places by default. The
-        hills stand elsewhere with another.
+        Latitude at which longitudes are converted to metres, rad; by default the mean of the
+        positions. Another latitude moves the hills.
     """
     scale = np.cos(llh[:, 0].mean() if latitude is None else latitude)
     east, north = _METRES_PER_RAD * scale * llh[:, 1], _METRES_PER_RAD * llh[:, 0]

@@ -1,4 +1,4 @@
-"""Where the aircraft truly is at every exposure, and where its GNSS/INS says that it is."""
+"""The true poses of the aircraft at the exposures, and those that its GNSS/INS records."""
 
 from dataclasses import dataclass, replace
 
@@ -39,12 +39,12 @@ class Track:
 
 
 def stream(seed: int, *purpose: str) -> np.random.Generator:
-    """Return the random numbers of one purpose, whatever else is drawn."""
+    """Return random numbers for one purpose, independent of what else is drawn."""
     return np.random.default_rng([seed, *"/".join(purpose).encode()])
 
 
 def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
-    """Fly a block as planned, up to wind and turbulence."""
+    """Fly a block as planned, with the effects of wind and turbulence."""
     grid = Grid(crs=plan.crs)
     parts = [_fly_strip(strip, rng) for strip in block.strips]
     places = np.concatenate([part[0] for part in parts])
@@ -66,7 +66,7 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
 
 
 def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return places (forward, left, up) and roll, pitch, azimuth (deg) in the block's axes."""
+    """Return positions (forward, left, up) and roll, pitch, azimuth (deg) in the block's axes."""
     turn = np.radians(strip.turn_deg)
     ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
     way = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
@@ -123,16 +123,16 @@ def record(
 def gauss_markov(
     time_s: Array, time_constant_s: float, n_walks: int, rng: np.random.Generator
 ) -> Array:
-    """Draw processes of unit variance whose correlation falls exponentially with time.
+    """Draw processes of unit variance with a correlation that decreases exponentially with time.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
         Ascending.
     time_constant_s : float
-        After which the correlation is 1/e.
+        Time after which the correlation is 1/e.
     n_walks : int
-        How many, independent of each other.
+        Number of independent processes.
     rng : Generator
         Random numbers.
 
@@ -148,7 +148,7 @@ def gauss_markov(
 
 
 def _strip_drift(track: Track, sigma_m_per_min: Array, rng: np.random.Generator) -> Array:
-    """Draw a rate for every strip and return the errors, m."""
+    """Draw a rate of drift for every strip and return the errors, m."""
     error = np.zeros((len(track.strip), 3))
     strips = np.array(track.strip)
     for strip in dict.fromkeys(track.strip):

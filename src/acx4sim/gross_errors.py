@@ -1,6 +1,6 @@
-"""Mistakes put into a simulated flight, so that it can be seen whether they are found.
+"""Gross errors put into a simulated flight, to see whether they are found.
 
-All other observations keep the values that they have without.
+All other observations keep the values that they have without gross errors.
 """
 
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ from acx4sim.fly import Track, stream
 from acx4sim.plan import GrossErrors, Plan
 
 _COORDINATES = ("east_m", "north_m", "height_m")
-_MIN_RAYS = 4  # images of the control point that is spoiled: fewer may hide its error
+_MIN_RAYS = 4  # images of the control point with the error: in fewer it may not be detectable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spoiled:
-    """Tables with gross errors, and what was done to them.
+    """Tables with gross errors, and a list of these errors.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Spoiled:
         All tables of the flight by path.
     mistakes : list of dict
         One for every gross error: `kind`, `image_or_exposure` and `point` as in rejected.csv,
-        `block`, and what was added, by name of the column.
+        `block`, and the errors that were added, by column.
     """
 
     tables: Mapping[str, pd.DataFrame]
@@ -49,18 +49,18 @@ def spoil(
     Parameters
     ----------
     plan, seed : Plan, int
-        What was asked for.
+        Plan and seed of the flight.
     files : mapping of str to DataFrame
         The flight's tables by path, with their noise.
     recorded : mapping of str to Track
-        What the GNSS/INS says, by block.
+        Poses recorded by the GNSS/INS, by block.
     errors : GrossErrors
-        How many, and how large.
+        Number and size of the errors.
 
     Raises
     ------
     ValueError
-        Where the block is not simulated, or no control point is in four of its images.
+        Where the block is not simulated, or no control point is in four or more of its images.
     """
     block = errors.block
     if block not in recorded:
@@ -93,7 +93,7 @@ def _spoil_track(
     )
     return spoiled, [
         _mistake("gnss", track.exposure[shifted], "", _COORDINATES, shift),
-        # The body's z axis points up, heading is counted clockwise.
+        # The body's z axis points up; heading is clockwise.
         _mistake("attitude", track.exposure[turned], "", ("heading_deg",), -turn_deg[turned, 2:]),
     ]
 
@@ -128,7 +128,7 @@ def _spoil_images(
 def _spoil_control(
     survey: pd.DataFrame, points: pd.DataFrame, errors: GrossErrors, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, list[dict[str, Any]]]:
-    """Put one coordinate of one surveyed point wrong."""
+    """Add an error to one coordinate of one surveyed point."""
     rays = survey["point"].map(points["point"].value_counts()).fillna(0)
     candidates = np.flatnonzero(rays >= _MIN_RAYS)
     if not len(candidates):

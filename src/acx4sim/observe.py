@@ -1,4 +1,4 @@
-"""Which points every camera sees, where it sees them, and with what errors they are measured."""
+"""Points that every camera sees, their exact image coordinates, and the tie points measured."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from acx4sim.optics.air import bent
 from acx4sim.optics.lens import inside, project
 from acx4sim.plan import BlockPlan, Plan, grid_from_field
 
-_MARGIN_PX = 25.0  # nearer to the edge nobody measures
-_MEASURED = 0.9  # of the images that show a tie point
+_MARGIN_PX = 25.0  # nothing is measured nearer to the edge
+_MEASURED = 0.9  # share of the images showing a tie point in which it is measured
 _MIN_RAYS = 3
 _BATCH = 1000
 _MAX_BATCHES = 200
@@ -19,14 +19,14 @@ _MAX_BATCHES = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """Where every camera sees every point.
+    """Image coordinates of every point in every camera at every exposure.
 
     Attributes
     ----------
     colrow : ndarray, shape (n_cameras, n_exposures, n_points, 2)
         Exact pixel coordinates.
     seen : ndarray of bool, shape (n_cameras, n_exposures, n_points)
-        Whether the point is on the sensor and above the point's horizon.
+        Whether the point is on the sensor and the camera is above the point's horizon.
     """
 
     colrow: Array
@@ -34,7 +34,7 @@ class Sight:
 
 
 def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
-    """Compute east, north, height of places forward and left of a block's centre."""
+    """Compute east, north, height of positions given forward and left of a block's centre."""
     grid = Grid(crs=plan.crs)
     en = grid_from_field(block, places)
     llh = grid.geodetic_from_grid(np.column_stack([en, np.zeros(len(en))]))
@@ -42,7 +42,7 @@ def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
 
 
 def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
-    """Look at points with all cameras of a block from all exposures."""
+    """Project points into all cameras of a block at all exposures."""
     grid = Grid(crs=plan.crs)
     llh = grid.geodetic_from_grid(x_g)
     x_e, up = grid.ecef_from_geodetic(llh), axes_of_enu_in_ecef(llh)[:, :, 2]
@@ -62,14 +62,14 @@ def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
 def strew_tie_points(
     plan: Plan, block: BlockPlan, track: Track, n_points: int, rng: np.random.Generator
 ) -> tuple[Array, Sight]:
-    """Strew tie points over the ground until every camera has `n_points` with three rays.
+    """Spread tie points over the ground until every camera has `n_points` with three rays.
 
     Returns
     -------
     x_g : ndarray, shape (n, 3)
         East, north, height, m.
     sight : Sight
-        `seen` says in which images a point is measured.
+        Its `seen` tells in which images a point is measured.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a flight is planned to be: blocks, strips, exposures, control points."""
+"""The plan of a flight: blocks, strips, exposures, control points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,19 +13,19 @@ BLOCKS = ("heads", "calibration", "validation")
 
 @dataclass(frozen=True, kw_only=True)
 class GrossErrors:
-    """Mistakes among the observations of one block.
+    """Gross errors among the observations of one block.
 
     Attributes
     ----------
     block : str
-        The block whose observations are spoiled.
+        The block whose observations get the errors.
     image_points : float
         Share of the measured image points, 0 to 1.
     image_px : tuple of float
-        Least and greatest error of an image point; small ones are as frequent as large ones on
-        a logarithmic scale, and the direction is any.
+        Smallest and largest error of an image point; its logarithm has a uniform distribution,
+        and so has its direction.
     control_m : float
-        Error of one coordinate of one control point that four images or more show.
+        Error of one coordinate of one control point that is in four images or more.
     gnss_m : float
         Length of the error of one exposure's position.
     heading_deg : float
@@ -54,17 +54,17 @@ class GrossErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class SlowErrors:
-    """How much of the trajectory's errors changes slowly; the rest is white noise.
+    """The part of the trajectory's errors that changes slowly; the rest is white noise.
 
-    An error at a single exposure is as large as without. The slow part is a first-order
-    Gauss-Markov process through every block.
+    The standard deviation at a single exposure does not change. The slow part is a first-order
+    Gauss-Markov process in every block.
 
     Attributes
     ----------
     gnss, attitude : float
         Share of the standard deviation, 0 to 1: with 0.8, the white noise has 0.6 of it.
     time_constant_s : float
-        After which the correlation has fallen to 1/e.
+        Time after which the correlation is 1/e.
     """
 
     gnss: float = 0.95
@@ -83,23 +83,23 @@ class SlowErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What may be changed in a simulated flight.
+    """Options of a simulated flight.
 
     Attributes
     ----------
     image_noise, control_noise, gnss_noise, attitude_noise : float
         Factors on the standard deviations: 1 is the design's noise, 0 gives exact data. The
-        flight's files state the changed sigma, or the design's where the factor is 0.
+        flight's files have the changed sigma, or that of the design where the factor is 0.
     tie_points : mapping of str to int
-        Tie points of a block with at least three rays in every camera; the design's number for
-        blocks not named.
+        By block, number of tie points with at least three rays in every camera; other blocks
+        have the design's number.
     gnss_shift_m : tuple of float
         Constant error of the trajectory, east, north, height.
     gnss_drift_m_per_min : tuple of float
         Error that grows from zero at the first exposure of every block.
     gnss_strip_drift_m_per_min : tuple of float
-        Standard deviations of an error that grows along every strip, at a rate of its own and
-        through zero at the strip's middle.
+        Standard deviations of an error that grows along every strip, at a different rate in each;
+        it is zero in the middle of the strip.
     slow_errors : SlowErrors, optional
         Correlation of the trajectory's errors in time; none by default.
     refraction : str
@@ -141,7 +141,7 @@ class Options:
 
 
 def _check_factor(name: str, factor: object) -> None:
-    """Raise a ValueError where a factor on noise is no number from zero on."""
+    """Raise a ValueError where a factor on noise is neither zero nor a positive number."""
     if not isinstance(factor, int | float):
         msg = f"{name} must be a number, got {factor!r}"
         raise ValueError(msg)
@@ -159,20 +159,20 @@ def _check_three(name: str, values: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Strip:
-    """One strip; places are forward and left of the block's centre along its azimuth.
+    """One strip; positions are forward and left of the block's centre, along its azimuth.
 
     Attributes
     ----------
     n : int
         Number of exposures.
     height_m : float
-        Above mean ground.
+        Flying height above mean ground.
     base_m : float
-        Between exposures.
+        Distance between exposures.
     turn_deg : float
-        Direction of flight against the block's azimuth, clockwise.
+        Direction of flight relative to the block's azimuth, clockwise.
     forward_m, left_m : float
-        The strip's middle.
+        Position of the strip's middle.
     """
 
     n: int
@@ -190,7 +190,7 @@ class BlockPlan:
     Attributes
     ----------
     letter : str
-        What its exposures' names begin with.
+        First letter of the names of its exposures.
     cameras : tuple of str
         Cameras that expose together.
     centre_m : tuple of float
@@ -204,9 +204,9 @@ class BlockPlan:
     tie_points : int
         Tie points with at least three rays in every camera.
     tie_area_m : tuple of float
-        Half of the length and width over which they are strewn.
+        Half of the length and width of the area with tie points.
     targets : ndarray, shape (n, 2)
-        Natural targets of the block's own, forward and left; none in a block that shares the
+        The block's own natural targets, forward and left; none in a block that shares the
         flight's control points.
     """
 
@@ -241,15 +241,15 @@ class Plan:
     Attributes
     ----------
     name, title : str
-        What the simulator and flight.toml call it.
+        Its names in the simulator and in flight.toml.
     crs : str
         CRS of the grid.
     ground_m : float
         Mean ellipsoidal height of the ground.
     cameras : dict of str to Camera
-        As they truly are.
+        With their true parameters.
     approximate : dict of str to dict
-        What flight.toml says of them besides the sensor.
+        Their approximate values in flight.toml.
     synthetic, heads : str and tuple of str
         The synthetic camera and its heads, empty for an ordinary camera.
     head_angles_deg : dict of str to tuple
@@ -263,7 +263,7 @@ class Plan:
     control : ndarray, shape (n, 2)
         Signalised points, forward and left of the calibration block's centre.
     blocks : dict of str to BlockPlan
-        By name of the folder.
+        Blocks by the names of their folders.
     """
 
     name: str
@@ -283,7 +283,7 @@ class Plan:
 
 
 def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: float) -> Array:
-    """Lay points out in rows, each moved by up to `play_m`, the same at every run.
+    """Return points in rows, each moved by up to `play_m`; they are the same in every run.
 
     Returns
     -------
@@ -299,7 +299,7 @@ def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: flo
 
 
 def grid_from_field(block: BlockPlan, places: Array) -> Array:
-    """Compute east and north of places forward and left of a block's centre."""
+    """Compute east and north of positions given forward and left of a block's centre."""
     azimuth = np.radians(block.azimuth_deg)
     forward = np.array([np.sin(azimuth), np.cos(azimuth)])
     left = np.array([-forward[1], forward[0]])

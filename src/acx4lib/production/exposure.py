@@ -1,4 +1,4 @@
-"""One synthetic image from the files of its heads to a file of its own."""
+"""One synthetic image: from the files of its heads to its own file."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "refine": ("flight", "image"),
     "compression": COMPRESSIONS,
 }
-"""Of `RenderOptions`."""
+"""Allowed values of `RenderOptions`."""
 
 TellRows = Callable[[str, int, int], None]
-"""Called with exposure, rows done and rows in all."""
+"""It is called with the exposure, the number of finished rows and the number of all rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +66,14 @@ class RenderOptions:
     Attributes
     ----------
     blend : {"feather", "seam"}
-        Heads blended along the lines of equal distance from their borders, or cut there.
+        Whether heads are blended along the lines of equal distance from their borders, or cut.
     feather_px : float
-        Width of the blend, px of a head at full size.
+        Width of the blending, px of a head at full size.
     interpolation : {"bilinear", "cubic"}
     equalise : {"flight", "image", "none"}
-        Responses of the heads estimated once, for every image, or not at all.
+        Whether responses of the heads are estimated once, for every image, or not at all.
     refine : {"flight", "image"}
-        Orientation of the heads as the results have it, or refined by every image's tie points.
+        Orientation of the heads: from the results, or refined by the tie points of each image.
     compression : str
         One of `tiff.COMPRESSIONS`.
     """
@@ -95,28 +95,28 @@ class RenderOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderJob:
-    """What one synthetic image is made from.
+    """Everything that is needed to make one synthetic image.
 
     Attributes
     ----------
     exposure : str
     files : tuple of Path
-        Of the heads.
+        Image files of the heads.
     orientation : RelativeOrientation
         At full size.
     synthetic : Camera
         At full size.
     options : RenderOptions
     response : Response or None
-        Of the flight; None where there is none, or none is wanted.
+        Response of the flight; None where there is none, or none is wanted.
     path, preview : Path
-        To be written.
+        Files to write.
     about : dict
-        What else the image is to say of itself.
+        Further entries for the description in the image.
     checked : bool
         Whether its pictures are known to belong together.
     threads : int or None
-        To render with; None for all.
+        Number of threads; None for all.
     """
 
     exposure: str
@@ -134,15 +134,15 @@ class RenderJob:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one synthetic image.
+    """The outcome for one synthetic image.
 
     Attributes
     ----------
     exposure : str
     problems : tuple of str
-        Why there is none; empty where there is one.
+        Reasons why it was not made; empty if it was.
     notes : tuple of str
-        What deserves notice.
+        Remarks for the user.
     """
 
     exposure: str
@@ -161,7 +161,7 @@ def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
     Returns
     -------
     Outcome
-        With the problems of its files, of its pixels or of the disk; then nothing is written.
+        If its files, its pixels or the disk have problems, it has these, and nothing is written.
     """
     try:
         heads = read_heads(job.files, job.orientation.heads)
@@ -175,7 +175,7 @@ def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
 
 
 def _reduced(job: RenderJob, k: int) -> RenderJob:
-    """Return a job whose cameras are at 1/k of the size, as its images are."""
+    """Return a job with cameras at 1/k of the size, the size of its images."""
     return replace(
         job,
         orientation=reduced_heads(job.orientation, k),
@@ -185,7 +185,7 @@ def _reduced(job: RenderJob, k: int) -> RenderJob:
 
 
 def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
-    """Check, refine, equalise and write; cameras and images are of one size."""
+    """Check, refine, equalise and write an image; cameras and images have the same size."""
     if not job.checked:
         wrong = check_overlaps(heads.images, job.orientation, job.synthetic)
         if wrong:
@@ -214,7 +214,7 @@ def _size_note(job: RenderJob, heads: HeadImages) -> Iterator[str]:
 
 
 def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, ...]]:
-    """Return the job with heads refined by tie points of this image, where that is wanted."""
+    """Return the job, with the heads refined by this image's tie points if that is wanted."""
     if job.options.refine == "flight":
         return job, ()
     ties = find_ties(heads.images, job.orientation, job.synthetic)
@@ -229,7 +229,7 @@ def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, .
 
 
 def _response(job: RenderJob, heads: HeadImages) -> Response | None:
-    """Return the flight's response where it fits, or this image's own."""
+    """Return the flight's response if it has the same bands, or else this image's own."""
     if job.options.equalise == "none":
         return None
     bands = heads.images[0].shape[2]
@@ -244,7 +244,7 @@ def _stripes(
 ) -> Iterator[Raster]:
     """Yield the image from top to bottom; the next stripe is rendered while one is written.
 
-    It is also a thread that no signal interrupts.
+    Rendering runs in a thread of its own, which signals do not interrupt.
     """
     rows = job.synthetic.height_px
 
@@ -276,7 +276,7 @@ def _format(job: RenderJob, heads: HeadImages) -> Format:
 
 
 def _need_room(job: RenderJob, heads: HeadImages) -> None:
-    """Raise before hours of work where the disk has no room for the result."""
+    """Raise where the disk has no room for the result, before hours of work."""
     form = _format(job, heads)
     needs = 5 / 3 * form.height * form.width * form.bands * heads.images[0].dtype.itemsize
     free = shutil.disk_usage(job.path.parent).free
@@ -288,12 +288,12 @@ def _need_room(job: RenderJob, heads: HeadImages) -> None:
 
 
 def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
-    """Return what an image says of itself."""
+    """Return the description in the image."""
     camera = job.synthetic
     return {
         "exposure": job.exposure,
         "frame": FRAME,
-        "f_mm": job.orientation.heads[0].interior.f,  # what Xc, Yc, Zc are counted in
+        "f_mm": job.orientation.heads[0].interior.f,  # Xc, Yc, Zc refer to it
         "xp_mm": 0.0,
         "yp_mm": 0.0,
         "pixel_mm": camera.pixel_mm,

@@ -1,4 +1,4 @@
-"""Names of files for names that may hold anything."""
+"""File names made from names that may have any characters."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import re
 FORBIDDEN = re.compile(
     r"[^\w .+=@,()-]|^[. ]|[. ]$|^(?=(?:con|prn|aux|nul|com\d|lpt\d)$).", re.IGNORECASE
 )
-"""What some system does not take in a file's name: signs, and CON, PRN, AUX, NUL, COM1, LPT1."""
+"""Not allowed in a file name by some system: some signs, and CON, PRN, AUX, NUL, COM1, LPT1."""
 
 LONGEST_FILE = 200
-"""Bytes of a file's name; what is made of it adds some, and systems take 255."""
+"""Largest number of bytes of a file stem; systems allow 255 with what is added to it."""
 
 
 def file_stem(name: str) -> str:
-    """Return a file name without its ending for a name; different names have different ones."""
+    """Return the stem of a file name for a name; different names have different stems."""
 
     def quoted(found: re.Match[str]) -> str:
         return "".join(f"%{byte:02X}" for byte in found[0].encode())

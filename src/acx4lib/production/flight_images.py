@@ -1,7 +1,7 @@
 """The synthetic images of a whole flight, as files.
 
-What is there already, made from the same input, is not made again. An image that cannot be made
-does not keep the others from it.
+Existing images that were made from the same input are not made again. If an image cannot be made,
+the others still are.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from acx4lib.results.own_folder import claims
 from acx4lib.results.read_back import read_relative_orientation
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
-"""Where the orientation of the heads is taken from, the first that is there."""
+"""Results with the orientation of the heads; the first one that exists is used."""
 
 COMMAND = "acx4 render"
-"""Whose mark a folder of images bears."""
+"""The command that is named in the mark of a folder of images."""
 
 IMAGES = "images.csv"
-"""Table of the images, as a block of a flight has it."""
+"""Table of the images, in the format of a flight's block."""
 
 _HEADER = ("image", "camera", "exposure", "file")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SyntheticRig:
-    """What the images of a flight are rendered by.
+    """The orientation from which the images of a flight are rendered.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class SyntheticRig:
     orientation : RelativeOrientation
     synthetic : Camera
     source : str
-        Of `ORIENTED`, the one that the orientation is from.
+        The one of `ORIENTED` that has the orientation.
     tables : str
-        Checksum of the flight's tables from which that was computed.
+        Checksum of the flight's tables from which the orientation was computed.
     """
 
     flight: Flight
@@ -66,16 +66,16 @@ class SyntheticRig:
 
 @dataclass(frozen=True, kw_only=True)
 class Rendered:
-    """What became of a flight's synthetic images.
+    """The outcome for a flight's synthetic images.
 
     Attributes
     ----------
     rendered, kept : tuple of str
-        Exposures: rendered now, and there before from the same input.
+        Exposures rendered now, and those whose images existed, made from the same input.
     problems : tuple of str
-        Why images are missing, a line each, the exposure first.
+        Reasons for missing images, one line each, which begins with the exposure.
     notes : tuple of str
-        What they were made with, and what deserves notice.
+        What they were made with, and remarks for the user.
     """
 
     rendered: tuple[str, ...]
@@ -100,16 +100,16 @@ def render_flight(
     ----------
     flight : Flight
     results_path : str or Path
-        With the orientation of the heads.
+        Results folder with the orientation of the heads.
     folder : str or Path
-        New, empty, or that of an earlier call. Gets a TIFF and a preview for each exposure, and
-        `IMAGES`.
+        A new or empty folder, or that of an earlier call. A TIFF and a preview for each exposure
+        are written to it, and `IMAGES`.
     exposures : sequence of str, optional
-        By default all that have the files of all heads.
+        By default all exposures with the files of all heads.
     options : RenderOptions
     workers : Workers
     tell : callable
-        Called with exposure, rows done and rows in all; no rows in all where one failed.
+        Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
     Returns
     -------
@@ -118,9 +118,9 @@ def render_flight(
     Raises
     ------
     FlightError
-        Where nothing can be rendered at all, or the results were changed since their run.
+        Where nothing can be rendered, or the results were changed after their run.
     OutputError
-        Where the folder is no place for the images, or another process is writing there.
+        Where the folder must not be used for the images, or another process is writing there.
     AdjustmentError
         Where the heads could not be oriented.
     """
@@ -162,18 +162,18 @@ def render_flight(
     )
 
 
-# --- what the images are rendered by ---------------------------------------------------------
+# --- orientation and response ----------------------------------------------------------------
 
 
 def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
-    """Return the heads as results have them, refined where they are.
+    """Return the orientation of the heads in the results, the refined one if it exists.
 
     Raises
     ------
     FlightError
-        Where the flight has no synthetic camera, or the results no orientation of its heads.
+        Where the flight has no synthetic camera, or the results have no orientation of heads.
     AdjustmentError
-        Where its heads could not be oriented.
+        Where the heads could not be oriented.
     """
     toml = flight.path / "flight.toml"
     if flight.synthetic is None:
@@ -217,7 +217,7 @@ def _with_response(job: RenderJob, response: FlightResponse | None) -> RenderJob
 
 
 def _other_constant(rig: SyntheticRig) -> Iterator[str]:
-    """Say where the camera constant is not the one that the flight gives."""
+    """Yield a note if the camera constant is not that of the flight."""
     first = rig.orientation.heads[0]
     declared = rig.synthetic.interior.f
     if abs(first.interior.f - declared) > 1e-6 * declared:
@@ -236,7 +236,7 @@ def _chosen(
     complete: Mapping[str, HeadFiles],
     incomplete: Mapping[str, str],
 ) -> list[str]:
-    """Return the exposures to render; those with missing files only where they are named."""
+    """Return the exposures to render; those with missing files only if they are named."""
     if exposures is None and not complete:
         raise FlightError(list(incomplete.values()))
     names = list(complete) if exposures is None else list(dict.fromkeys(exposures))
@@ -267,7 +267,7 @@ def _jobs(
     options: RenderOptions,
     sources: Sequence[HeadFiles],
 ) -> list[RenderJob]:
-    """Return what every image is made from."""
+    """Return the jobs of all images."""
     about = {
         "flight": rig.flight.name,
         "orientation": rig.source,
@@ -300,7 +300,7 @@ def _version() -> str:
 
 
 def _numbers(rig: SyntheticRig) -> list[object]:
-    """Return all numbers of cameras and orientation that an image depends on."""
+    """Return all numbers of cameras and orientation on which an image depends."""
     cameras = [
         [c.name, c.width_px, c.height_px, c.pixel_mm, asdict(c.interior)]
         for c in (rig.synthetic, *rig.orientation.heads)
@@ -321,18 +321,18 @@ def _is_made(job: RenderJob) -> bool:
     return there and read_about(job.path).get("input") == job.about["input"]
 
 
-# --- what is left of it ----------------------------------------------------------------------
+# --- notes and table -------------------------------------------------------------------------
 
 
 def _grouped_notes(outcomes: Sequence[Outcome]) -> Iterator[str]:
-    """Say a note of several images once."""
+    """Yield each note once, with the names of all its images."""
     for note in dict.fromkeys(note for outcome in outcomes for note in outcome.notes):
         names = [outcome.exposure for outcome in outcomes if note in outcome.notes]
         yield f"{', '.join(names)}: {note}"
 
 
 def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
-    """Enter images into the folder's table, sorted by their names."""
+    """Add images to the folder's table, sorted by their names."""
     path = folder / IMAGES
     rows = {}
     if path.is_file():

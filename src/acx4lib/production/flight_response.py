@@ -1,4 +1,4 @@
-"""The response of a flight's heads from a few of its exposures, so that neighbours agree."""
+"""One response of a flight's heads from a few exposures, so that neighbouring images agree."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from acx4lib.synthetic_image.response import ResponseFit, fit_response
 from acx4lib.tie_points.overlap_check import check_overlaps
 
 EXPOSURES = 3
-"""The response is estimated from so many exposures, spread over the flight."""
+"""Number of exposures, spread over the flight, from which the response is estimated."""
 
 SEED = 4
-"""Of the places where grey values are compared."""
+"""Seed of the positions where grey values are compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightResponse:
-    """What a flight's response was estimated from.
+    """The response of a flight's heads, and the exposures from which it was estimated.
 
     Attributes
     ----------
     fit : ResponseFit
     exposures : tuple of str
-        Those whose files are good.
+        Exposures with good files.
     """
 
     fit: ResponseFit
     exposures: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Say from what, and how far heads disagree before and after."""
+        """Return a sentence on its exposures, and on differences of heads before and after."""
         before, after = (
             100 * np.nanmax([0.0, *(v for o in self.fit.overlaps for v in getattr(o, name))])
             for name in ("before", "after")
-        )  # NaN where an overlap is all dark or saturated
+        )  # NaN for an overlap that is completely dark or saturated
         return (
             f"response of the heads from {', '.join(self.exposures)}: overlaps disagree by at most "
             f"{before:.1f} % before and {after:.1f} % after"
@@ -50,7 +50,7 @@ class FlightResponse:
 
 
 def spread(files: Sequence[HeadFiles]) -> list[HeadFiles]:
-    """Return up to `EXPOSURES` of a flight's exposures, evenly from first to last."""
+    """Return up to `EXPOSURES` of a flight's exposures, evenly spread from first to last."""
     at = np.linspace(0, len(files) - 1, min(len(files), EXPOSURES)).round().astype(int)
     return [files[i] for i in at]
 
@@ -63,8 +63,8 @@ def estimate_flight_response(
     Parameters
     ----------
     files : sequence of HeadFiles
-        An exposure whose files are not good, or that has other bands than the first good one, has
-        no part in it.
+        Exposures with bad files, or with another number of bands than the first good one, are
+        not used.
     orientation : RelativeOrientation
         At full size.
     synthetic : Camera
@@ -97,11 +97,11 @@ def _samples(
     synthetic: Camera,
     rng: np.random.Generator,
 ) -> list[Samples]:
-    """Return the samples of one exposure; none where its files are not good."""
+    """Return the samples of one exposure; empty where its files are not good."""
     try:
         heads = read_heads(files.paths, orientation.heads)
     except FlightError:
-        return []  # said when this exposure is rendered
+        return []  # the problem is reported when this exposure is rendered
     reduced = reduced_heads(orientation, heads.reduction)
     camera = reduced_camera(synthetic, heads.reduction)
     if check_overlaps(heads.images, reduced, camera):

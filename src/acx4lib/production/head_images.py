@@ -1,7 +1,7 @@
-"""The pixels of a flight's heads: which exposures have them, and their files read and checked.
+"""The pixels of a flight's heads: which exposures have them, and their files, read and checked.
 
-An image that lies in its file as it would in memory is mapped, not read: what a renderer does not
-touch costs nothing, and what it did touch can be forgotten.
+An image that is stored in its file as in memory is mapped, not read. Then pixels that are not
+used take no time, and the memory of used ones can be given back.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class HeadFiles:
     ----------
     exposure : str
     paths : tuple of Path
-        In the order of the heads, as the user reaches them.
+        In the order of the heads; paths for the user.
     """
 
     exposure: str
@@ -45,22 +45,22 @@ class HeadImages:
     Attributes
     ----------
     images : tuple of ndarray, shape (rows, cols, bands)
-        8 or 16 bit, one type and number of bands for all; they cannot be written to.
+        8 or 16 bit, read-only; all have the same type and number of bands.
     reduction : int
-        K: they are at 1/K of the cameras' size.
+        K, if the images have 1/K of the cameras' size.
     """
 
     images: tuple[Raster, ...]
     reduction: int
 
     def forget(self) -> None:
-        """Give back the memory of mapped pixels; they are read again where they are needed."""
+        """Give back the memory of mapped pixels; they are read again when they are needed."""
         for image in self.images:
             forget(image)
 
 
 def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFiles], dict[str, str]]:
-    """Return the exposures whose pixels are there.
+    """Return the exposures whose image files exist.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFile
     Returns
     -------
     complete : dict of str to HeadFiles
-        By exposure, in the order of the flight.
+        Files by exposure, in the order of the flight.
     incomplete : dict of str to str
-        What is missing at exposures where some heads have a file.
+        What is missing, for exposures where only some heads have a file.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFile
 
 
 def _files_by_exposure(flight: Flight, heads: Sequence[str]) -> dict[str, dict[str, Path]]:
-    """Return the files of heads by exposure and camera, where there are any."""
+    """Return the existing files of heads by exposure and camera."""
     block, inside = flight.heads, flight.pictures.resolve()
     found: dict[str, dict[str, Path]] = {}
     if block is None:
@@ -129,7 +129,7 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
     Raises
     ------
     FlightError
-        With a sentence for every file that cannot be read, or that is not as the others are.
+        With a sentence for every file that cannot be read, or that differs from the others.
     """
     problems: list[str] = []
     pixels: list[ImageFile] = []
@@ -148,7 +148,7 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
 
 
 def _unlike(paths: Sequence[Path], pixels: Sequence[ImageFile]) -> list[str]:
-    """Say which files differ from most of the others."""
+    """Return sentences on files that differ from most of the others."""
     kinds = {
         "has pixels of {} bit": [f"{8 * one.image.dtype.itemsize}" for one in pixels],
         "has {} bands": [f"{one.image.shape[2]}" for one in pixels],

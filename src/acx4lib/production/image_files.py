@@ -1,4 +1,4 @@
-"""One aerial image from its TIFF: checked before it is believed, mapped where it can be."""
+"""One aerial image from its TIFF: its header is checked, its pixels are mapped where possible."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
 
 BANDS = 4
-"""An image has at most so many."""
+"""Largest number of bands of an image."""
 
 PAGES = 100
-"""So many pages of a file are looked at; overviews and masks are a dozen."""
+"""Number of pages of a file that are examined; overviews and masks are about a dozen."""
 
 _BROKEN = (
     *(ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error),
-    MemoryError,  # sizes that are no sizes
+    MemoryError,  # from absurd sizes
 )
-"""What a TIFF reader raises where a file's bytes are not what its header promises."""
+"""Errors of the TIFF reader where the bytes of a file contradict its header."""
 
 _OTHERS = {
     b"\xff\xd8\xff": "a JPEG image",
@@ -64,9 +64,9 @@ class ImageFile:
     Attributes
     ----------
     image : ndarray, shape (rows, cols, bands)
-        8 or 16 bit; it cannot be written to.
+        8 or 16 bit, read-only.
     reduction : int
-        K: it is at 1/K of the camera's size.
+        K, if the image has 1/K of the camera's size.
     """
 
     image: Raster
@@ -75,7 +75,7 @@ class ImageFile:
 
 @dataclass(frozen=True, kw_only=True)
 class _Header:
-    """What a file says of its image."""
+    """Properties of a file's image, from its header."""
 
     width: int
     height: int
@@ -99,10 +99,10 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     Parameters
     ----------
     path : Path
-        Of a TIFF or BigTIFF with one image of one to four bands of 8 or 16 bit, stored in any
-        way; that of an uncompressed one in this machine's byte order is mapped.
+        A TIFF or BigTIFF with one image of one to four bands of 8 or 16 bit, stored in any way.
+        An uncompressed image in this computer's byte order is mapped.
     camera : Camera
-        The image has its size, or 1/K of it.
+        The image must have its size, or 1/K of it.
 
     Returns
     -------
@@ -127,9 +127,9 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
 
 
 def fingerprint(path: Path) -> str:
-    """Return a checksum of a file's size and of a megabyte taken evenly from all of it.
+    """Return a checksum of a file's size and of one megabyte, spread evenly over the file.
 
-    It tells images from one another in a moment; an alteration of a few pixels it may miss.
+    It quickly distinguishes images, but it may miss a change of a few pixels.
     """
     size = path.stat().st_size
     checksum = hashlib.sha256(str(size).encode())
@@ -141,7 +141,7 @@ def fingerprint(path: Path) -> str:
 
 
 class _Said(logging.Handler):
-    """Keeps messages."""
+    """A log handler that keeps messages."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -153,7 +153,7 @@ class _Said(logging.Handler):
 
 @contextmanager
 def _captured_log() -> Iterator[list[str]]:
-    """Keep what the TIFF reader would print; it is said with the file's name, or not at all."""
+    """Keep the TIFF reader's messages; they are reported with the file's name, or not at all."""
     handler = _Said()
     logger = logging.getLogger("tifffile")
     before = logger.propagate
@@ -168,12 +168,12 @@ def _captured_log() -> Iterator[list[str]]:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Turn what a TIFF reader raises and logs into a sentence."""
+    """Replace errors and messages of the TIFF reader by one sentence."""
     with _captured_log() as said, np.errstate(divide="raise", invalid="raise"):
         try:
             if path.exists() and not (
                 path.is_file() or path.is_dir()
-            ):  # a pipe would wait for its other end
+            ):  # reading a pipe would wait for its other end
                 raise OSError(0, "no regular file")
             yield
         except OSError as error:
@@ -187,7 +187,7 @@ def _readable(path: Path) -> Iterator[None]:
 
 
 def _reason(error: Exception, said: Sequence[str]) -> str:
-    """Return in words what was found wrong with a file."""
+    """Return the reader's reason why a file is wrong, in words."""
     words = [re.sub(r"<tifffile[^>]*>|<[^>]*> ?", "", line) for line in said]
     if isinstance(error, (RuntimeError, ValueError)):
         words.append(str(error))
@@ -205,7 +205,7 @@ def _not_tiff(path: Path) -> str:
 
 
 def _header(tiff: tifffile.TiffFile) -> _Header:
-    """Return what a file says of its first image; overviews and masks are no others."""
+    """Return the properties of a file's first image; overviews and masks do not count as others."""
     page = tiff.pages.first
     others = [p for p in _further_pages(tiff) if isinstance(p, tifffile.TiffPage)]
     n_alike = sum(
@@ -215,7 +215,7 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
     interleaved = page.samplesperpixel == 1 or page.planarconfig == 1
     plain = page.fillorder == 1 and page.predictor == 1
     return _Header(
-        width=int(page.imagewidth),  # a damaged tag may hold several
+        width=int(page.imagewidth),  # a damaged tag may have several values
         height=int(page.imagelength),
         bands=int(page.samplesperpixel),
         depth=int(page.imagedepth),
@@ -235,7 +235,7 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
 
 
 def _further_pages(tiff: tifffile.TiffFile) -> Iterator[object]:
-    """Yield the pages after the first; of a million, which a small file may have, some."""
+    """Yield the first `PAGES` pages after the first: a small file may have a million of them."""
     for k in range(1, PAGES):
         try:
             yield tiff.pages[k]
@@ -244,8 +244,8 @@ def _further_pages(tiff: tifffile.TiffFile) -> Iterator[object]:
 
 
 def _kind_problem(header: _Header) -> str | None:
-    """Say why pixels of this kind are not read."""
-    as_rgb = header.photometric == _YCBCR and header.compression in _JPEG  # decoded with it
+    """Return why pixels of this kind are not read; None if they are."""
+    as_rgb = header.photometric == _YCBCR and header.compression in _JPEG  # converted in decoding
     colours = "" if as_rgb else _COLOURS.get(header.photometric, "an unusual colour space")
     turned = f"is to be shown turned (orientation {header.turned}); store the pixels as shown"
     alpha = (
@@ -266,7 +266,7 @@ def _kind_problem(header: _Header) -> str | None:
 
 
 def _reduction(header: _Header, camera: Camera) -> int:
-    """Return K of an image at 1/K of its camera's size; 1 where it is larger."""
+    """Return K of an image at 1/K of its camera's size; 1 for a larger image."""
     return max(camera.width_px // max(header.width, 1), 1)
 
 
@@ -280,7 +280,7 @@ def _size_problem(header: _Header, camera: Camera, k: int) -> str | None:
 
 
 def _extent_problem(header: _Header, size: int) -> str | None:
-    """Say where the file ends before its pixels do, or some were never written."""
+    """Return a problem if the file is too short for its pixels, or some were never written."""
     offsets, counts = np.array(header.offsets), np.array(header.counts)
     needed = header.width * header.height * header.bands * np.dtype(header.dtype).itemsize
     too_few = len(offsets) != len(counts) or len(offsets) < max(header.n_parts, 1)
@@ -293,7 +293,7 @@ def _extent_problem(header: _Header, size: int) -> str | None:
 
 
 def _mapped(path: Path, header: _Header) -> Raster:
-    """Return an image as it lies in its file, where it lies as it would in memory."""
+    """Return the image mapped from its file, in which it is stored as in memory."""
     with path.open("rb") as file:
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     shape = (header.height, header.width, header.bands)
@@ -302,9 +302,9 @@ def _mapped(path: Path, header: _Header) -> Raster:
 
 
 def _decoded(path: Path, header: _Header) -> Raster:
-    """Return an image decoded, its bands together at each pixel."""
+    """Return the decoded image, with the bands of a pixel together."""
     with _readable(path), tifffile.TiffFile(path) as tiff:
         image = tiff.pages.first.asarray(squeeze=False)
-    planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of each
+    planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of a plane
     together = planes.reshape(header.height, header.width, header.bands)
     return np.ascontiguousarray(together, dtype=header.dtype)

@@ -1,4 +1,4 @@
-"""Overviews of an image that comes in stripes: each half as large as the one before."""
+"""Overviews of an image that comes in stripes: each has half the size of the one before."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acx4lib.expected import Raster
 
 
 def level_sizes(height: int, width: int, smallest: int) -> list[tuple[int, int]]:
-    """Return rows and columns of an image and its overviews, until all fits into `smallest`."""
+    """Return rows and columns of an image and its overviews; the last fits into `smallest`."""
     sizes = [(height, width)]
     while max(sizes[-1]) > smallest:
         rows, cols = sizes[-1]
@@ -24,7 +24,7 @@ def level_sizes(height: int, width: int, smallest: int) -> list[tuple[int, int]]
 
 
 def halved(image: Raster) -> Raster:
-    """Return means of 2 x 2 pixels, rounded half up; no-data (zero) has no part in them.
+    """Return means of 2 x 2 pixels, rounded half up, without no-data pixels (zero).
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def halved(image: Raster) -> Raster:
     if rows % 2 or cols % 2:
         image = np.pad(image, ((0, rows % 2), (0, cols % 2), (0, 0)), mode="edge")
     half = image.shape[1] // 2, image.shape[0] // 2
-    # of two bands together OpenCV rounds half to even
+    # with two bands at once, OpenCV rounds half to even
     parts = np.split(image, 2, axis=2) if bands == 2 else [image]
     means = [cv2.resize(part, half, interpolation=cv2.INTER_AREA) for part in parts]
     small: Raster = np.concatenate([mean.reshape(half[1], half[0], -1) for mean in means], axis=2)
@@ -49,7 +49,7 @@ def halved(image: Raster) -> Raster:
 
 
 def _mend(small: Raster, image: Raster) -> None:
-    """Put means of what is not zero among 2 x 2 pixels where some of them are, in place."""
+    """Replace, in place, means of 2 x 2 pixels with some zeros by the means of the others."""
     four = [image[i::2, j::2] for i in (0, 1) for j in (0, 1)]
     empty = four[0] == 0
     for part in four[1:]:
@@ -60,14 +60,14 @@ def _mend(small: Raster, image: Raster) -> None:
 
 
 class Pyramid:
-    """The overviews of one image, kept in a file without a name until they are asked for.
+    """The overviews of one image, kept in a file without a name until they are used.
 
     Parameters
     ----------
     folder : Path
-        Where there is room for a third of the image.
+        Folder with room for a third of the image.
     sizes : list of tuple of int
-        Of `level_sizes`.
+        From `level_sizes`.
     bands : int
     dtype : dtype
     """
@@ -83,7 +83,7 @@ class Pyramid:
         self._file: IO[bytes] = TemporaryFile(dir=folder)  # noqa: SIM115 closed with this
 
     def __enter__(self) -> Self:
-        """Open it; its file ends with it, or with the process."""
+        """Open it; its file is removed when it closes or the process ends."""
         return self
 
     def __exit__(
@@ -92,18 +92,18 @@ class Pyramid:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
-        """Throw the file away."""
+        """Close the file, which removes it."""
         self._file.close()
 
     def _row_bytes(self, level: int) -> int:
         return self._sizes[level][1] * self._bands * self._dtype.itemsize
 
     def add(self, stripe: Raster) -> None:
-        """Take the next rows of the image, any number of them."""
+        """Add the next rows of the image, any number of them."""
         self._add(stripe, 0)
 
     def _add(self, stripe: Raster, level: int) -> None:
-        """Take rows of a level, and hand what they make on to the next."""
+        """Add rows to a level, and their halved rows to the next level."""
         if level:
             at = self._start[level] + self._done[level] * self._row_bytes(level)
             self._file.seek(at)
@@ -125,7 +125,7 @@ class Pyramid:
         Parameters
         ----------
         level : int
-            From 1, the largest.
+            Number of the overview; 1 is the largest.
         height : int
         """
         rows, cols = self._sizes[level]

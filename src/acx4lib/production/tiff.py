@@ -1,7 +1,7 @@
-"""Images that are larger than memory should hold, written as a tiled BigTIFF with overviews.
+"""Images too large for the memory, written as a tiled BigTIFF with overviews.
 
-The rows come in stripes while they are rendered. A file appears under its name when it is whole
-and on the disk, or not at all.
+The rows come in stripes while they are rendered. A file gets its name when it is complete and on
+the disk, or never.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from acx4lib.expected import Raster
 from acx4lib.production.pyramid import Pyramid, level_sizes
 
 TILE = 512
-"""Rows and columns of a tile; the last overview is no larger."""
+"""Rows and columns of a tile; the last overview is not larger."""
 
 COMPRESSIONS = ("none", "deflate", "zstd", "lzw")
-"""Of these, zstd is the fastest and deflate the one that every program reads."""
+"""zstd is the fastest; every program reads deflate."""
 
 PREVIEW_PX = 2000
 """Longer side of a preview."""
 
 GAMMA = 1.6
-"""Of a preview: dark ground can be seen, and colours are not washed out."""
+"""Gamma of a preview: dark ground is visible, and colours do not become pale."""
 
 _CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
-"""Names of the TIFF writer; its own deflate is the number that few programs know."""
+"""The TIFF writer's names; what it calls "deflate" itself has a code that few programs read."""
 
 _LEVEL = {"deflate": 1, "zstd": 1}
 _GDAL_NODATA = (42113, "s", 0, "0", True)
@@ -48,7 +48,7 @@ _UNSPECIFIED = 0
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """What an image is before its pixels are known.
+    """The format of an image.
 
     Attributes
     ----------
@@ -81,31 +81,31 @@ class Format:
 
 
 def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[str, Any]) -> None:
-    """Write an image while it is made.
+    """Write an image stripe by stripe while it is made.
 
     Parameters
     ----------
     path : Path
         An earlier file of this name is replaced.
     stripes : iterable of ndarray, shape (rows, width, bands)
-        From top to bottom, each with as many rows as it likes.
+        From top to bottom, with any number of rows each.
     form : Format
     about : mapping
-        Kept as JSON in the ImageDescription.
+        Written as JSON into the ImageDescription.
 
     Raises
     ------
     FlightError
         Where another process is writing this file.
     OSError
-        Where it cannot be written: no room, no permission.
+        Where the file cannot be written: no room, no permission.
     ValueError
-        Where the stripes are not what `form` says.
+        Where the stripes do not match `form`.
 
     Notes
     -----
-    No-data is zero, and said as GDAL reads it. A fourth band is left unspecified: it is not
-    transparency. The same pixels give the same bytes.
+    No-data is zero, and it is declared in GDAL's tag. The meaning of a fourth band is left
+    unspecified: it is not transparency. The same pixels give the same bytes.
     """
     with _told_why(path), appearing(path) as part, _overviews(path.parent, form) as pyramid:
         sizes = _sizes(form)
@@ -118,7 +118,7 @@ def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[st
 
 
 def read_about(path: Path) -> dict[str, Any]:
-    """Return what an image says of itself; empty where it is none that `write` wrote."""
+    """Return the description in an image; empty for a file that `write` did not write."""
     try:
         with tifffile.TiffFile(path) as tiff:
             about = json.loads(tiff.pages.first.description)
@@ -128,14 +128,14 @@ def read_about(path: Path) -> dict[str, Any]:
 
 
 def write_preview(path: Path, image_path: Path) -> None:
-    """Write a small 8-bit JPEG of an image, stretched so that people can see it.
+    """Write a small 8-bit JPEG of an image, with its contrast stretched.
 
     Parameters
     ----------
     path : Path
     image_path : Path
-        Of an image that `write` wrote. It is not changed: the stretch between the percentiles
-        0.5 and 99.5, and the gamma of 16 bit, are the preview's alone.
+        An image that `write` wrote; it is not changed. Only the preview is stretched between the
+        percentiles 0.5 and 99.5, with a gamma for 16 bit.
     """
     with tifffile.TiffFile(image_path) as tiff:
         large = [page for page in tiff.pages if max(page.shape[:2]) >= PREVIEW_PX]
@@ -162,9 +162,9 @@ def _fitted(image: Raster) -> Raster:
 
 
 def _stretched(image: Raster) -> NDArray[np.uint8]:
-    """Return 8 bit, one stretch for all bands; what no head sees stays black.
+    """Return the image in 8 bit, with the same stretch for all bands; no-data stays black.
 
-    Counts of 16 bit are proportional to light, and a screen's are not.
+    Numbers of 16 bit are proportional to light, those of a screen are not.
     """
     seen = image[image > 0]
     low, high = np.percentile(seen, [0.5, 99.5]) if len(seen) else (0.0, 1.0)
@@ -175,7 +175,7 @@ def _stretched(image: Raster) -> NDArray[np.uint8]:
 
 @contextlib.contextmanager
 def _told_why(path: Path) -> Iterator[None]:
-    """Say that there is no room where an array was not written whole: numpy does not say it."""
+    """Raise "no space left" where numpy wrote only a part of an array and gives no reason."""
     try:
         yield
     except OSError as error:
@@ -186,9 +186,9 @@ def _told_why(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def appearing(path: Path) -> Iterator[Path]:
-    """Yield the name of a file to be filled; it takes its place when it is whole, or never.
+    """Yield a temporary path for a file, which gets its final name only when it is complete.
 
-    The name beside it is the same each time, so that what a power failure leaves is used again.
+    The temporary name is always the same, so that the remains of a power failure are overwritten.
     """
     part = path.with_name(f".{path.name}.part")
     with part.open("ab") as lock:
@@ -220,7 +220,7 @@ def _overviews(folder: Path, form: Format) -> Pyramid:
 
 
 def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
-    """Yield the stripes; raise where they are not what was promised."""
+    """Yield the stripes; raise where they do not match the format."""
     rows = 0
     for stripe in stripes:
         rows += len(stripe)
@@ -241,7 +241,7 @@ def _passed_on(stripes: Iterable[Raster], pyramid: Pyramid) -> Iterator[Raster]:
 
 
 def _tiles(stripes: Iterable[Raster], width: int) -> Iterator[Raster]:
-    """Yield tiles row by row; those at the border are smaller, and filled up by the writer."""
+    """Yield tiles row by row; those at the border are smaller, and the writer fills them up."""
     for rows in _regrouped(stripes):
         for col in range(0, width, TILE):
             tile = np.ascontiguousarray(rows[:, col : col + TILE])
@@ -251,7 +251,7 @@ def _tiles(stripes: Iterable[Raster], width: int) -> Iterator[Raster]:
 def _regrouped(
     stripes: Iterable[Raster],
 ) -> Iterator[Raster]:
-    """Yield stripes as high as a tile, the last one excepted."""
+    """Yield stripes of the height of a tile; the last one may be lower."""
     kept: list[Raster] = []
     for stripe in stripes:
         kept.append(stripe)

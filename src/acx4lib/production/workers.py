@@ -1,4 +1,4 @@
-"""Synthetic images made one after the other, on several processes, or on a cluster."""
+"""Synthetic images made one after the other, by several processes, or by a cluster."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from multiprocessing.synchronize import Event
 
 ANSWER_S = 10
-"""Seconds that a scheduler has to answer."""
+"""Time in which a scheduler must answer, s."""
 
 _OFTEN_S = 0.1
 _Said = tuple[str, int, int]
 
 
 class _Stopped(BaseException):
-    """The command ends; what was begun is thrown away."""
+    """The command ends; an unfinished image is removed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """Who renders.
+    """The processes or the cluster that render.
 
     Attributes
     ----------
     processes : int
     cluster : str or None
-        Address of a Dask scheduler, in their place.
+        Address of a Dask scheduler; its cluster is used instead of processes.
     """
 
     processes: int = 1
@@ -49,13 +49,13 @@ class Workers:
 
 
 def run_jobs(jobs: Sequence[RenderJob], tell: TellRows, workers: Workers) -> Iterator[Outcome]:
-    """Yield what became of the images, as they are done.
+    """Yield the outcomes of the images as they are finished.
 
     Parameters
     ----------
     jobs : sequence of RenderJob
     tell : callable
-        Called with no rows done for every image first.
+        First called for every image, with no finished rows.
     workers : Workers
     """
     for job in jobs:
@@ -68,7 +68,7 @@ def run_jobs(jobs: Sequence[RenderJob], tell: TellRows, workers: Workers) -> Ite
 
 
 def render_here(jobs: Sequence[RenderJob], tell: TellRows) -> Iterator[Outcome]:
-    """Yield what became of the images, rendered one after the other with all threads."""
+    """Yield the outcomes of the images, rendered one after the other with all threads."""
     for job in jobs:
         yield render_exposure(job, tell)
 
@@ -79,14 +79,14 @@ def render_here(jobs: Sequence[RenderJob], tell: TellRows) -> Iterator[Outcome]:
 def render_in_processes(
     jobs: Sequence[RenderJob], tell: TellRows, n_processes: int
 ) -> Iterator[Outcome]:
-    """Yield what became of the images, as they are done.
+    """Yield the outcomes of the images as they are finished.
 
     Parameters
     ----------
     jobs : sequence of RenderJob
     tell : callable
     n_processes : int
-        They share the machine's cores.
+        Number of processes, which share the cores.
     """
     context = multiprocessing.get_context("spawn")
     said: Queue[_Said] = context.Queue()
@@ -128,7 +128,7 @@ def _outcome(future: Future[Outcome], job: RenderJob) -> Outcome:
 
 
 def _pass_on(said: Queue[_Said], tell: TellRows) -> None:
-    """TellRows what the processes have said."""
+    """Pass the messages of the worker processes on to `tell`."""
     while True:
         try:
             tell(*said.get_nowait())
@@ -137,18 +137,18 @@ def _pass_on(said: Queue[_Said], tell: TellRows) -> None:
 
 
 _WORKER: dict[str, Any] = {}
-"""Of a process that renders: where it says how far it is, and whether it is to stop."""
+"""State of a worker process: the queue of its messages, and whether it must stop."""
 
 
 def _begin(said: Queue[_Said], stop: Event) -> None:
-    """Prepare a process; an interrupt from the keyboard is its parent's to handle."""
+    """Prepare a worker process; its parent handles interrupts from the keyboard."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
     _WORKER.update(said=said, stop=stop, at_work=False, ended=False)
 
 
 def _end(*_: object) -> None:
-    """End a process at the next stripe; in the midst of compiling it would not be heard."""
+    """End a worker process at the next stripe; an exception while it compiles could be lost."""
     _WORKER["ended"] = True
     if not _WORKER["at_work"]:
         sys.exit(1)
@@ -174,16 +174,16 @@ def _tell_parent(exposure: str, done: int, total: int) -> None:
 
 
 def render_on_cluster(jobs: Sequence[RenderJob], tell: TellRows, address: str) -> Iterator[Outcome]:
-    """Yield what became of the images, as they are done by the workers of a Dask cluster.
+    """Yield the outcomes of the images as the workers of a Dask cluster finish them.
 
     Parameters
     ----------
     jobs : sequence of RenderJob
-        Of files that the workers see as well.
+        The workers must be able to read their files.
     tell : callable
         Called once for every image.
     address : str
-        Of the scheduler, as ``tcp://host:8786``.
+        Address of the scheduler, such as ``tcp://host:8786``.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def render_on_cluster(jobs: Sequence[RenderJob], tell: TellRows, address: str) -
         Where Dask is not installed, or no scheduler answers.
     """
     try:
-        distributed: Any = importlib.import_module("distributed")  # an option of the installation
+        distributed: Any = importlib.import_module("distributed")  # it is optional
     except ImportError:
         problem = "--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"
         raise FlightError([problem]) from None

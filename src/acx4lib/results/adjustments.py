@@ -1,4 +1,4 @@
-"""What the stages leave in a results folder: a record for each method."""
+"""Records of the adjustments for a results folder, one for each method."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from acx4lib.results import folder as results
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
 SCALE_LIMIT = 0.01
-"""Scale of control against trajectory beyond which something is wrong, not imprecise."""
+"""Scale error between control and trajectory above which something is wrong, not imprecise."""
 
 MANY_REJECTED = 0.005
-"""Share of image points rejected that a user is told of; chance rejects a twentieth of it."""
+"""Share of rejected image points above which a user is warned; chance rejects 1/20 of it."""
 
 NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
     (
@@ -30,23 +30,23 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
         *("iterations", "n_rejected", "n_left_out"),
     )
 )
-"""What summary.json says of every adjustment, where there was none."""
+"""Entries of summary.json for an adjustment that was not made or failed."""
 
 OPTIONAL = (*TWO_STEP, "rig")
-"""Methods that need more than a flight must give: their gaps end no run."""
+"""Methods that need more than every flight has: if they fail, a run goes on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """One method's results, ready to be written.
+    """The results of one method, ready to be written.
 
     Attributes
     ----------
     stage, method : str
     tables : dict of str to DataFrame
-        By the names of `folder.COLUMNS`.
+        Tables by the names of `folder.COLUMNS`.
     summary : dict
-        Objects of summary.json.
+        Objects for summary.json, by their keys.
     """
 
     stage: str
@@ -56,13 +56,13 @@ class Record:
 
 
 def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
-    """Write a stage's records in place of what the folder has of this stage.
+    """Write a stage's records, and remove what the folder had of this stage.
 
     Parameters
     ----------
     folder : path
     stage : str
-        Old rows of these methods go, also where a method has no record any more.
+        All its old rows are removed, even those of methods without a new record.
     records : iterable of Record
     """
     records = list(records)
@@ -87,18 +87,18 @@ def of_bundle(
     summary_key: str | None = None,
     applied: Mapping[str, float] | None = None,
 ) -> Record:
-    """Return all rows of an adjusted bundle.
+    """Return the record of an adjusted bundle.
 
     Parameters
     ----------
     stage, method : str
     bundle : Bundle
     calibration : Calibration, optional
-        What the method says of its cameras; by default what the bundle does.
+        The cameras calibrated by the method; by default those of the bundle.
     summary_key : str, optional
         By default ``stage/method``.
     applied : mapping of str to float, optional
-        By what the sigma of every group were multiplied.
+        Factors that were applied to the sigma of every group.
     """
     said = calibration or from_bundle(bundle)
     solution = bundle.solution
@@ -133,7 +133,7 @@ def of_bundle(
 
 
 def _notes(method: str, bundle: Bundle) -> list[str]:
-    """Return what a user should know of an adjustment, in sentences."""
+    """Return sentences on what a user should know of an adjustment."""
     notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
@@ -150,10 +150,10 @@ def _notes(method: str, bundle: Bundle) -> list[str]:
 
 
 def height_scale(bundle: Bundle) -> float:
-    """Return the images' height above the control points, adjusted against the trajectory's.
+    """Return the ratio of flying heights over control: from the bundle, over the trajectory's.
 
-    One where control or trajectory do not say it. The focal length that the bundle estimated is
-    part of it: a wrong one moves free orientations, or is moved by observed ones.
+    One where control or trajectory give no height. The estimated focal length is part of the
+    ratio: a wrong one changes free orientations, and observed orientations change it.
     """
     network = bundle.network
     control = network.control.x_m[:, 2]
@@ -170,7 +170,7 @@ def height_scale(bundle: Bundle) -> float:
 
 
 def of_mounting(mounting: Mounting, *, applied: Mapping[str, float] | None = None) -> Record:
-    """Return all rows of one method of the mounting stage; `applied` as in `of_bundle`."""
+    """Return the record of one method of the mounting stage; `applied` as in `of_bundle`."""
     return of_bundle(
         "mounting",
         mounting.method,
@@ -212,9 +212,9 @@ def of_failure(stage: str, method: str, reason: str, *, summary_key: str) -> Rec
 def of_relative_orientation(
     stage: str, method: str, orientation: RelativeOrientation, **said: object
 ) -> Record:
-    """Return the rows of heads oriented in the synthetic frame.
+    """Return the record of heads oriented in the synthetic frame.
 
-    What else is said of the adjustment goes into the summary under its own name.
+    Other keyword arguments become entries of the summary.
     """
     entry = {**NO_ADJUSTMENT, "converged": True, "n_exposures": orientation.n_exposures, **said}
     return Record(

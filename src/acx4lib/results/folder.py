@@ -1,6 +1,6 @@
-"""The results folder: its tables, how they are written and how they are looked up.
+"""The results folder: its tables, written, read and looked up.
 
-A method's results are called by ``stage/method``, such as ``mounting/single_step``.
+The results of a method have the name ``stage/method``, such as ``mounting/single_step``.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Results:
-    """What the stages left in a results folder.
+    """The content of a results folder.
 
     Attributes
     ----------
     folder : Path
     parameters, validation, check_points, exterior_orientation : DataFrame
     residuals, covariance, rejected : DataFrame
-        With the columns of `COLUMNS`; names are text, a number that is not known is NaN.
+        With the columns of `COLUMNS`; names are text, unknown numbers are NaN.
     summary : dict
         One object per ``stage/method``, or per ``stage/method/camera``.
     """
@@ -84,18 +84,18 @@ class Results:
 
 
 def read(folder: str | Path) -> Results:
-    """Read a results folder that is there; a file that is not has no rows.
+    """Read an existing results folder; a missing file counts as a table without rows.
 
     Raises
     ------
     FlightError
-        Where there is no such folder, or a file is not what `replace` wrote.
+        Where there is no such folder, or a file does not have the format of `replace`.
     """
     return _read(expected.folder("folder", folder, "the results of a run"))
 
 
 def _read(folder: Path) -> Results:
-    """Read a results folder, one that is still to be made as well."""
+    """Read a results folder, which need not exist yet."""
     problems: list[str] = []
     tables = {name: _read_table(folder / f"{name}.csv", problems) for name in COLUMNS}
     summary = read_summary(folder / "summary.json", problems)
@@ -111,16 +111,16 @@ def replace(
     tables: Mapping[str, pd.DataFrame],
     summary: Mapping[str, Mapping[str, object]],
 ) -> None:
-    """Put new results in the place of old ones; everything else in the folder stays.
+    """Replace old results by new ones; everything else in the folder stays.
 
-    All files are written in full beside the old ones before the first takes its place.
+    All files are completely written beside the old ones before the first one is replaced.
 
     Parameters
     ----------
     folder : path
-        Made where it is not there.
+        It is made if it does not exist.
     stage_methods : sequence of str
-        What is replaced: ``mounting/single_step``, or ``mounting`` for a whole stage.
+        Results to replace: ``mounting/single_step``, or ``mounting`` for a whole stage.
     tables : mapping of str to DataFrame
         New rows by the names of `COLUMNS`, each table with exactly these columns.
     summary : mapping of str to mapping
@@ -129,7 +129,7 @@ def replace(
     Raises
     ------
     ValueError
-        Where a row or object belongs to none of `stage_methods`, or columns are wrong.
+        Where a row or an object belongs to none of `stage_methods`, or columns are wrong.
     FlightError
         Where the files in the folder cannot be read.
     """
@@ -148,7 +148,7 @@ def replace(
 
 
 def has(results: Results, stage_method: str) -> bool:
-    """Tell whether a stage or a ``stage/method`` left anything; a ValueError for no stage."""
+    """Tell whether there are results of a stage or a ``stage/method``; ValueError if unknown."""
     expected.instance("results", results, Results)
     expected.one_of("stage", str(stage_method).partition("/")[0], STAGES)
     known = {*results.summary, *_keys("parameters", results.parameters)}
@@ -168,7 +168,7 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
     Raises
     ------
     FlightError
-        Where the stage has not been run; a method that ran may well have no rows.
+        Where the stage has not been run; a method that was run may have no rows.
     ValueError
         For an unknown table or stage.
     """
@@ -182,18 +182,18 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
 
 
 def cameras(results: Results, stage_method: str) -> tuple[str, ...]:
-    """Return the names of the cameras that have parameters of a method, in their order."""
+    """Return the names of the cameras with parameters of a method, in the order of the rows."""
     named = rows(results, "parameters", stage_method)["camera"].unique()
     return tuple(name for name in named if name)
 
 
 def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame:
-    """Return one camera's parameters: columns value, sigma, unit by name of the parameter.
+    """Return one camera's parameters: columns value, sigma, unit; indexed by parameter.
 
     Raises
     ------
     FlightError
-        Where the stage has not been run, or the method has nothing for this camera.
+        Where the stage has not been run, or the method has no parameters of this camera.
     """
     found = rows(results, "parameters", stage_method)
     found = found[found["camera"] == camera].set_index("parameter")
@@ -212,8 +212,8 @@ def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame
 def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     """Return the covariance of a method's parameters, named ``camera/parameter``.
 
-    A parameter of no camera, as a shift of GNSS positions, has its name alone. A pair without a
-    row, as of two heads adjusted each by itself, has zero.
+    A parameter that belongs to no camera, such as a shift of GNSS positions, has only its own
+    name. Pairs without a row are zero, for example those of two heads adjusted separately.
 
     Returns
     -------
@@ -227,7 +227,7 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
 
 
 def messages(entry: Mapping[str, object], key: str) -> list[str]:
-    """Return a list of sentences out of an object of summary.json; none where it has none."""
+    """Return the sentences under a key of an object of summary.json; empty without any."""
     found = entry.get(key, [])
     return [str(line) for line in found] if isinstance(found, list) else []
 
@@ -243,7 +243,7 @@ def _keys(table: str, frame: pd.DataFrame) -> Iterator[str]:
 
 
 def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask:
-    """Tell which rows are of the given stages and methods."""
+    """Tell which rows belong to the given stages and methods."""
     return np.array([_belongs(key, stage_methods) for key in _keys(table, frame)], dtype=bool)
 
 
@@ -259,7 +259,7 @@ def _check_names(stage_methods: Sequence[str], tables: Mapping[str, pd.DataFrame
 def _merged(
     name: str, old: pd.DataFrame, new: pd.DataFrame | None, stage_methods: Sequence[str]
 ) -> pd.DataFrame:
-    """Return the old rows that stay and the new ones, stage after stage."""
+    """Return the old rows that stay and the new rows, in the order of the stages."""
     parts = [old[~_mask(name, old, stage_methods)]]
     if new is not None:
         new = _typed(name, new)
@@ -276,7 +276,7 @@ def _merged(
 
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with its columns in order: text, counts and numbers (NaN: not known)."""
+    """Return a table with ordered columns of text, counts and numbers (NaN: not known)."""
     if set(frame.columns) != set(COLUMNS[name]) or len(frame.columns) != len(COLUMNS[name]):
         msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(frame.columns)}"
         raise ValueError(msg)
@@ -296,7 +296,7 @@ def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
 def _read_table(path: Path, problems: list[str]) -> pd.DataFrame:
     expected = COLUMNS[path.stem]
     empty = _typed(path.stem, pd.DataFrame(columns=list(expected), dtype=object))
-    if not path.is_file():  # of a pipe, reading would wait
+    if not path.is_file():  # reading a pipe would wait without end
         if path.exists():
             problems.append(f"{path}: is no regular file; remove it and run again")
         return empty
@@ -316,13 +316,13 @@ def _write(
     tables: Mapping[str, pd.DataFrame],
     summary: Mapping[str, Mapping[str, object]],
 ) -> None:
-    """Write every file, all of them in full before the first takes its place."""
+    """Write all files completely before the first one is replaced."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         new = Path(temporary)
         for name, frame in tables.items():
             cells = frame.to_csv(index=False, lineterminator="\n")
-            if "\r" in cells:  # it would end a row that is not in quotes
+            if "\r" in cells:  # without quotes it would end a row
                 cells = frame.to_csv(index=False, lineterminator="\n", quoting=QUOTE_NONNUMERIC)
             (new / f"{name}.csv").write_text(cells, encoding="utf-8", newline="")
         text = json.dumps(
@@ -334,7 +334,7 @@ def _write(
 
 
 def _plain(value: object) -> object:
-    """Return a value as JSON has it; a number that is not finite is null."""
+    """Return a value for JSON; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

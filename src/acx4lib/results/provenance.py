@@ -1,9 +1,8 @@
 """What a run was made from: its flight's tables, kept in the results, and the software.
 
-A results folder holds a copy of every table that was read, in ``flight/``, and provenance.json,
-which gives the SHA-256 of each of them and, for every stage, the versions it ran with and the
-state of the flight that it saw. Nothing in them says when and where, so that two runs of one
-flight are equal byte for byte.
+A results folder has a copy of every table that was read, in ``flight/``, and provenance.json. This
+file has the SHA-256 of every table and, for every stage, the versions of the software and the
+digest of the flight. It has no date and no place, so two runs of one flight give equal bytes.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, is_below, written
 
 KEPT = "flight"
-"""Folder of the copies, in the results."""
+"""Folder of the copies in the results."""
 
 FILE = "provenance.json"
 
@@ -34,15 +33,15 @@ PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """What a results folder says of its making.
+    """The origin of the results in a folder.
 
     Attributes
     ----------
     files : dict of str to str
-        SHA-256 of every table of the flight, by its name below the flight's folder.
+        SHA-256 of every table of the flight, by its path below the flight's folder.
     stages : dict of str to dict
-        For every stage that ran ``flight``, the digest of all these tables as the stage saw
-        them, and ``versions`` by package.
+        For every stage that was run: ``flight``, the digest of the tables that it used, and
+        ``versions`` by package.
     """
 
     files: Mapping[str, str]
@@ -50,12 +49,12 @@ class Provenance:
 
     @property
     def digest(self) -> str:
-        """One SHA-256 over the names and checksums of all tables."""
+        """SHA-256 of the names and checksums of all tables together."""
         return digest(self.files)
 
 
 def digest(files: Mapping[str, str]) -> str:
-    """Return one SHA-256 over the names and checksums of files, in the order of their names."""
+    """Return one SHA-256 of the names and checksums of files, in the order of the names."""
     lines = "".join(f"{files[name]}  {name}\n" for name in sorted(files))
     return hashlib.sha256(lines.encode()).hexdigest()
 
@@ -72,19 +71,19 @@ def versions() -> dict[str, str]:
 
 
 def keep(own: OwnFolder, flight: Flight) -> None:
-    """Copy the tables of a flight into the results, in place of those of an earlier run.
+    """Copy the tables of a flight into the results, replacing those of an earlier run.
 
     Parameters
     ----------
     own : OwnFolder
-        Of the results.
+        The results folder.
     flight : Flight
-        As it was read and checked.
+        The flight, read and checked.
 
     Raises
     ------
     FlightError
-        Where a table is no longer what was read.
+        Where a table was changed after it was read.
     """
     names = [name.as_posix() for name in table_files(flight)]
     before = _read(own.path)
@@ -107,26 +106,26 @@ def keep(own: OwnFolder, flight: Flight) -> None:
 
 
 def stamp(folder: Path, stage: str) -> None:
-    """Note that a stage ran, on the flight that is kept and with the software of now."""
+    """Record that a stage was run with the kept flight and the present software."""
     before = _read(folder)
     entry = {"flight": before.digest, "versions": versions()}
     _write(folder, Provenance(files=before.files, stages={**before.stages, stage: entry}))
 
 
 def forget(folder: Path, stages: Sequence[str]) -> None:
-    """Take stages out whose results are removed."""
+    """Remove stages whose results are removed."""
     before = _read(folder)
     left = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
     _write(folder, Provenance(files=before.files, stages=left))
 
 
 def read(folder: Path) -> Provenance:
-    """Read what a results folder says of its making, and compare the kept tables with it.
+    """Read the provenance of a results folder, and compare the kept tables with it.
 
     Raises
     ------
     FlightError
-        Where a run of an earlier version left the folder, or a kept table was changed.
+        Where the folder was made by an earlier version, or a kept table was changed.
     """
     found = _read(folder)
     if not found.files:
@@ -161,7 +160,7 @@ def _read(folder: Path) -> Provenance:
 
 
 def _is_sound(found: Provenance) -> bool:
-    """Tell whether names stay below the folder, and everything has its kind."""
+    """Tell whether all names are below the folder and all values have their types."""
     texts: list[object] = [*found.files.values()]
     for stage in found.stages.values():
         versions = stage.get("versions") if isinstance(stage, dict) else None

@@ -1,4 +1,4 @@
-"""Calibrations and heads as a results folder has them, read back for the stages that follow."""
+"""Calibrations and orientations of heads, read back from a results folder for later stages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from acx4lib.results.rows import RELATIVE, joint_names
 def read_relative_orientation(
     found: folder.Results, stage_method: str, cameras: Mapping[str, Camera]
 ) -> RelativeOrientation:
-    """Return the heads as a results folder has them.
+    """Return the relative orientation of the heads in a results folder.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def read_relative_orientation(
     stage_method : str
         ``heads/relative_orientation`` or ``synthetic/refined``.
     cameras : mapping of str to Camera
-        As the flight declares them.
+        The cameras declared by the flight.
 
     Raises
     ------
     FlightError
-        Where the folder does not have them.
+        Where the folder does not have the heads.
     """
     names = folder.cameras(found, stage_method)
     values = np.array(
@@ -56,7 +56,7 @@ def read_relative_orientation(
 
 
 def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Camera:
-    """Return a declared camera with what a method estimated of it."""
+    """Return a declared camera with the parameters that a method estimated."""
     listed = folder.rows(found, "parameters", stage_method)
     mine = listed[listed["camera"] == camera.name]
     values = dict(zip(mine["parameter"], mine["value"], strict=True))
@@ -80,7 +80,7 @@ def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Came
 def read_calibration(
     found: folder.Results, stage_method: str, cameras: Sequence[Camera]
 ) -> Calibration:
-    """Return a calibration as a results folder has it.
+    """Return a calibration from a results folder.
 
     The inverse of `rows.calibration_tables`.
 
@@ -89,8 +89,8 @@ def read_calibration(
     found : Results
     stage_method : str
     cameras : sequence of Camera
-        As the flight declares them; what has no row keeps the declared value. Others that the
-        method calibrated as well are left out.
+        The cameras declared by the flight; parameters without a row keep the declared value.
+        Other cameras of the method are left out.
 
     Raises
     ------
@@ -126,10 +126,10 @@ def read_calibration(
 
 
 def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibration]:
-    """Return the calibrations to validate a flight with, by method.
+    """Return the calibrations for the validation of a flight, by method.
 
-    Where the flight has no calibration block, the cameras as it gives them (method ``given``);
-    a method with a parameter that is not determined is left out.
+    A method with a parameter that is not determined is left out. For a flight without a
+    calibration block, the method is ``given``: the declared cameras.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibra
 
 
 def calibrated_methods(found: folder.Results) -> tuple[str, ...]:
-    """Return the methods of the mounting stage all of whose parameters are determined."""
+    """Return the methods of the mounting stage that determined all their parameters."""
     said = {method: found.summary.get(f"mounting/{method}", {}) for method in METHODS}
     return tuple(
         method

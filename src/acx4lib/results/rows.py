@@ -1,4 +1,4 @@
-"""Rows of a results folder, made of what the stages computed."""
+"""Rows of a results folder, made from the results of the stages."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ COMPONENTS = {
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
 }
-"""Components of the residuals of every kind; attitudes turn about the body's x, y, z axes."""
+"""Components of the residuals of every kind; attitudes are about the body's x, y, z axes."""
 
 RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
-"""Names of a head's relative orientation, in its order."""
+"""Names of the parameters of a head's relative orientation, in their order."""
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -53,7 +53,7 @@ def bundle_tables(
     stage, method : str
     bundle : Bundle
     calibration : Calibration
-        What the method says of the cameras.
+        The cameras calibrated by the method.
     """
     block = bundle.network.block
     parameter_tables = calibration_tables(stage, method, calibration)
@@ -73,7 +73,7 @@ def bundle_tables(
 def calibration_tables(
     stage: str, method: str, calibration: Calibration
 ) -> dict[str, pd.DataFrame]:
-    """Return the parameters that are determined, and their covariance."""
+    """Return the tables of the determined parameters and of their covariance."""
     keep = np.flatnonzero(is_determined(calibration))
     listed = [parameters(calibration)[i] for i in keep]
     cov = reported_covariance(calibration)[np.ix_(keep, keep)]
@@ -83,7 +83,7 @@ def calibration_tables(
 def _with_gnss(
     stage: str, method: str, bundle: Bundle, calibration: Calibration
 ) -> dict[str, pd.DataFrame]:
-    """Return the same with the shift and the drifts of GNSS positions."""
+    """Return the same tables with the shift and the drifts of GNSS positions."""
     told = np.concatenate([is_determined(calibration), gnss_shift.is_determined(bundle)])
     everything = [*parameters(calibration), *gnss_shift.parameters(bundle)]
     keep = np.flatnonzero(told)
@@ -132,14 +132,14 @@ def _exterior_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
 def exterior_table(
     stage: str, method: str, block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array
 ) -> pd.DataFrame:
-    """Return camera poses against the grid with their standard deviations.
+    """Return camera poses relative to the grid, with their standard deviations.
 
     Parameters
     ----------
     stage, method : str
     block : Block
     names : sequence of str
-        Of the images.
+        Names of the images.
     T_m_c : Pose
     cov : ndarray, shape (n, 6, 6)
         Position in m, mapping frame; rotation about the camera's axes, radians.
@@ -186,7 +186,7 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
 
 
 def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
-    """Return the names of image or exposure, and of the point, of every row of a group."""
+    """Return for every row of a group the names of its image or exposure, and of its point."""
     points = np.array(network.block.points, dtype=object)
     if kind == "image_point":
         images = np.array(network.block.images.names, dtype=object)
@@ -207,7 +207,7 @@ def rejected_table(
     *,
     pose_names: Sequence[str],
 ) -> pd.DataFrame:
-    """Return every observation that was taken out as a gross error."""
+    """Return a row for every observation that was rejected as a gross error."""
     rows = []
     for r in rejected:
         where, point, what = "", "", "measurement"
@@ -216,7 +216,7 @@ def rejected_table(
             point = block.points[block.image_points.point_idx[r.row]]
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
-            what = (*COMPONENTS["control_point"], "position")[r.component]  # the last for -1
+            what = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"
@@ -272,7 +272,7 @@ def orientation_tables(
 
 
 def orientation_parameters(orientation: RelativeOrientation) -> list[Parameter]:
-    """Return the places (mm) and angles (degrees) of all heads as results report them."""
+    """Return the positions (mm) and angles (degrees) of all heads as results report them."""
     values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
     sigma = orientation.sigma * np.repeat([1.0, np.degrees(1.0)], 3)
     return [
@@ -290,7 +290,7 @@ def orientation_parameters(orientation: RelativeOrientation) -> list[Parameter]:
 
 
 def joint_names(heads: Sequence[str], angles: Array) -> tuple[list[str], Array]:
-    """Return the names in the order of `RelativeOrientation.cov_joint` and their unit factors."""
+    """Return names in the order of `RelativeOrientation.cov_joint`, and factors to their units."""
     names = [f"{head}/{name}" for head in heads for name in RELATIVE]
     interior = [f"{head}/{REPORTED[key][0]}" for head in heads for key in INTERIOR]
     return names + interior, np.concatenate([np.tile(angles, len(heads)), np.ones(len(interior))])

@@ -1,4 +1,4 @@
-"""What summary.json may say of a stage or method, and what it must: checked when it is read."""
+"""Allowed and required entries of summary.json, checked when it is read."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _WORDS: Mapping[str, tuple[str, ...]] = {
 
 
 def _classes(value: Any) -> bool:
-    """Tell whether every standard has its classes as words."""
+    """Tell whether the classes of every standard are texts."""
     if not _by_name(_is_object)(value):
         return False
     of_scales = value.get("pec_pcd", {}).values()
@@ -90,20 +90,20 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),
 }
-"""What is known by name; whatever else is there is not read."""
+"""Tests of the known entries by name, each with what it expects; others are not read."""
 
 _ADJUSTED = ("n_observations", "n_unknowns", "redundancy", "n_rejected", "chi_square_p")
 _VALIDATED = (*_OF_PAIRS, "mean", "std", "rms", "points")
 
 
 def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
-    """Read summary.json, of which nothing is there where it is not.
+    """Read summary.json; a missing file counts as empty.
 
     Parameters
     ----------
     path : Path
     problems : list of str
-        Gets a line for each thing that is wrong.
+        A line for each thing that is wrong is added to it.
     """
     if not path.is_file():
         if path.exists():
@@ -123,12 +123,12 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
 
 
 def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:
-    """Yield what is wrong with the objects of a summary, a line for each.
+    """Yield a line for each thing that is wrong with the objects of a summary.
 
     Parameters
     ----------
     summary : mapping
-        As it was read from JSON, by ``stage/method``.
+        Objects read from JSON, by ``stage/method``.
     """
     for name, entry in summary.items():
         if not isinstance(entry, dict):
@@ -143,7 +143,7 @@ def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:
 
 
 def _required(name: str, entry: Mapping[str, object]) -> tuple[str, ...]:
-    """Return what an object must have: an adjustment by its variance, a validation by its pairs."""
+    """Return the required entries of an object, if it is an adjustment or a validation."""
     if name.startswith("validation/") and "n_points" in entry:
         return _VALIDATED
     sigma0_sq = entry.get("sigma0_squared")

@@ -1,4 +1,4 @@
-"""Turns what the validation computed into the rows of a results folder."""
+"""Records of the validations for a results folder."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out
 from acx4lib.results.rows import exterior_table, point_table, rejected_table
 
 MANY = 0.1
-"""Share of rejected measurements beyond which they are no gross errors."""
+"""Share of rejected measurements above which these are not single gross errors."""
 
 
 def of_validations(validations: Sequence[Validation]) -> list[Record]:
-    """Return the records of all methods' validations; without any, one that says why."""
+    """Return the records of all validations; without any, one record with the reason."""
     if not validations:
         reason = "no method has all its parameters determined"
         return [of_left_out("validation", "all", reason)]
@@ -29,7 +29,7 @@ def of_validations(validations: Sequence[Validation]) -> list[Record]:
 
 
 def of_validation(validation: Validation) -> Record:
-    """Return all rows of one method's validation."""
+    """Return the record of one method's validation."""
     method, block = validation.method, validation.block
     points = validation.points
     names = [block.points[block.check.point_idx[i]] for i in points.point_idx]
@@ -47,7 +47,7 @@ def of_validation(validation: Validation) -> Record:
         "rejected": rejected_table(
             "validation",
             method,
-            replace(block, control=block.check, check=block.control),  # it rejects surveyed points
+            replace(block, control=block.check, check=block.control),  # rejected are check points
             validation.rejected,
             pose_names=block.trajectory.exposures,
         ),
@@ -103,7 +103,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
 
 
 def _notes(validation: Validation) -> Iterator[str]:
-    """Yield what a user should know: what spoils all points is no matter of single ones."""
+    """Yield warnings for the user: many rejections have a cause that affects all points."""
     n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
     n_measured = n_rejected + validation.n_observations // 2
     if n_rejected > MANY * n_measured:

@@ -1,4 +1,4 @@
-"""A flight's tables, its flight.toml and its truth."""
+"""The tables of a simulated flight."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ from acx4sim.fly import Track
 from acx4sim.observe import Sight
 from acx4sim.plan import BlockPlan, Options, Plan
 
-# A millionth of a pixel, a micrometre, and an angle that moves the ground by less.
+# A millionth of a pixel, a micrometre, and an angle that moves the ground by less than that.
 DECIMALS = {"px": 6, "m": 6, "deg": 10, "s": 3}
 _LAT_LON_DECIMALS = 12
 
@@ -38,14 +38,14 @@ def images(block: BlockPlan, track: Track) -> pd.DataFrame:
 
 
 def grid_attitude_deg(plan: Plan, track: Track) -> Array:
-    """Compute omega, phi, kappa of the body against the grid."""
+    """Compute omega, phi, kappa of the body relative to the grid, degrees."""
     grid = Grid(crs=plan.crs)
     gamma = grid.convergence(grid.geodetic_from_grid(track.x_g))
     return np.degrees(opk_from_attitude(track.R_enu_b, gamma))
 
 
 def trajectory(plan: Plan, track: Track) -> pd.DataFrame:
-    """Tabulate a trajectory in the form that the plan asks for."""
+    """Tabulate a trajectory in the form that the plan has."""
     if plan.angles == "grid":
         names = "east_m north_m height_m omega_deg phi_deg kappa_deg"
         values = np.column_stack([track.x_g, grid_attitude_deg(plan, track)])
@@ -63,7 +63,7 @@ def trajectory(plan: Plan, track: Track) -> pd.DataFrame:
 def control_points(
     plan: Plan, names: list[str], x_g: Array, options: Options, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Survey points: true coordinates plus noise."""
+    """Tabulate surveyed points: true coordinates plus noise."""
     sigma = np.array(plan.noise.control_m)
     survey = x_g + options.control_noise * sigma * rng.standard_normal(x_g.shape)
     table = pd.DataFrame(survey, columns=["east_m", "north_m", "height_m"])
@@ -83,9 +83,9 @@ def image_points(
     image_names : Series
         Names of the images, exposure by exposure.
     points : DataFrame
-        Columns point, noise_px and, where it is to be written, sigma_px.
+        Columns point, noise_px and, if it must be written, sigma_px.
     sight : Sight
-        Where the points are seen.
+        Positions of the points in the images.
     rng : Generator
         Random numbers.
     """

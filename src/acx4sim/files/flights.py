@@ -1,4 +1,4 @@
-"""A flight from its plan: fly, look, measure, write down."""
+"""A flight from its plan: it is flown, points are projected and measured, tables are made."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from acx4sim.plan import BlockPlan, Options, Plan
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedFlight:
-    """A flight that was never flown.
+    """A simulated flight: its tables, its truth and its pictures.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class SimulatedFlight:
     truth : dict
         True values, for JSON.
     plan : Plan
-        What was flown.
+        The plan that was flown.
     seed : int
-        Of its random numbers.
+        Seed of its random numbers.
     photography : Photography, optional
-        The pictures to be taken.
+        Pictures to take.
     """
 
     name: str
@@ -55,8 +55,8 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
     Raises
     ------
     ValueError
-        On a seed that is negative or no whole number, a block that the plan does not have, or
-        more tie points than it sees.
+        For a seed that is negative or no whole number, a block that is not in the plan, or more
+        tie points than a block sees.
     """
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool):
         msg = f"seed must be a whole number, got {seed!r}"
@@ -115,23 +115,23 @@ def photograph(
     exposures : sequence of str
         Their names, of any block.
     reduce : int
-        The pictures are 1/reduce of the size, over the middle of the sensors.
+        The pictures have 1/reduce of the size, and cover the middle of the sensors.
     photo : str or Path, optional
-        File with a picture to lie on the ground, mirrored beyond its edges, one of its pixels
-        every 12.5 cm; the procedural landscape without.
+        File with a picture of the ground, with pixels of 12.5 cm, mirrored beyond its edges; by
+        default the ground is the procedural landscape.
 
     Returns
     -------
     SimulatedFlight
-        images.csv names the files; the truth has the responses of the cameras.
+        Its images.csv has the names of the files; its truth has the responses of the cameras.
 
     Raises
     ------
     ValueError
-        Where the flight has no such exposure, none is named or a text is given for their names,
-        or `reduce` leaves no pixel.
+        For an unknown exposure, for no names or a text instead of names, or where `reduce` leaves
+        no pixel.
     OSError
-        Where the photo is not there or cannot be read.
+        Where the photo does not exist or cannot be read.
     """
     if isinstance(exposures, str):
         msg = f"exposures must be a sequence of names, got {exposures!r}"
@@ -161,7 +161,7 @@ def _with_files(
 
 
 def _as_asked(plan: Plan, options: Options) -> Plan:
-    """Keep the blocks asked for, with as many tie points, and with the air, as asked for."""
+    """Return the plan with the blocks, the tie points and the refraction of the options."""
     wanted = tuple(plan.blocks) if options.blocks is None else options.blocks
     unknown = sorted({*wanted, *options.tie_points} - set(plan.blocks))
     if unknown or not wanted:
@@ -216,7 +216,7 @@ def _pointing(
     options: Options,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Say how well every point can be pointed at."""
+    """Return the standard deviation of measuring each point."""
     sigma = np.full(len(surveyed) + n_ties, plan.noise.image_px)
     if len(block.targets):
         low, high = plan.noise.target_px

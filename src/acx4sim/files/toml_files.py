@@ -10,7 +10,7 @@ from acx4sim.fly import Track
 from acx4sim.plan import Options, Plan
 
 MADE_BY = "acx4 simulate"
-"""Whose a truth is; the command looks for it before it replaces one."""
+"""The maker of a truth; the command looks for it before it replaces one."""
 
 NOTE = (
     "True values. Cameras: boresight is omega, phi, kappa of eq. (6), camera to body; the lever "
@@ -28,7 +28,7 @@ _HEADS_NOTE = (
 
 
 def flight_toml(plan: Plan, options: Options) -> str:
-    """Write flight.toml: the sensors, approximations, and true standard deviations."""
+    """Return the text of flight.toml: sensors, approximate values, true standard deviations."""
     lines = [f'name = "{plan.title}"', f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
     if plan.refraction != "none":
         lines.append(f'refraction = "{plan.refraction}"')
@@ -69,12 +69,12 @@ def truth(
     tracks: Mapping[str, Track],
     points: Mapping[str, Array],
 ) -> dict[str, Any]:
-    """Collect what is true, in values that JSON can hold.
+    """Return the true values, for JSON.
 
     Parameters
     ----------
     plan, seed, options : Plan, int, Options
-        What was asked for.
+        Plan, seed and options of the flight.
     tracks : mapping of str to Track
         True body frames by block.
     points : mapping of str to ndarray, shape (3,)

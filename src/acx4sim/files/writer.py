@@ -9,11 +9,11 @@ from acx4sim.files.toml_files import MADE_BY
 from acx4sim.pictures.photography import Tell, take
 
 TRUTH_MARK = f'"made_by": "{MADE_BY}"'.encode()
-"""Stands at the beginning of every truth."""
+"""Text at the beginning of every truth."""
 
 
 def truth_path(folder: str | Path) -> Path:
-    """Return where the truth of a flight lies: beside its folder, never inside."""
+    """Return the path of a flight's truth: beside its folder, never inside."""
     folder = Path(folder)
     return folder.with_name(f"{folder.name}.truth.json")
 
@@ -21,21 +21,21 @@ def truth_path(folder: str | Path) -> Path:
 def write(flight: SimulatedFlight, folder: str | Path, *, tell: Tell = lambda *_: None) -> None:
     """Write a flight folder with its pictures and, beside it, its truth.
 
-    The folder appears whole or not at all.
+    The folder appears complete or not at all.
 
     Parameters
     ----------
     flight : SimulatedFlight
         The flight.
     folder : str or Path
-        Where to; it must not exist, or be empty.
+        Folder to write; it must not exist, or be empty.
     tell : callable
-        Is told the name of a picture, and how many of its rows are done, of how many.
+        Called with the name of a picture, its number of finished rows, and of all rows.
 
     Raises
     ------
     FileExistsError
-        Where something is there already.
+        Where the folder or the truth exists already.
     """
     folder = Path(folder).resolve()
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):

@@ -1,19 +1,19 @@
-"""Rays through the air: the simulator's own refraction, by Snell's law over level layers."""
+"""Rays through the air: the simulator's own refraction, by Snell's law in horizontal layers."""
 
 import numpy as np
 
 from acx4sim.earth import Array
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)  # the air is smooth: more change nothing
-_STEEPEST = 10.0  # tangent of the angle off the vertical beyond which nobody measures
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)  # enough, as the air is smooth
+_STEEPEST = 10.0  # tangent of the largest angle from the vertical that is used
 _STEPS = 3
 
 
 def refractivity(height_m: Array) -> Array:
     """Compute n - 1 for green light in the ICAO standard atmosphere's troposphere.
 
-    Barrell and Sears' dispersion at 0 C and 1013.25 hPa, for 0.56 micrometres, reduced by the
-    law of gases to the standard temperature and pressure at the height.
+    Dispersion by Barrell and Sears at 0 C and 1013.25 hPa, for 0.56 micrometres, converted by
+    the gas law to the standard temperature and pressure at the height.
     """
     normal = (2876.04 + 16.288 / 0.56**2 + 0.136 / 0.56**4) * 1e-7
     kelvin = 288.15 - 0.0065 * height_m
@@ -22,11 +22,11 @@ def refractivity(height_m: Array) -> Array:
 
 
 def bent(ray: Array, up: Array, ground_m: Array) -> Array:
-    """Turn straight rays to points into the directions from which their light comes.
+    """Return the directions from which the light of points comes, given straight rays to them.
 
-    n sin(angle off the vertical) is constant along a ray. Its angle at the camera is the one
-    whose path, integrated through the layers, ends at the point. Valid up to 84 degrees off the
-    vertical; rays beyond that, and upward, stay as they are.
+    n sin(angle from the vertical) is constant along a ray. The angle at the camera is found such
+    that the path, integrated through the layers, ends at the point. Valid up to 84 degrees from
+    the vertical; rays beyond that and rays upward do not change.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def bent(ray: Array, up: Array, ground_m: Array) -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
-        As long, vertically, as the straight ray.
+        With the same vertical component as the straight ray.
     """
     drop = -np.sum(ray * up, axis=-1)
     aside = ray + drop[..., None] * up
@@ -54,7 +54,7 @@ def bent(ray: Array, up: Array, ground_m: Array) -> Array:
 
 
 def _stretch(distance: Array, drop: Array, ground_m: Array) -> Array:
-    """Compute by how much farther a point seems to stand from the camera's vertical."""
+    """Compute how much farther from the camera's vertical a point appears to be, as a factor."""
     heights = ground_m[:, None] + drop[:, None] * (_NODES + 1) / 2
     at_camera = 1 + refractivity(ground_m + drop)
     ratio = at_camera[:, None] / (1 + refractivity(heights))

@@ -1,7 +1,7 @@
-"""The four heads of the simulated system as they truly are.
+"""The true parameters of the four heads of the simulated system.
 
-The paper prints what an adjustment with f held at 74 mm gives (Table 1), not what the heads
-are. The simulator needs the latter.
+The paper prints results of an adjustment with f held at 74 mm (Table 1), not the true
+parameters. The simulator needs the true ones.
 """
 
 from collections.abc import Mapping
@@ -21,13 +21,13 @@ HEAD_ANGLES_DEG = MappingProxyType(
 
 # True f, xp, yp, k1, p1, p2 (mm, mm^-2, mm^-1) and lever arm (m, forward, left, up).
 #
-# With f held at 74 a head seems 74/f as far away as it is, so that Table 1's Zc says, to first
-# order, f_1 / f_h = 1 + (Zc_h - 74) / 74. Table 1 does not say f_1: with 74.136 the largest and the
-# smallest f lie equally far from 74, where terrain strains the adjustment least. A wrong f in
-# a head that looks aside also shifts its x_p and y_p (by up to 0.04 mm here) and turns it (by up
-# to 0.03 deg). These constants are such that an adjustment of exact data of seed 1 gives Table
-# 1's x_p, y_p, k1, p1, p2 and Zc; tests/support/flights/find_head_truth.py found them. The lens
-# centres sit in a square of 16 cm around the synthetic camera's.
+# With f held at 74 mm, the distance of a head from the ground appears 74/f times as large as it
+# is. Hence, to first order, Zc of Table 1 gives f_1 / f_h = 1 + (Zc_h - 74) / 74. Table 1 does not
+# give f_1. With 74.136 the largest and the smallest f differ equally from 74; then terrain causes
+# the smallest misfit. A wrong f in an oblique head also shifts its x_p and y_p (by up to 0.04 mm
+# here) and turns it (by up to 0.03 deg). With these constants an adjustment of exact data of seed
+# 1 gives x_p, y_p, k1, p1, p2 and Zc of Table 1; tests/support/flights/find_head_truth.py found
+# them. The lens centres form a square of 16 cm around that of the synthetic camera.
 HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] = MappingProxyType(
     {
         "CAM1": (
@@ -79,7 +79,7 @@ HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] =
 
 
 def head(name: str) -> Camera:
-    """Build one head; the synthetic frame is the body frame, its mount_* being zero."""
+    """Return one head; the synthetic frame is the body frame, as its mount_* are zero."""
     (f, xp, yp, k1, p1, p2), lever = HEAD_TRUTH[name]
     return Camera(
         width_px=8984,

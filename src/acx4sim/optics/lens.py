@@ -1,7 +1,7 @@
 """The simulator's own cameras: from a point in the camera frame to a pixel.
 
-Brown's correction is a function of the measured point, so that going from the object to the
-image means finding its root; Newton's method does.
+Brown's correction is a function of the measured point. Therefore the way from the object to the
+image is the root of an equation, found by Newton's method.
 """
 
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from acx4sim.earth import Array, BoolArray
 
 _TOLERANCE = 1e-13  # mm
 _MAX_STEPS = 20
-_REACH = 1.5  # mm by which distortion and principal point may carry a point into the sensor
+_REACH = 1.5  # mm; largest shift by distortion and principal point onto the sensor
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A camera as it truly is, and how it sits on the IMU.
+    """The true parameters of a camera and of its mounting on the IMU.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Camera:
 
 
 def correction(camera: Camera, xy: Array) -> tuple[Array, Array]:
-    """Compute what is to be taken off a measured point, and its derivatives.
+    """Compute the correction to subtract from a measured point, and its derivatives.
 
     Parameters
     ----------
@@ -88,9 +88,9 @@ def correction(camera: Camera, xy: Array) -> tuple[Array, Array]:
 
 
 def measured_from_ideal(camera: Camera, ideal: Array) -> Array:
-    """Find the points whose corrected places are given.
+    """Find the measured points of given corrected points.
 
-    Valid where the correction grows slower than the radius.
+    Valid where the correction grows more slowly than the radius.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def measured_from_ideal(camera: Camera, ideal: Array) -> Array:
     Raises
     ------
     ValueError
-        Where the root is not found to 1e-13 mm, or so.
+        Where the root is not found to about 1e-13 mm.
     """
     xy = ideal.copy()
     for _ in range(_MAX_STEPS):
@@ -132,7 +132,7 @@ def colrow_from_image(camera: Camera, xy: Array) -> Array:
 
 
 def inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
-    """Tell which pixel coordinates lie on the sensor, `margin_px` away from its edge."""
+    """Tell which pixel coordinates lie on the sensor, at least `margin_px` from its edge."""
     low = margin_px - 0.5
     high = np.array([camera.width_px, camera.height_px]) - 0.5 - margin_px
     on_sensor: BoolArray = np.all((colrow >= low) & (colrow <= high), axis=-1)
@@ -152,7 +152,7 @@ def project(camera: Camera, x_c: Array) -> Array:
     Returns
     -------
     colrow : ndarray, shape (..., 2)
-        Pixel coordinates; NaN behind the camera and well off the sensor.
+        Pixel coordinates; NaN behind the camera and far outside the sensor.
     """
     colrow = np.full((*x_c.shape[:-1], 2), np.nan)
     ahead = x_c[..., 2] < 0

@@ -1,7 +1,7 @@
-"""From the pixels of a camera to the ground and back, exactly.
+"""Exact projection from the pixels of a camera to the ground and back.
 
-The one point of a ray is sought where it meets the hills: through lens, mount, attitude and, if
-the flight has any, the air.
+A ray is followed through lens, mounting, attitude and, if the flight has refraction, the air, to
+the point where it meets the hills.
 """
 
 from dataclasses import dataclass, replace
@@ -17,12 +17,12 @@ from acx4sim.plan import BlockPlan, Plan
 
 _MAX_STEPS = 40
 _GAP_M = 1e-7
-_AIR_STEPS = 3  # each takes off four digits
+_AIR_STEPS = 3  # each adds four correct digits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Station:
-    """Where the aircraft truly was at one exposure, and the ground under it.
+    """The true pose of the aircraft at one exposure, and the ground under it.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Station:
     marks_g : ndarray, shape (n, 3)
         True east, north, height of the block's surveyed points, m; they lie on the ground.
     latitude : float
-        At which `earth.terrain_height` measures, rad, so that they do.
+        Latitude for `earth.terrain_height`, rad, with which these points lie on the ground.
     """
 
     plan: Plan
@@ -56,7 +56,7 @@ class Station:
 
 
 def station(plan: Plan, exposure: str, *, seed: int = 1) -> Station:
-    """Return where a flight's exposure was made, without simulating the flight.
+    """Return the station of a flight's exposure, without simulating the flight.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def station(plan: Plan, exposure: str, *, seed: int = 1) -> Station:
     exposure : str
         Name of the exposure, for instance ``H3-04``.
     seed : int
-        Of the flight.
+        Seed of the flight.
 
     Raises
     ------
     ValueError
-        Where the plan has no such exposure; some that it has are named.
+        Where the plan has no such exposure; the message names some that it has.
     """
     some = []
     for name, block in plan.blocks.items():
@@ -102,7 +102,7 @@ def _marks(plan: Plan, block: BlockPlan) -> Array:
 
 
 def reduced(camera: Camera, k: int) -> Camera:
-    """Return the camera of an image at 1/k of the size, over the middle of the sensor.
+    """Return the camera of an image at 1/k of the size, which covers the middle of the sensor.
 
     Raises
     ------
@@ -121,22 +121,22 @@ def reduced(camera: Camera, k: int) -> Camera:
 
 
 def ground_from_pixels(at: Station, camera: Camera, colrow: Array) -> Array:
-    """Find the ground that pixels see.
+    """Find the ground points that pixels see.
 
     Parameters
     ----------
     at : Station
         The exposure.
     camera : Camera
-        Any camera on the IMU: lens, boresight and lever arm are its own.
+        Any camera on the IMU, with its lens, boresight and lever arm.
     colrow : ndarray, shape (n, 2)
-        Pixels; they may lie off the sensor.
+        Pixels; they may lie outside the sensor.
 
     Returns
     -------
     x_g : ndarray, shape (n, 3)
-        East, north and ellipsoidal height of the true ground, m, to 1e-6; NaN where a ray does
-        not come down.
+        East, north and ellipsoidal height of the true ground, m, with errors below 1e-6; NaN
+        where a ray does not reach the ground.
     """
     grid = Grid(crs=at.plan.crs)
     r_e_c, R_e_c = poses_in_ecef(grid, at.track, camera.boresight_deg, np.array(camera.lever_m))
@@ -152,7 +152,7 @@ def ground_from_pixels(at: Station, camera: Camera, colrow: Array) -> Array:
 
 
 def _rays(camera: Camera, colrow: Array) -> Array:
-    """Return unit vectors in the camera frame; eqs (1) and (2) from left to right."""
+    """Return unit vectors in the camera frame, from the left sides of eqs (1) and (2)."""
     pixel = camera.pixel_um / 1000
     x = (colrow[:, 0] - (camera.width_px - 1) / 2) * pixel - camera.xp_mm
     y = ((camera.height_px - 1) / 2 - colrow[:, 1]) * pixel - camera.yp_mm
@@ -196,7 +196,7 @@ def pixels_from_ground(at: Station, camera: Camera, x_g: Array) -> Array:
     Returns
     -------
     colrow : ndarray, shape (n, 2)
-        Pixels; NaN well off the sensor.
+        Pixels; NaN far outside the sensor.
     """
     grid = Grid(crs=at.plan.crs)
     r_e_c, R_e_c = poses_in_ecef(grid, at.track, camera.boresight_deg, np.array(camera.lever_m))

@@ -1,4 +1,4 @@
-"""Pictures that a simulated flight brings home."""
+"""Pictures taken on a simulated flight."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,18 +27,18 @@ class _StoppedError(Exception):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photography:
-    """Which exposures of a flight get pictures, and of what.
+    """The exposures of a flight with pictures, and the ground that they show.
 
     Attributes
     ----------
     stations : tuple of Station
         The exposures.
     reduce : int
-        The pictures are 1/reduce of the size.
+        The pictures have 1/reduce of the size.
     photo : Photo, optional
-        On the ground; the procedural landscape without.
+        Photograph on the ground; by default it is the procedural landscape.
     seed : int
-        Of the flight.
+        Seed of the flight.
     """
 
     stations: tuple[Station, ...]
@@ -56,7 +56,7 @@ class Photography:
 
 
 def image_name(at: Station, camera: str) -> str:
-    """Return the name that images.csv gives the image of a camera."""
+    """Return the name of a camera's image in images.csv."""
     return f"{at.exposure}_{camera}" if len(at.cameras) > 1 else at.exposure
 
 
@@ -70,7 +70,7 @@ def order(
     ValueError
         Where the plan has no such exposure, none is named, or `reduce` leaves no pixel.
     OSError
-        Where the photo is not there or cannot be read.
+        Where the photo does not exist or cannot be read.
     """
     names = list(dict.fromkeys(exposures))
     if not names:
@@ -89,7 +89,7 @@ def order(
 
 
 def told(ordered: Photography) -> dict[str, Any]:
-    """Collect what is true of the pictures, in values that JSON can hold."""
+    """Return the true values of the pictures, for JSON."""
     cameras = dict.fromkeys(camera for _, _, camera in ordered.orders())
     return {
         "note": (
@@ -110,11 +110,11 @@ def take(ordered: Photography, folder: Path, tell: Tell) -> None:
     Parameters
     ----------
     ordered : Photography
-        Which.
+        The pictures to take.
     folder : Path
-        Of the flight.
+        Folder of the flight.
     tell : callable
-        Is told the name of a picture, and how many of its parts are done, of how many.
+        Called with the name of a picture, its number of finished parts, and of all parts.
     """
     grounds = {at.block: Tiles(ground=_ground(ordered, at)) for at in ordered.stations}
     stop = Event()
@@ -141,7 +141,7 @@ def take(ordered: Photography, folder: Path, tell: Tell) -> None:
         try:
             for job in jobs:
                 job.result()
-        except BaseException:  # an interruption too: the other pictures need not be finished
+        except BaseException:  # also after an interruption the other pictures are not finished
             stop.set()
             pool.shutdown(cancel_futures=True)
             raise
@@ -154,14 +154,14 @@ def _ground(ordered: Photography, at: Station) -> Ground:
 
 
 def landscape(at: Station, *, seed: int = 1) -> Landscape:
-    """Return the procedural landscape of a block, its surveyed points painted on it.
+    """Return the procedural landscape of a block, with its surveyed points painted on it.
 
     Parameters
     ----------
     at : Station
         Any exposure of the block.
     seed : int
-        Another seed gives other noise, fields and houses.
+        Another seed gives different noise, fields and houses.
     """
     middle = at.plan.blocks[at.block].centre_m
     return Landscape(country=Country(seed=seed, middle=middle), marks=at.marks_g[:, :2])

@@ -1,8 +1,8 @@
-"""What a camera sees of the ground: pictures through the exact model.
+"""Pictures of the ground, taken by a camera with the exact model.
 
-The ground that a pixel sees is found exactly at nodes and between them by polynomials, a tile of
-the picture at a time; every pixel is the mean of 2 x 2 samples. The ground is a raster whose
-cells are about as large as a sample.
+Tile by tile, the ground points of the pixels are computed exactly at nodes and by polynomials
+between them. Every pixel is the mean of 2 x 2 samples. The ground is a raster with cells of about
+the size of a sample.
 """
 
 import threading
@@ -33,13 +33,13 @@ _BAND_COSINE = 0.03
 _NODES = 16  # per tile and axis
 _TILE_PX = 512
 _GROUND_TILE = 512
-_MARGIN = 4  # cells, for the values between them
+_MARGIN = 4  # cells, for interpolation
 _MIDDLE = np.array([3, -25, 150, 150, -25, 3], np.float32) / 256
 _ITSELF = np.ones(1, np.float32)
 
 
 class Ground(Protocol):
-    """What lies on the ground."""
+    """A ground that can be photographed."""
 
     def paint(self, window: GroundWindow) -> Picture:
         """Return the ground's DN in a window, shape (rows, cols, 3), red first."""
@@ -47,14 +47,14 @@ class Ground(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraResponse:
-    """How a camera's DN follow from the ground's.
+    """The dependence of a camera's DN on those of the ground.
 
     Attributes
     ----------
     gain : tuple of float
         Factor of every band.
     cosine : tuple of float
-        Power of the cosine of the angle off the axis by which light falls off, per band.
+        Per band, the power of cos(angle from the axis) with which the light decreases.
     """
 
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -76,16 +76,16 @@ def _three(values: Array) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tiles:
-    """A ground that is painted tile by tile, the same tiles for all who look.
+    """A ground painted in tiles, which all pictures share.
 
-    It remembers what was painted last; several threads may look at it.
+    It keeps the tiles used last; several threads may use it at the same time.
 
     Attributes
     ----------
     ground : Ground
         The painter.
     n_kept : int
-        Tiles to remember, of 1.6 MB.
+        Number of tiles to keep, of 1.6 MB each.
     """
 
     ground: Ground
@@ -140,7 +140,7 @@ def picture(
     noise: np.random.Generator | None = None,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> Picture:
-    """Take the picture that a camera would have taken at an exposure.
+    """Return the picture that a camera takes at an exposure.
 
     Parameters
     ----------
@@ -149,15 +149,15 @@ def picture(
     camera : Camera
         Any camera on the IMU, at full size.
     ground : Ground
-        What lies there; `Tiles` of it save time where several pictures show it.
+        The ground; `Tiles` of it save time where several pictures show it.
     reduce : int
-        The picture is 1/reduce of the size, over the middle of the sensor.
-    responds : Response, optional
-        Gain and vignetting; without, a pixel has the ground's DN.
+        The picture has 1/reduce of the size, and covers the middle of the sensor.
+    responds : CameraResponse, optional
+        Gain and vignetting; by default a pixel has the DN of the ground.
     noise : Generator, optional
-        Draws the shot noise, 0.5 sqrt(DN) in a pixel of full size; without, there is none.
+        It draws the shot noise, 0.5 sqrt(DN) in a pixel of full size; by default there is none.
     tell : callable
-        Is told how many rows of the picture are done, of how many.
+        Called with the number of finished rows of the picture, and of all rows.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def picture(
 
 
 def parts(at: Station, camera: Camera, ground: Ground) -> Iterator[tuple[slice, slice, FloatImage]]:
-    """Yield a picture in tiles: rows, columns and DN, neither response nor noise on them."""
+    """Yield a picture in tiles: rows, columns and DN, without response and noise."""
     ground = ground if isinstance(ground, Tiles) else Tiles(ground=ground)
     tile = _tile_size(camera)
     tops = np.arange(0, camera.height_px, tile)
@@ -194,14 +194,14 @@ def parts(at: Station, camera: Camera, ground: Ground) -> Iterator[tuple[slice, 
 
 
 def _tile_size(camera: Camera) -> int:
-    """Return the size of tiles: at most 1/18 of the field, so that polynomials follow hills."""
+    """Return the size of tiles: at most 1/18 of the field, so that polynomials can fit hills."""
     return min(_TILE_PX, max(16, -(-max(camera.width_px, camera.height_px) // 18)))
 
 
 def _ground_at_nodes(
     at: Station, camera: Camera, tops: NDArray[np.int64], lefts: NDArray[np.int64], tile: int
 ) -> Array:
-    """Return east and north, m, in the tiles' Chebyshev nodes: (n, nodes, n, nodes, 2)."""
+    """Return east and north, m, at the tiles' Chebyshev nodes: (n, nodes, n, nodes, 2)."""
     places = tile * (_chebyshev() + 1) / 2 - 0.5
     row, col = tops[:, None] + places, lefts[:, None] + places
     colrow = np.stack(np.meshgrid(col.ravel(), row.ravel()), axis=-1).reshape(-1, 2)
@@ -215,7 +215,7 @@ def _chebyshev() -> Array:
 
 @lru_cache(maxsize=64)
 def _weights(n: int, tile: int) -> Array:
-    """Return the weights of the nodes in the samples of a tile's first n pixels: (2 n, nodes)."""
+    """Return the weights of the nodes for the samples of a tile's first n pixels: (2 n, nodes)."""
     x = (np.arange(2 * n) + 0.5) / tile - 1
     k = np.arange(_NODES)
     node = np.cos(k[:, None] * np.arccos(_chebyshev()))
@@ -226,7 +226,7 @@ def _weights(n: int, tile: int) -> Array:
 
 
 def _level(nodes: Array, tile: int) -> int:
-    """Return the level whose cells are nearest to half a pixel in the middle of the picture."""
+    """Return the level with cells of nearly half a pixel in the middle of the picture."""
     middle = nodes[nodes.shape[0] // 2, :, nodes.shape[2] // 2]
     a, b = middle[-1, 0] - middle[0, -1], middle[-1, -1] - middle[0, 0]
     span = tile * np.cos(np.pi / 2 / _NODES)
@@ -254,7 +254,8 @@ def _with_middles(cells: Picture) -> Picture:
     """Insert a value between every two cells, by polynomials of the fifth degree.
 
     OpenCV's cubic and Lanczos interpolation shift a slope by up to 0.05 and 0.03 cells, its linear
-    one does not; on cells half as large it keeps what is four pixels wide to 0.001 pixels.
+    one does not. With cells of half the size, linear interpolation keeps structures of four pixels
+    to 0.001 pixels.
     """
     fine = np.empty((2 * cells.shape[0], 2 * cells.shape[1], 3), np.uint16)
     fine[::2, ::2] = cells
@@ -277,18 +278,18 @@ def _factor(responds: CameraResponse, camera: Camera, rows: slice, cols: slice) 
 def head_images(
     at: Station, ground: Ground, *, reduce: int = 1, seed: int = 1
 ) -> Mapping[str, Picture]:
-    """Take the pictures of all cameras that expose at a station, as a flight has them.
+    """Return the pictures of all cameras that expose at a station, as in the flight.
 
     Parameters
     ----------
     at : Station
         The exposure.
     ground : Ground
-        What lies there.
+        The ground.
     reduce : int
         As in `picture`.
     seed : int
-        Of the flight: draws responses and noise.
+        Seed of the flight, for responses and noise.
     """
     ground = Tiles(ground=ground)
     return {name: camera_image(at, name, ground, reduce=reduce, seed=seed) for name in at.cameras}
@@ -303,7 +304,7 @@ def camera_image(
     seed: int = 1,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> Picture:
-    """Take the picture of one camera of the flight, with its response and noise."""
+    """Return the picture of one camera of the flight, with its response and noise."""
     return picture(
         at,
         at.plan.cameras[name],

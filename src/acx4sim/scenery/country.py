@@ -1,4 +1,4 @@
-"""The lie of an invented country: its net of lanes, where water, woods and villages are."""
+"""The map of an invented country: its net of lanes, its water, woods and villages."""
 
 from dataclasses import dataclass
 
@@ -32,21 +32,21 @@ _RIVERS, _RIVER_M = 6500.0, 27.0
 
 @dataclass(frozen=True, kw_only=True)
 class Country:
-    """What is where.
+    """The positions of lanes, water, woods and villages.
 
     Attributes
     ----------
     seed : int
-        Another one gives other fields, houses, trees.
+        Another seed gives different fields, houses, trees.
     middle : tuple of float
-        East and north that the first lake, river and village lie around, m.
+        East and north of a point near which the first lake, river and village lie, m.
     """
 
     seed: int
     middle: tuple[float, float]
 
     def map_from_net(self, uv: Array) -> Array:
-        """Return east and north of places in the straight net, shape (..., 2), m."""
+        """Return east and north of positions in the straight net, shape (..., 2), m."""
         bent = uv.copy()
         for axis, a, b, amplitude, phase in _BENDS:
             bent[..., axis] += amplitude * np.sin(a * uv[..., 0] + b * uv[..., 1] + phase)
@@ -55,12 +55,12 @@ class Country:
         return np.stack([c * x - s * y, s * x + c * y], axis=-1) + self.middle
 
     def cells_around(self, low: Array, high: Array) -> list[tuple[int, int]]:
-        """Return the cells of the net that may reach into a rectangle of the map."""
+        """Return the cells of the net that may overlap a rectangle of the map."""
         c, s = np.cos(_TURN), np.sin(_TURN)
         x, y = np.meshgrid([low[0], high[0]], [low[1], high[1]])
         x, y = x - self.middle[0], y - self.middle[1]
         uv = np.stack([(c * x + s * y).ravel(), (c * y - s * x).ravel()])
-        reach = sum(bend[3] for bend in _BENDS)  # of both axes: something is left for roofs
+        reach = sum(bend[3] for bend in _BENDS)  # for both axes, so more than enough, for roofs too
         first = np.floor((uv.min(axis=1) - reach) / PITCH).astype(int)
         last = np.floor((uv.max(axis=1) + reach) / PITCH).astype(int)
         return [(a, b) for b in range(first[1], last[1] + 1) for a in range(first[0], last[0] + 1)]
@@ -112,7 +112,7 @@ class Country:
 
 
 def _around(en: Array, first: Array, pitch: float, seed: int) -> Array:
-    """Return places as seen from the nearest of centres strewn about, the first one given."""
+    """Return positions relative to the nearest of many spread centres, of which one is `first`."""
     x = en - first
     index = np.rint(x / pitch).astype(np.int64)
     here = x - index * pitch

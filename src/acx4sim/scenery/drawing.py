@@ -1,7 +1,7 @@
 """Coloured shapes on a canvas of red, green, blue and roughness.
 
-Colours are as on a screen: DN grow with their square. Roughness, 128 for a meadow, says how
-strongly the finest noise shows.
+Colours are those of a screen: DN are proportional to their square. Roughness, 128 for a meadow, is
+the strength of the finest noise.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from acx4sim.scenery.noise import GroundWindow
 Canvas = NDArray[np.uint8]
 
 _SHIFT = 4  # binary digits of a cell in OpenCV's coordinates
-_LIMIT = 20_000.0  # cells beyond which nothing is drawn, well off any window
+_LIMIT = 20_000.0  # cells; nothing is drawn beyond it, far outside any window
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,18 +27,18 @@ class Shapes:
     Attributes
     ----------
     origin : ndarray, shape (2,)
-        East and north of their zero, m.
+        East and north of the origin of their coordinates, m.
     outlines : ndarray of float32, shape (n, m, 2)
         Corners, east and north of the origin, m.
     colours : ndarray of uint8, shape (n, 4)
         Red, green, blue, roughness.
     width_m : float
-        Of shapes that may be narrower than a cell, which cannot be drawn so: they are drawn
-        in a mixture with what lies under them. Infinite where it does not matter.
+        Width of narrow shapes. Where it is less than a cell, their colour is mixed with the one
+        under them. Infinite for other shapes.
     under : tuple of int
-        Colour of what lies under them.
+        Colour under them.
     least : float
-        Cells that a shape must span, or else it is not drawn.
+        Smallest size of a shape, in cells, that is drawn.
     """
 
     origin: Array
@@ -55,7 +55,7 @@ class Shapes:
 
     @cached_property
     def reach(self) -> tuple[Array, Array]:
-        """Lowest and highest east and north of all of them, in map coordinates."""
+        """Lowest and highest east and north of all polygons, in map coordinates."""
         low, high = self.boxes
         return self.origin + low.min(axis=0), self.origin + high.max(axis=0)
 
@@ -76,12 +76,12 @@ class Shapes:
 def thin(
     outlines: Array, colour: tuple[int, ...], width_m: float, under: tuple[int, int, int, int]
 ) -> Shapes:
-    """Collect narrow polygons."""
+    """Return narrow polygons as shapes."""
     return replace(shapes(outlines, colour), width_m=width_m, under=under)
 
 
 def shapes(outlines: Array, colours: ArrayLike) -> Shapes:
-    """Collect polygons given in map coordinates, shape (n, m, 2); one colour may serve for all."""
+    """Return polygons in map coordinates, (n, m, 2), as shapes; all may have the same colour."""
     origin = outlines.reshape(-1, 2).mean(axis=0) if outlines.size else np.zeros(2)
     clipped = np.clip(np.rint(np.asarray(colours, dtype=np.float64)), 0, 255)
     return Shapes(
@@ -106,7 +106,7 @@ def in_cells(of: Shapes, window: GroundWindow) -> tuple[NDArray[np.int64], NDArr
 
 
 def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
-    """Draw polygons on a canvas of the window, edges smoothed."""
+    """Draw convex polygons on a canvas of the window, with smoothed edges."""
     near, corners = in_cells(of, window)
     share = min(1.0, of.width_m / window.cell_m / 1.5)
     colours = of.under + share * (of.colours[near] - np.array(of.under, np.float64))
@@ -115,7 +115,7 @@ def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
 
 
 def draw_labels(labels: NDArray[np.int16], window: GroundWindow, of: Shapes, first: int) -> None:
-    """Write numbers from `first` on into the cells under polygons."""
+    """Write a number for each polygon, from `first` on, into the cells that it covers."""
     near, corners = in_cells(of, window)
     for i, outline in zip(near.tolist(), corners, strict=True):
         cv2.fillPoly(labels, [outline], first + i, cv2.LINE_8, _SHIFT)
@@ -129,7 +129,7 @@ def draw_any(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
 
 
 def rectangles(middle: Array, length_m: ArrayLike, width_m: ArrayLike, angle: ArrayLike) -> Array:
-    """Return the corners of rectangles, shape (n, 4, 2); `angle` of the length from east, rad."""
+    """Return the corners of rectangles, (n, 4, 2); `angle` is that of the length from east, rad."""
     half = np.stack(np.broadcast_arrays(length_m, width_m), axis=-1)[..., None, :] / 2
     corners = np.broadcast_to(half * [[-1, -1], [1, -1], [1, 1], [-1, 1]], (len(middle), 4, 2))
     return middle[:, None] + turned(corners, np.broadcast_to(angle, len(middle)))

@@ -16,7 +16,7 @@ _PAVED_EVERY = (4, 5)
 _TRACKS = 0.6  # share of the other lanes
 
 # red, green, blue, roughness; spacing of rows m, their contrast, contrast of wheel tracks;
-# how often
+# frequency
 CROPS = np.array(
     [
         [196, 180, 136, 125, 0.5, 0.05, 0.16, 3],  # ripe wheat
@@ -60,7 +60,7 @@ class Fields:
 
 
 def fields(country: Country, a: int, b: int) -> Fields:
-    """Divide a cell into strips and sow them."""
+    """Divide a cell into strips, each with a crop."""
     rng = country.rng(a, b, 2)
     axis = int(rng.random() < 0.35)
     cuts = _cuts(rng, PITCH[1 - axis])
@@ -81,7 +81,7 @@ def fields(country: Country, a: int, b: int) -> Fields:
 
 
 def _cuts(rng: np.random.Generator, length_m: float) -> Array:
-    """Return where a cell is cut into strips."""
+    """Return the positions where a cell is cut into strips."""
     widths = rng.uniform(0.4, 1.6, rng.integers(2, 7))
     return np.asarray(np.concatenate([[0.0], np.cumsum(widths)]) / widths.sum() * length_m)
 
@@ -139,7 +139,7 @@ def _paved(line: Array) -> list[Shapes]:
 
 
 def bridge_shapes(country: Country, a: int, b: int) -> list[Shapes]:
-    """Build the bridges that take asphalt over a river."""
+    """Build the bridges of paved lanes over a river."""
     found: list[Shapes] = []
     for axis in (0, 1):
         line = lane(country, a, b, axis)

@@ -1,4 +1,4 @@
-"""Random numbers of a place: the same wherever a picture of it begins."""
+"""Random numbers of a position on the ground, the same in every picture of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class GroundWindow:
     level : int
         Size of the cells.
     row, col : int
-        The first cell; cell i reaches from i to i + 1 cells.
+        The first cell; cell i extends from i to i + 1 cells.
     rows, cols : int
-        How many.
+        Numbers of rows and columns.
     """
 
     level: int
@@ -39,7 +39,7 @@ class GroundWindow:
         return cell_m(self.level)
 
     def coarser(self) -> "GroundWindow":
-        """Return the cells twice as large that hold this window and a halo."""
+        """Return the window of cells of twice the size that contains this one and a border."""
         row, col = self.row // 2 - _HALO, self.col // 2 - _HALO
         return GroundWindow(
             level=self.level + 1,
@@ -62,11 +62,11 @@ def cell_m(level: int) -> float:
 
 
 def scattered(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArray[np.uint32]:
-    """Hash places; `rows` and `cols` are broadcast against each other."""
+    """Return hashes of cells; `rows` and `cols` are broadcast against each other."""
     h = (rows * 0x9E3779B1 + salt * 0x632BE5AB).astype(np.uint32) ^ (
         cols * 0x85EBCA77 + salt * 0x27D4EB2F
     ).astype(np.uint32)
-    with np.errstate(over="ignore"):  # of scalars: arrays wrap around in silence
+    with np.errstate(over="ignore"):  # scalars warn of overflow, arrays do not
         h ^= h >> np.uint32(15)
         h *= np.uint32(0x2C1B3C6D)
         h ^= h >> np.uint32(12)
@@ -88,23 +88,23 @@ def white(window: GroundWindow, salt: int) -> FloatImage:
 def doubled(
     coarse: FloatImage, of: GroundWindow, window: GroundWindow, interpolation: int = cv2.INTER_CUBIC
 ) -> FloatImage:
-    """Interpolate cells twice as large."""
+    """Interpolate from cells of twice the size."""
     fine = cv2.resize(coarse, None, fx=2, fy=2, interpolation=interpolation)
     row, col = window.row - 2 * of.row, window.col - 2 * of.col
     return np.asarray(fine[row : row + window.rows, col : col + window.cols])
 
 
 def fractal(window: GroundWindow, amplitudes: Mapping[int, float], salt: int) -> FloatImage:
-    """Return noise that has an amplitude of its own at every size of cells.
+    """Return noise with a given amplitude at every size of cells.
 
     Parameters
     ----------
     window : GroundWindow
-        Where.
+        Window of the noise.
     amplitudes : mapping of int to float
-        By level; levels finer than the window's have no part.
+        By level; levels finer than that of the window are not used.
     salt : int
-        Another one gives other noise.
+        Another number gives different noise.
     """
     top = max(amplitudes)
     if window.level > top:

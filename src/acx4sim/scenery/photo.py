@@ -17,10 +17,10 @@ Picture = NDArray[np.uint16]
 
 _HALVED_LEVEL = 2  # 25 cm: a pixel of the photo is 12.5 cm, of the halved photo 25 cm
 _BRIGHTEST = 56_000.0  # DN of 255
-_COUNT = 256  # of the halved photos for one of the photo
-_DITHER = 0.29  # standard deviation of what was lost when the photo was rounded to 8 bit
+_COUNT = 256  # numbers of the halved photos for one of the photo
+_DITHER = 0.29  # standard deviation of the rounding of the photo to 8 bit
 _SALT = 3
-_MOST_PIXELS = 1 << 30  # OpenCV reads no more
+_MOST_PIXELS = 1 << 30  # OpenCV does not read more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,9 +30,9 @@ class Photo:
     Attributes
     ----------
     name : str
-        Of its file.
+        Name of its file.
     halves : tuple of ndarray of uint16, shape (rows, cols, 3)
-        The photo, north first, halved once, twice, ...; 256 for a count of 8 bit.
+        The photo, north first, halved once, twice, ...; 256 for one number of the 8 bit.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Photo:
     def paint(self, window: GroundWindow) -> Picture:
         """Return the photo's DN in a window, shape (rows, cols, 3), red first.
 
-        DN grow with the square of what a screen is given.
+        DN are proportional to the square of the photo's numbers, which are made for a screen.
         """
         k = min(max(window.level - _HALVED_LEVEL, 0), len(self.halves) - 1)
         step = 2.0 ** (window.level - _HALVED_LEVEL - k)
@@ -69,12 +69,12 @@ def _mirrored(x: NDArray[np.float64], n: int) -> NDArray[np.float64]:
 
 
 def read_photo(path: str | Path) -> Photo:
-    """Read a photograph: JPEG, PNG or TIFF; it becomes 8 bit and colour.
+    """Read a photograph from a JPEG, PNG or TIFF, converted to 8 bit and colour.
 
     Raises
     ------
     OSError
-        Where it is not there, cannot be read or is too large.
+        Where the file does not exist, cannot be read or is too large.
     """
     image = _decoded(os.fspath(path))
     if image is None or min(image.shape[:2]) < 2:
@@ -89,7 +89,7 @@ def read_photo(path: str | Path) -> Photo:
 
 
 def _decoded(path: str) -> NDArray[np.uint8] | None:
-    """Return a picture, None where it is none; too large a one is an error of its file."""
+    """Return a picture, None for a file that is none; raise an OSError for one too large."""
     if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
         raise OSError(errno.EINVAL, "is no file", path)
     try:
@@ -104,7 +104,7 @@ def _decoded(path: str) -> NDArray[np.uint8] | None:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Keep what the picture libraries print themselves from standard error."""
+    """Suppress what the picture libraries themselves print to standard error."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)

@@ -17,7 +17,7 @@ from acx4sim.scenery.trees import row_places, trees, wood_places
 
 Picture = NDArray[np.uint16]
 
-_BRIGHTEST = 56_000.0  # DN of a white that no paint has
+_BRIGHTEST = 56_000.0  # DN of a perfect white
 _CLIP = 64_000.0
 _HAZE = (700.0, 1000.0, 1500.0)
 _FARMS, _HEDGES = 0.08, 0.3  # shares of the cells and of the lanes
@@ -39,7 +39,7 @@ _DISC_M, _PAD_M, _ISLET_M = 0.3, 0.9, 6.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cell:
-    """What stands in a cell of the net: layer by layer, the later over the earlier."""
+    """The content of a cell of the net, in layers; later layers cover earlier ones."""
 
     fields: Fields
     ground: list[Shapes]
@@ -73,7 +73,7 @@ def _cell(country: Country, a: int, b: int) -> Cell:
 def _buildings(
     country: Country, a: int, b: int, rng: np.random.Generator
 ) -> tuple[list[Shapes], list[Shapes], list[Shapes], Array]:
-    """Return ground, shadows and roofs of a village or a farm, and where its trees stand."""
+    """Return ground, shadows and roofs of a village or a farm, and the positions of its trees."""
     middle = country.map_from_net((np.array([a, b]) + 0.5) * PITCH)
     if country.village_m(middle) > 0:
         of = village(country, a, b)
@@ -85,7 +85,7 @@ def _buildings(
 
 
 def _planted(country: Country, a: int, b: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return places and radii of the trees of woods and hedges."""
+    """Return positions and radii of the trees of woods and hedges."""
     found = [wood_places(country, a, b)]
     for axis in (0, 1):
         if rng.random() < _HEDGES:
@@ -97,12 +97,12 @@ def _planted(country: Country, a: int, b: int, rng: np.random.Generator) -> tupl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Landscape:
-    """The landscape around a place.
+    """The landscape around a position.
 
     Attributes
     ----------
     country : Country
-        What is where.
+        Its map.
     marks : ndarray, shape (n, 2)
         East and north of the signalised points, m: white discs of 60 cm on dark squares.
     """
@@ -204,7 +204,7 @@ def _flood(
 
 
 def _textured(canvas: Canvas, window: GroundWindow, patches: FloatImage, seed: int) -> FloatImage:
-    """Turn colours into DN and put noise on them."""
+    """Convert colours to DN and add noise."""
     rough = fractal(window, dict.fromkeys(range(-3, 6), _ROUGH), seed + 1)
     rough *= _ROUGHNESS[canvas[..., 3]]
     rough += patches
@@ -220,7 +220,7 @@ def _textured(canvas: Canvas, window: GroundWindow, patches: FloatImage, seed: i
 
 
 def _mark(dn: FloatImage, window: GroundWindow, marks: Array) -> None:
-    """Paint the signalised points; edges fall on cells by the share that they cover."""
+    """Paint the signalised points; a cell at an edge is mixed by the share that is covered."""
     cell = window.cell_m
     for east, north in marks:
         col, row = east / cell - 0.5 - window.col, north / cell - 0.5 - window.row
@@ -240,7 +240,7 @@ def _covered(inside_m: Array, cell: float) -> FloatImage:
 
 
 def _disc(x: Array, y: Array, cell: float) -> FloatImage:
-    """Return the share of every cell that the disc covers, from 8 x 8 places."""
+    """Return the share of every cell that the disc covers, from 8 x 8 samples."""
     play = (np.arange(8) + 0.5) / 8 * cell - cell / 2
     xx = (x[:, None] + play) ** 2
     yy = (y[:, :, None].reshape(-1, 1) + play) ** 2

@@ -53,21 +53,21 @@ def houses(
 
 
 def _sweeps(base: Array, cast: Array) -> Array:
-    """Return what the sides of a base sweep over on the way to where it is cast: (4 n, 4, 2)."""
+    """Return the areas between the sides of a base and their cast shadows: (4 n, 4, 2)."""
     after, cast_after = np.roll(base, -1, axis=1), np.roll(cast, -1, axis=1)
     return np.stack([base, after, cast_after, cast], axis=2).reshape(-1, 4, 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Village:
-    """What stands in a cell of a village.
+    """The content of a cell of a village.
 
     Attributes
     ----------
     ground, shadows, roofs : list of Shapes
         In the order of drawing.
     trees : ndarray, shape (n, 2)
-        Where the gardens have trees.
+        Positions of the trees in the gardens.
     """
 
     ground: list[Shapes]
@@ -156,7 +156,7 @@ def _plots(country: Country, corner: Array, rng: np.random.Generator) -> tuple[A
 
 
 def farm(country: Country, a: int, b: int) -> tuple[Shapes, Shapes]:
-    """Build the sheds of a lonely farm in the corner of a cell: shadows and roofs."""
+    """Build the sheds of a single farm in the corner of a cell: shadows and roofs."""
     rng = country.rng(a, b, 6)
     uv = np.array([a, b]) * PITCH + [[30.0, 22.0], [58.0, 26.0], [34.0, 52.0]]
     place = country.map_from_net(uv)

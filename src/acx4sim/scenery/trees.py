@@ -1,4 +1,4 @@
-"""Trees from above: shadow, crown, and the side and clumps that the sun lights."""
+"""Trees from above: shadow, crown, and its sunlit side and clumps."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ SHADE = (52, 58, 50, 140)
 _FLOOR = (98, 110, 74, 190)
 _CORNERS = 18
 _CLUMPS = 14
-_LEAST = 3.0  # cells; smaller clumps are not worth their while
+_LEAST = 3.0  # cells; smaller clumps are not drawn
 _ROUGH = 240
 _SPACING = 5.3
 _CROWNS = np.array([[70, 92, 52], [60, 84, 50], [84, 100, 56], [54, 74, 48], [92, 104, 60]])
@@ -29,7 +29,7 @@ class Trees:
     Attributes
     ----------
     floor, shadows, crowns : Shapes
-        The ground about them, what they shade, and what is seen of them.
+        The ground around the trees, their shadows, and their crowns.
     """
 
     floor: Shapes
@@ -38,7 +38,7 @@ class Trees:
 
 
 def trees(places: Array, radius: Array, rng: np.random.Generator) -> Trees:
-    """Build trees at places (n, 2), with radii (n,), m."""
+    """Build trees at positions (n, 2), with radii (n,), m."""
     n = len(places)
     bearing = np.linspace(0, 2 * np.pi, _CORNERS, endpoint=False)
     circle = np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -84,7 +84,7 @@ def _ragged(n: int, bearing: Array, rng: np.random.Generator) -> Array:
 
 
 def wood_places(country: Country, a: int, b: int) -> tuple[Array, NDArray[np.float64]]:
-    """Strew the trees of a cell's part of the woods; return places and radii, m."""
+    """Return positions and radii of the trees in a cell's part of the woods, m."""
     rng = country.rng(a, b, 1)
     n = np.ceil(PITCH / _SPACING).astype(int)
     grid = np.stack(np.meshgrid(np.arange(n[0]), np.arange(n[1])), axis=-1).reshape(-1, 2)
@@ -98,7 +98,7 @@ def wood_places(country: Country, a: int, b: int) -> tuple[Array, NDArray[np.flo
 
 
 def row_places(country: Country, line: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Strew trees and bushes along a line (n, 2); return places and radii, m."""
+    """Return positions and radii of trees and bushes along a line (n, 2), m."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     gaps = rng.choice([3.5, 5.0, 8.0, 30.0], int(length[-1] / 4), p=[0.4, 0.3, 0.2, 0.1])
     way = np.cumsum(gaps)

@@ -1,12 +1,12 @@
 """Pictures and tie points as a stage hands them to its figures."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from acx4lib.geometry.camera import inside
+from acx4lib.stages.pictures import Exposed, Pictures
+from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import head_from_synthetic
-from acx4lib.tie_points.ties import TiePoints, overlaps
+from acx4lib.tie_points.ties import TiePoints
 from support.pictures import taken
 
 K = 32
@@ -20,13 +20,14 @@ PIXEL_MM = 0.0056 * K
 def pictured(images, k=K):
     """As the stage hands them to the figures: the exposure in the middle is the second of two."""
     dark = tuple(np.zeros_like(image) for image in images)
-    return SimpleNamespace(
+    return Pictures(
         exposed=(
-            SimpleNamespace(exposure="before", exposure_idx=3, images=dark),
-            SimpleNamespace(exposure="now", exposure_idx=7, images=tuple(images)),
+            Exposed(exposure="before", exposure_idx=3, images=dark),
+            Exposed(exposure="now", exposure_idx=7, images=tuple(images)),
         ),
         reduction=k,
         synthetic=taken.synthetic(k),
+        n_complete=2,
     )
 
 
@@ -58,10 +59,5 @@ def joined(*parts):
 
 
 def refined(orientation, ties, **others):
-    ways = {"as calibrated": orientation} | others
-    return SimpleNamespace(
-        kept=ties,
-        orientations=ways,
-        orientation=orientation,
-        overlaps=lambda way: overlaps(ties, ways[way]),
-    )
+    ways = {"before": orientation} | others
+    return Refinement(ties=ties, from_pixels=True, orientations=ways, fits={}, reasons={})

@@ -1,10 +1,10 @@
 """The paper's heads, simulated and calibrated."""
 
-import numpy as np
 import pytest
 
-from acx4book.chapters.heads.held_focal_length import held_focal_length
-from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4book.chapters.heads.held_focal_length import all_heads
+from acx4lib.calibration.heads import Heads, calibrate_heads, relative_orientation
+from acx4lib.stages.heads import HeadsStage
 from support.flights.simulated import HEADS, fly
 
 
@@ -30,9 +30,6 @@ def orientation(fits, synthetic):
 
 
 @pytest.fixture(scope="session")
-def held(flown, fits, synthetic):
-    free = flown.flight.estimate_heads
-    return [
-        held_focal_length(fits, free, synthetic=synthetic, change_mm=np.full(4, c))
-        for c in (-0.5, 0.0, 0.5)
-    ]
+def held(flown, fits, orientation):
+    stage = HeadsStage(heads=Heads(bundles=fits, failures={}), orientation=orientation)
+    return all_heads(flown.flight, stage, (-0.5, 0.0, 0.5))

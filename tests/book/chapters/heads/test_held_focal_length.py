@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.heads.held_focal_length import asked_by_gnss, held_focal_length
+from acx4book.chapters.heads.held_focal_length import asked_by_gnss
+from acx4book.chapters.heads.held_focal_length import hold as hold_heads
+from acx4lib.calibration.heads import Heads
+from acx4lib.stages.heads import HeadsStage
 from support.flights.simulated import HEADS
 
 
-def hold(flown, fits, synthetic, *change_mm):
-    free = flown.flight.estimate_heads
-    return held_focal_length(fits, free, synthetic=synthetic, change_mm=np.array(change_mm))
+def hold(flown, fits, orientation, *change_mm):
+    stage = HeadsStage(heads=Heads(bundles=fits, failures={}), orientation=orientation)
+    return hold_heads(flown.flight, stage, np.array(change_mm))
 
 
 def test_an_unchanged_focal_length_gives_the_same_heads(held, fits, orientation):
@@ -46,10 +49,8 @@ def test_gnss_heights_ask_for_the_true_focal_lengths(held, flown):
     assert_allclose([asked[n] for n in HEADS], [truth[n] for n in HEADS], atol=0.025)
 
 
-def test_one_wrong_head_shows_in_its_own_height_over_the_synthetic_image(
-    flown, fits, synthetic, orientation
-):
-    one = hold(flown, fits, synthetic, 0.0, 0.0, 0.5, 0.0)
+def test_one_wrong_head_shows_in_its_own_height_over_the_synthetic_image(flown, fits, orientation):
+    one = hold(flown, fits, orientation, 0.0, 0.0, 0.5, 0.0)
     moved = one.orientation.xyz_mm[:, 2] - orientation.xyz_mm[:, 2]
     assert_allclose(moved, [0, 0, 0.5, 0], atol=0.02)
 
@@ -59,11 +60,11 @@ def test_all_heads_wrong_by_the_same_leave_their_differences(held, orientation):
     assert_allclose(differences[0], differences[2], atol=0.02)
 
 
-def test_a_head_that_cannot_be_adjusted_is_missing(flown, fits, synthetic):
+def test_a_head_that_cannot_be_adjusted_is_missing(flown, fits, orientation):
     fit = fits["CAM1"]
     block = fit.network.block
     empty = replace(block, image_points=block.image_points[:5])
     spoilt = {**fits, "CAM1": replace(fit, network=replace(fit.network, block=empty))}
-    found = hold(flown, spoilt, synthetic, 0.0, 0.0, 0.0, 0.0)
+    found = hold(flown, spoilt, orientation, 0.0, 0.0, 0.0, 0.0)
     assert set(found.bundles) == {"CAM2", "CAM3", "CAM4"}
     assert found.orientation is None

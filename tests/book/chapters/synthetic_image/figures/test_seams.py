@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from acx4book.chapters.synthetic_image.figure_seams import seams
 
+from acx4book.chapters.synthetic_image.figures.seams import seams
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.response import estimate_response
 from support.figures import drawn, title
@@ -20,8 +20,8 @@ def seamed(pictures, orientation, images):
     heads = reduced_heads(orientation, K)
     response = estimate_response(images, heads, taken.synthetic(K), rng=rng)
     wrong = taken.turned_heads(orientation, 0.2, rng)  # some pixels of the reduced images
-    both = refined(orientation, tied(orientation, (0, 1), 10)[0], after=orientation)
-    both.orientations["as calibrated"] = wrong
+    both = refined(orientation, tied(orientation, (0, 1), 10)[0], rotations=orientation)
+    both.orientations["before"] = wrong
     return drawn(seams(pictures, both, response))
 
 
@@ -66,7 +66,7 @@ def test_a_misfit_is_shown_where_it_crosses_edges(orientation):
     seen = taken.pictures(reduced_heads(orientation, K), taken.synthetic(K), ground, rng)
     xyz = orientation.xyz_mm.copy()
     xyz[:2, :2] += 2 * PIXEL_MM
-    both = refined(orientation, tied(orientation, (0, 1), 10)[0])
-    both.orientations["as calibrated"] = replace(orientation, xyz_mm=xyz)
+    both = refined(orientation, tied(orientation, (0, 1), 10)[0], rotations=orientation)
+    both.orientations["before"] = replace(orientation, xyz_mm=xyz)
     fig = drawn(seams(pictured(seen), both, None))
     assert title(fig.axes[0]) == "CAM2 | CAM3"

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from acx4book.chapters.synthetic_image.figure_overlap import overlap_ties
 from matplotlib.collections import PathCollection
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.synthetic_image.figures.overlap import overlap_ties
 from acx4lib.synthetic_image.frame import reduced_heads
 from support.figures import drawn, sentence, title
 from support.pictures import taken

@@ -1,9 +1,9 @@
 """Curves of the heads' responses."""
 
 import numpy as np
-from acx4book.chapters.synthetic_image.figure_response import response_curves
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.synthetic_image.figures.response import response_curves
 from support.figures import drawn, sentence, title
 
 

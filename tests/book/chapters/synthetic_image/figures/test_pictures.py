@@ -6,12 +6,12 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from acx4book.chapters.synthetic_image.figure_overlap import overlap_ties
-from acx4book.chapters.synthetic_image.figure_pictures import head_pictures, synthetic_picture
-from acx4book.chapters.synthetic_image.figure_seams import seams
 from matplotlib.text import Annotation
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.synthetic_image.figures.overlap import overlap_ties
+from acx4book.chapters.synthetic_image.figures.pictures import head_pictures, synthetic_picture
+from acx4book.chapters.synthetic_image.figures.seams import seams
 from support.figures import drawn, sentence, title
 from support.pictures.tied import NAMES, pictured
 

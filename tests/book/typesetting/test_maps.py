@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from acx4book.chapters.flight.maps import block_maps, control_maps
 from matplotlib.collections import PolyCollection
 
+from acx4book.typesetting.maps import block_maps, control_maps
 from support.figures import assert_labelled, assert_texts_apart, drawn, legend, panels
 from support.flights.simulated import fly
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.quiver import Quiver
 
-from acx4book.chapters.synthetic_image.figures import footprints, refinements
+from acx4book.chapters.synthetic_image.figures.frame import footprints, refinements
 from acx4book.chapters.synthetic_image.wrong_heads import transposed
 from support.figures import (
     assert_labelled,
@@ -52,7 +52,7 @@ def ways(orientation, n=4):
         xyz = orientation.xyz_mm.copy()
         xyz[1, 0] += px * 0.0056
         shifted.append(replace(orientation, xyz_mm=xyz))
-    names = ("as calibrated", "mean differences", "three rotations", "rotations and places")
+    names = ("before", "mean shift", "rotations", "six")
     return refined(orientation, ties, **dict(zip(names[:n], [*shifted, orientation], strict=False)))
 
 
