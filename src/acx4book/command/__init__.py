@@ -1,5 +1,5 @@
-"""The command ``acx4``: its arguments, its progress, what it says, its exit status.
+"""The command ``acx4``: arguments, progress, what is said, exit status.
 
-`acx4` has the commands and calls what computes; `terminal` writes to the screen; `endings` turns
-every failure into one line and a status. Begin with `acx4`.
+`acx4` has simulate, check, run and report, `render` the images; `endings` turns errors into a
+sentence and a status, and `terminal` is what all commands share. Begin with `acx4`.
 """

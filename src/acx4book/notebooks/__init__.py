@@ -1,5 +1,5 @@
-"""The notebooks of the chapters, run with parameters.
+"""The notebooks run with parameters, stage after stage (``acx4 run``).
 
-`execute` runs one notebook by papermill and leaves nothing in it that says when and where; `stages`
-runs those of a flight, one after the other, into a results folder. Begin with `stages`.
+`stages` knows which notebook is which stage of the paper, which of them a flight has data for, and
+moves results in place when a notebook has run to its end. `execute` runs one of them.
 """

@@ -1,5 +1,6 @@
-"""What the paper prints, as printed, and what follows from it.
+"""What the paper prints, held against a run and against itself.
 
-`printed` reads its tables and statements; `scorecard` holds a run against them; `errata` holds
-them against each other. Begin with `printed`.
+`printed` has Tables 1-4 and the checked statements of the text, transcribed once. `scorecard` puts
+each number beside a run's, with a verdict by one rule, and `scorecard_page` makes a page of it.
+`errata` finds where the paper disagrees with itself. Begin with `printed`.
 """
