@@ -79,11 +79,12 @@ lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
 
 # --- checks --------------------------------------------------------------------------------
 
-check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
+check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks without outputs
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/ruff format --check --quiet
 	@$(BIN)/mypy
 	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
+	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
 test: .venv/.stamp-test ## all tests, slow ones included
@@ -122,12 +123,7 @@ notebooks: $(RAN) ## run the notebooks on FLIGHT
 book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
-	@$(BIN)/python book/_scripts/pages.py "$$FLIGHT" '$(RESULTS)' book
-	@$(BIN)/python book/_scripts/provenance.py "$$FLIGHT" '$(RESULTS)' book/_generated/provenance.md
-	@$(BIN)/python book/_scripts/api_pages.py book/_generated/api
-	@$(BIN)/python book/_figures/frames.py book/_generated
-	@$(BIN)/python book/_scripts/speed.py data/benchmarks book/_generated
-	@$(BIN)/python book/_scripts/coverage.py data/benchmarks book/_generated
+	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book
 	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 

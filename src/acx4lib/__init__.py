@@ -1,6 +1,6 @@
 """In-flight calibration of multi-head aerial cameras for direct georeferencing.
 
-Conventions, all of them implemented once, in `frames`, `camera`, `collinearity` and `geodesy`:
+Conventions, each implemented once, in `geometry`:
 
 - ``R_a_b`` takes components from frame b to frame a, ``r_a_b`` is the origin of b in a, and a
   pose ``T_a_b`` holds both; inner letters touch: ``T_m_c = T_m_b @ T_b_c``.
@@ -13,19 +13,45 @@ Conventions, all of them implemented once, in `frames`, `camera`, `collinearity`
 - Distortion is a function of the measured point and is subtracted from it, eqs (1)-(2), (7)-(11).
 - Lengths in m, in the image in mm; angles in radians; v = estimated less observed.
 
-Modules are loaded when they are first used: ``import acx4lib as acx; acx.flight.read(...)``.
+The five names of `__all__` are all that most programs need: ``import acx4lib as acx``, then
+``flight = acx.read("my_flight")``. They, and the rooms,
+are loaded when they are first used.
 """
 
-import importlib
-from types import ModuleType
+from importlib import import_module
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from acx4lib.flight.reader import read
+    from acx4lib.georeferencing.direct import georeference
+    from acx4lib.georeferencing.validation import validate
+    from acx4lib.production.flight_images import render_flight as render
+    from acx4lib.stages.mounting import calibrate
+
+__all__ = ["calibrate", "georeference", "read", "render", "validate"]
+
+_STANDS_IN = {
+    "calibrate": ("stages.mounting", "calibrate"),
+    "georeference": ("georeferencing.direct", "georeference"),
+    "read": ("flight.reader", "read"),
+    "render": ("production.flight_images", "render_flight"),
+    "validate": ("georeferencing.validation", "validate"),
+}
 
 
-def __getattr__(name: str) -> ModuleType:
-    """Load a module of the library on first use."""
+def __getattr__(name: str) -> object:
+    """Load a function of `__all__`, or a room, on first use."""
+    module, function = _STANDS_IN.get(name, (name, ""))
     try:
-        return importlib.import_module(f"{__name__}.{name}")
+        found = import_module(f"{__name__}.{module}")
     except ModuleNotFoundError as error:
         if error.name != f"{__name__}.{name}":
             raise
         msg = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(msg) from None
+    return getattr(found, function) if function else found
+
+
+def __dir__() -> list[str]:
+    """Name what is loaded, and what will be."""
+    return sorted({*globals(), *__all__})

@@ -6,79 +6,8 @@ Conventions are those of the flight-data contract: body forward, left, up; bores
 body; distortion a function of the measured point.
 """
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from acx4sim.designs import DESIGNS, acx4, single_head
+from acx4sim.files.writer import write
+from acx4sim.plan import Options
 
-from acx4sim.designs import acx4_plan, single_head_plan
-from acx4sim.files.flights import SimulatedFlight, photograph, simulate_plan
-from acx4sim.files.writer import TRUTH_MARK, truth_path, write
-from acx4sim.pictures.ground_rays import (
-    Station,
-    ground_from_pixels,
-    pixels_from_ground,
-    reduced,
-    station,
-)
-from acx4sim.pictures.photography import landscape
-from acx4sim.pictures.pictures import Tiles, camera_response, head_images, picture
-from acx4sim.plan import GrossErrors, Options, SlowErrors
-from acx4sim.scenery.photo import read_photo
-
-__all__ = [
-    "DESIGNS",
-    "TRUTH_MARK",
-    "GrossErrors",
-    "Options",
-    "SimulatedFlight",
-    "SlowErrors",
-    "Station",
-    "Tiles",
-    "acx4",
-    "acx4_plan",
-    "camera_response",
-    "ground_from_pixels",
-    "head_images",
-    "landscape",
-    "photograph",
-    "picture",
-    "pixels_from_ground",
-    "read_photo",
-    "reduced",
-    "simulate_plan",
-    "single_head",
-    "single_head_plan",
-    "station",
-    "truth_path",
-    "write",
-]
-
-
-def acx4(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
-    """Simulate the paper's flight: four heads, a synthetic camera, three blocks.
-
-    Parameters
-    ----------
-    seed : int
-        The same seed gives the same bytes.
-    options : Options
-        Noise, tie points, GNSS errors, blocks.
-    """
-    return simulate_plan(acx4_plan(), seed, options)
-
-
-def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
-    """Simulate a flight of one ordinary camera, turned by 90 degrees on its mount.
-
-    Parameters
-    ----------
-    seed : int
-        The same seed gives the same bytes.
-    options : Options
-        Noise, tie points, GNSS errors, blocks.
-    """
-    return simulate_plan(single_head_plan(), seed, options)
-
-
-DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
-    {"acx4": acx4, "single-head": single_head}
-)
+__all__ = ["DESIGNS", "Options", "acx4", "single_head", "write"]

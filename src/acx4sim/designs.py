@@ -1,10 +1,13 @@
 """The two flights that can be simulated."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
+from acx4sim.files.flights import SimulatedFlight, simulate_plan
 from acx4sim.optics.head_truth import HEAD_ANGLES_DEG, HEAD_TRUTH, head
 from acx4sim.optics.lens import Camera
-from acx4sim.plan import BlockPlan, Noise, Plan, Strip, layout
+from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
 _FIELD = (671_000.0, 7_189_500.0)  # near Curitiba, Brazil
 _FIELD_AZIMUTH = 28.0
@@ -215,3 +218,37 @@ def single_head_plan() -> Plan:
         control=layout(5, 4, (520.0, 520.0), 40.0),
         blocks={"calibration": calibration, "validation": validation},
     )
+
+
+# --- flown -----------------------------------------------------------------------------------
+
+
+def acx4(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
+    """Simulate the paper's flight: four heads, a synthetic camera, three blocks.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same bytes.
+    options : Options
+        Noise, tie points, GNSS errors, blocks.
+    """
+    return simulate_plan(acx4_plan(), seed, options)
+
+
+def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
+    """Simulate a flight of one ordinary camera, turned by 90 degrees on its mount.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same bytes.
+    options : Options
+        Noise, tie points, GNSS errors, blocks.
+    """
+    return simulate_plan(single_head_plan(), seed, options)
+
+
+DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
+    {"acx4": acx4, "single-head": single_head}
+)

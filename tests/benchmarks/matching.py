@@ -15,13 +15,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-import acx4sim
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
 from acx4lib.tie_points.overlaps import grey_window, shared_windows
 from acx4lib.tie_points.search import find_ties
-from acx4sim.pictures.pictures import camera_image
+from acx4sim.designs import acx4_plan
+from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, reduced, station
+from acx4sim.pictures.photography import landscape
+from acx4sim.pictures.pictures import Tiles, camera_image
 from benchmarks.measure import timed
 from support.pictures import printed_camera
 
@@ -51,21 +53,19 @@ class Pair:
 
 def simulated(reduce: int = 1) -> Pair:
     """Simulate two heads at one exposure; at full size this takes minutes."""
-    at = acx4sim.station(acx4sim.acx4_plan(), EXPOSURE, seed=SEED)
-    ground = acx4sim.Tiles(ground=acx4sim.landscape(at, seed=SEED))
+    at = station(acx4_plan(), EXPOSURE, seed=SEED)
+    ground = Tiles(ground=landscape(at, seed=SEED))
     images = [camera_image(at, name, ground, reduce=reduce, seed=SEED) for name in HEADS]
     return pair_of(images, reduce)
 
 
 def pair_of(images: Sequence[np.ndarray], reduce: int) -> Pair:
     """Return simulated images of the two heads, reduced so, as a pair with its truth."""
-    at = acx4sim.station(acx4sim.acx4_plan(), EXPOSURE, seed=SEED)
-    lenses = [acx4sim.reduced(at.plan.cameras[name], reduce) for name in HEADS]
+    at = station(acx4_plan(), EXPOSURE, seed=SEED)
+    lenses = [reduced(at.plan.cameras[name], reduce) for name in HEADS]
 
     def truth(colrow: np.ndarray) -> np.ndarray:
-        return acx4sim.pixels_from_ground(
-            at, lenses[1], acx4sim.ground_from_pixels(at, lenses[0], colrow)
-        )
+        return pixels_from_ground(at, lenses[1], ground_from_pixels(at, lenses[0], colrow))
 
     return Pair(
         images=tuple(images),

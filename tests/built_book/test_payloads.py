@@ -27,17 +27,16 @@ pytestmark = pytest.mark.slow
 
 BIN = Path(sys.executable).parent
 PAGES = """
+import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, sys.argv[4])
-import pages
-import provenance
+from acx4book.pages import build
 
-pages.ALWAYS = ("06-errata", "07-report")
-flight, results, book = map(Path, sys.argv[1:4])
-pages.main(flight, results, book)
-provenance.main(flight, results, book / "_generated" / "provenance.md")
+build.ALWAYS = ("06-errata", "07-report")
+flight, results, book, copy = map(Path, sys.argv[1:5])
+os.chdir(copy)
+build.fill(flight, results, book)
 """
 CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
@@ -103,8 +102,7 @@ def build_book(folder, flown, found):
     (book / "_executed" / "05-reference-data.md").write_text("# Left out\n")
     chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
-    call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT / "book" / "_scripts")
-    call(folder, sys.executable, ROOT / "book" / "_figures" / "frames.py", book / "_generated")
+    call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT)
     call(folder, BIN / "jupyter-book", "build", book, "--quiet", "-W", "--keep-going")
     return book / "_build" / "html"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from acx4book import report
+from acx4book.report.page.page import write
 from acx4lib.results import provenance
 
 SEEN = """() => ({
@@ -20,7 +20,7 @@ def report_path(html, tmp_path_factory):
     if not (folder / provenance.FILE).is_file():
         pytest.skip("the book was made from another flight")
     out = tmp_path_factory.mktemp("report") / "report.html"
-    report.write(folder, out)
+    write(folder, out)
     return out
 
 

@@ -17,11 +17,9 @@ def copy(tmp_path):
     folder = tmp_path / "clone"
     (folder / "src").mkdir(parents=True)
     shutil.copy(ROOT / "Makefile", folder)
-    shutil.copytree(
-        ROOT / "src" / "acx4lib",
-        folder / "src" / "acx4lib",
-        ignore=lambda _, names: [n for n in names if not n.endswith(".py")],
-    )
+    cache = shutil.ignore_patterns("__pycache__")
+    for house in ("acx4lib", "acx4sim"):
+        shutil.copytree(ROOT / "src" / house, folder / "src" / house, ignore=cache)
     return folder
 
 

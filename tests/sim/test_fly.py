@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import acx4sim
 from acx4sim import fly
+from acx4sim.plan import SlowErrors
 
 BLOCK = ("calibration",)
 EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise": 0}
@@ -38,15 +39,15 @@ def errors(**options):
 
 def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
     white = errors()
-    slow = errors(slow_errors=acx4sim.SlowErrors(gnss=1.0, attitude=0.0))
-    both = errors(slow_errors=acx4sim.SlowErrors(gnss=0.8, attitude=0.0))
+    slow = errors(slow_errors=SlowErrors(gnss=1.0, attitude=0.0))
+    both = errors(slow_errors=SlowErrors(gnss=0.8, attitude=0.0))
     assert_allclose(both[0], 0.8 * slow[0] + 0.6 * white[0], atol=3e-6)
     # attitudes refer to the grid's north at the recorded position, 1e-7 deg elsewhere
     assert_allclose(slow[1], white[1], atol=1e-6)
 
 
 def test_slow_errors_of_an_endless_time_constant_are_one_shift():
-    forever = acx4sim.SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
+    forever = SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
     position, attitude = errors(slow_errors=forever)
     assert_allclose(position - position[0], 0.0, atol=5e-6)
     assert_allclose(attitude - attitude[0], 0.0, atol=1e-6)

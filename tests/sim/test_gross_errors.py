@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
+from acx4sim.plan import GrossErrors, SlowErrors
 
 BLOCK = ("calibration",)
 
@@ -30,7 +31,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def spoiled():
-    return acx4(gross_errors=acx4sim.GrossErrors())
+    return acx4(gross_errors=GrossErrors())
 
 
 def changed(flight, other, name):
@@ -80,7 +81,7 @@ def test_one_position_is_3_m_off_and_no_other(plain, spoiled):
 
 def test_another_exposures_heading_is_wrong_by_what_is_listed():
     """Where the tables have headings; body and horizon are a degree apart, hence the tolerance."""
-    flights = single_head(), single_head(gross_errors=acx4sim.GrossErrors())
+    flights = single_head(), single_head(gross_errors=GrossErrors())
     (told,) = mistakes(flights[1], "attitude")
     found = changed(*flights, "calibration/trajectory.csv")["heading_deg"]
     found = found[found.abs() > 1e-5]
@@ -111,11 +112,11 @@ def test_the_truth_with_its_mistakes_is_json_and_the_flight_hides_them(spoiled, 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acx4sim.GrossErrors(image_points=1.2), "must be a share"),
-        (lambda: acx4sim.GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
-        (lambda: acx4(gross_errors=acx4sim.GrossErrors(block="heads")), "'heads' is not simul"),
-        (lambda: acx4sim.SlowErrors(gnss=-0.1), "gnss must be a share"),
-        (lambda: acx4sim.SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
+        (lambda: GrossErrors(image_points=1.2), "must be a share"),
+        (lambda: GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
+        (lambda: acx4(gross_errors=GrossErrors(block="heads")), "'heads' is not simul"),
+        (lambda: SlowErrors(gnss=-0.1), "gnss must be a share"),
+        (lambda: SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
         (lambda: acx4sim.Options(refraction="some"), "refraction is 'none' or 'standard'"),
     ],
 )

@@ -14,6 +14,7 @@ from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.calibration import heads as relative_orientation
 from acx4lib.calibration import mounting
 from acx4lib.flight.block import select_camera
+from acx4sim.plan import GrossErrors
 from support.flights.simulated import (
     CAMERA,
     HEADS,
@@ -57,7 +58,7 @@ def spoil(design, *, seed, block="calibration", n_ties=None):
     options = acx4sim.Options(
         blocks=(block,),
         tie_points={block: n_ties} if n_ties else {},
-        gross_errors=acx4sim.GrossErrors(block=block),
+        gross_errors=GrossErrors(block=block),
     )
     return read_back(acx4sim.DESIGNS[design](seed=seed, options=options))
 

@@ -19,7 +19,6 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
-from support.helpers import ROOT
 from support.run_results import leave_results
 from support.small_notebooks import write
 
@@ -152,9 +151,8 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
 def test_a_book_is_not_made_of_changed_results(own):
     at, folder = own
     (folder / "validation.csv").write_text("mine\n")
-    script = ROOT / "book" / "_scripts" / "pages.py"
     done = subprocess.run(
-        [sys.executable, script, at, folder, at.parent / "book"],
+        [sys.executable, "-m", "acx4book.pages", at, folder, at.parent / "book"],
         capture_output=True,
         text=True,
         check=False,

@@ -97,9 +97,10 @@ Example:
 )
 def check(flight: Flight) -> None:
     """Read a flight and print a summary."""
-    from acx4lib import flight as flights  # noqa: PLC0415 quick help
+    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
+    from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
 
-    show(flights.summary(flights.read(flight)))
+    show(summary(read(flight)))
 
 
 @app.command(
@@ -207,30 +208,33 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     ] = None,
 ) -> None:
     """Write a simulated flight."""
-    import acx4sim as simulator  # noqa: PLC0415 quick help
     from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
+    from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
+    from acx4sim.files.flights import photograph  # noqa: PLC0415 quick help
+    from acx4sim.files.writer import TRUTH_MARK, truth_path, write  # noqa: PLC0415 quick help
+    from acx4sim.plan import GrossErrors, Options, SlowErrors  # noqa: PLC0415 quick help
 
-    if name not in simulator.DESIGNS:
-        refuse(f"unknown flight {name!r}; known: {', '.join(simulator.DESIGNS)}")
+    if name not in DESIGNS:
+        refuse(f"unknown flight {name!r}; known: {', '.join(DESIGNS)}")
     places.check_new(out)
-    truth, mark = simulator.truth_path(out), simulator.TRUTH_MARK
-    places.check_file(truth, mark=mark, what="the truth of a simulated flight")
-    options = simulator.Options(
-        slow_errors=simulator.SlowErrors() if slow_errors else None,
-        gross_errors=simulator.GrossErrors() if gross_errors else None,
+    truth = truth_path(out)
+    places.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
+    options = Options(
+        slow_errors=SlowErrors() if slow_errors else None,
+        gross_errors=GrossErrors() if gross_errors else None,
         refraction="standard" if refraction else "none",
     )
     exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
     if not exposures and (reduce > 1 or ground is not None):
         refuse("--reduce and --ground are for pictures; name exposures with --images")
-    flight = simulator.DESIGNS[name](seed=seed, options=options)
+    flight = DESIGNS[name](seed=seed, options=options)
     if exposures:
         try:
-            flight = simulator.photograph(flight, exposures, reduce=reduce, photo=ground)
+            flight = photograph(flight, exposures, reduce=reduce, photo=ground)
         except ValueError as error:
             refuse(str(error))
     with stage_bars("rows") as tell, claims.placed(out, command="acx4 simulate") as draft:
-        simulator.write(flight, draft, tell=tell)
+        write(flight, draft, tell=tell)
     show(f"{out}; its truth in {truth}")
 
 
@@ -257,11 +261,11 @@ def report(
 ) -> None:
     """Write the calibration report of a run."""
     need_book("report")
-    from acx4book import report as calibration_report  # noqa: PLC0415 quick help
+    from acx4book.report.page.page import write  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
     with stage_bars() as tell:
-        calibration_report.write(results, path, on_cell=lambda *cells: tell("report", *cells))
+        write(results, path, on_cell=lambda *cells: tell("report", *cells))
     show(path)
 
 

@@ -64,7 +64,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
 ) -> None:
     """Render the synthetic images of a flight."""
-    from acx4lib import flight as flights  # noqa: PLC0415 quick help
+    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.production.exposure import RenderOptions  # noqa: PLC0415 quick help
     from acx4lib.production.flight_images import render_flight  # noqa: PLC0415 quick help
     from acx4lib.production.workers import Workers  # noqa: PLC0415 quick help
@@ -87,7 +87,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     workers = Workers(processes=jobs, cluster=cluster)
     with image_bar() as tell:
         report = render_flight(
-            flights.read(flight),
+            read(flight),
             results,
             out,
             exposures=named,

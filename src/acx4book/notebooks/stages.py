@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from acx4book.notebooks import execute
-from acx4lib import flight as flights
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
+from acx4lib.flight import reader as flights
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places

@@ -13,8 +13,8 @@ from acx4book.typesetting.labels import LABELS, UNITS, with_unit
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
 
 Truth = Mapping[str, Any]
 """The content of a flight's ``.truth.json``."""

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed as paper
-from acx4lib.flight import Flight
 from acx4lib.flight.design import ground_sample_m
+from acx4lib.flight.reader import Flight
 from acx4lib.results import folder
 
 RULE = (

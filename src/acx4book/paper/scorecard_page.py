@@ -12,7 +12,7 @@ from acx4book.paper.scorecard import INPUT, RULE, counts, scorecard
 from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
 from acx4book.typesetting.myst import myst_table, scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.results import folder
 
 GIVEN = (

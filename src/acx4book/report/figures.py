@@ -56,7 +56,7 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
     Parameters
     ----------
     tables : mapping of str to DataFrame
-        As `calibration_report.image_residuals` returns it, by the title of the adjustment.
+        As `material.image_residuals` returns it, by the title of the adjustment.
     cameras : mapping of str to Camera
     """
     fields = {
@@ -149,7 +149,7 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
     Parameters
     ----------
     boresights : DataFrame
-        As `calibration_report.boresights` returns it.
+        As `stability.boresights` returns it.
     """
     if boresights.empty:
         return nothing("No bundle with free orientations gives boresights of single images.")

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4lib import flight as flights
 from acx4lib.calibration.mounting import METHODS
 from acx4lib.errors import FlightError
+from acx4lib.flight import reader as flights
 from acx4lib.flight.block import Block
 from acx4lib.results import folder as results
 from acx4lib.results import provenance

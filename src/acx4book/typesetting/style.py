@@ -1,6 +1,6 @@
 """The one style of all figures: palette, lines, type, and the small parts that they share.
 
-Every figure is made inside `style`, which leaves pyplot as it found it:
+Every figure is made inside `style`, which leaves pyplot as it found it::
 
     with style():
         fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))

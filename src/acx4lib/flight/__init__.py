@@ -1,11 +1,12 @@
-"""A user's flight: its folder read, checked and summarised.
+"""A user's flight, its folder read and checked (section 3.2).
 
-The layout and every rule stand in the flight-data contract. `read` says everything that is
-wrong at once; what is merely odd becomes a note.
+`reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
+is merely odd becomes a note. A flight's blocks are plain arrays, `block`; `design` tells how they
+were flown. Layout and rules of the folder: page *Your own flight* of the book. Begin with
+`reader`, then `block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
 """
 
-from acx4lib.flight.reader import Flight, read, read_kept, table_files
-from acx4lib.flight.setup import Apriori, Synthetic
+from acx4lib.flight.reader import Flight, read, read_kept
 from acx4lib.flight.summary import summary
 
-__all__ = ["Apriori", "Flight", "Synthetic", "read", "read_kept", "summary", "table_files"]
+__all__ = ["Flight", "read", "read_kept", "summary"]

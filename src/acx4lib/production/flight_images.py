@@ -16,7 +16,7 @@ from pathlib import Path
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions, TellRows
 from acx4lib.production.file_names import file_stem
@@ -86,8 +86,8 @@ class Rendered:
 
 def render_flight(
     flight: Flight,
-    results_path: Path,
-    folder: Path,
+    results_path: str | Path,
+    folder: str | Path,
     *,
     exposures: Sequence[str] | None = None,
     options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
@@ -99,9 +99,9 @@ def render_flight(
     Parameters
     ----------
     flight : Flight
-    results_path : Path
+    results_path : str or Path
         Results folder with the orientation of the heads.
-    folder : Path
+    folder : str or Path
         A new or empty folder, or that of an earlier call. A TIFF and a preview for each exposure
         are written to it, and `IMAGES`.
     exposures : sequence of str, optional
@@ -124,7 +124,7 @@ def render_flight(
     AdjustmentError
         Where the heads could not be oriented.
     """
-    rig = read_rig(flight, results_path)
+    rig, folder = read_rig(flight, Path(results_path)), Path(folder)
     complete, incomplete = head_files(flight, [head.name for head in rig.orientation.heads])
     chosen = _chosen(flight, exposures, complete, incomplete)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.image_files import ImageFile, image_from_file
 from acx4lib.synthetic_image.mapped_pixels import forget

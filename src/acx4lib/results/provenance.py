@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.errors import FlightError
-from acx4lib.flight import Flight, table_files
+from acx4lib.flight.reader import Flight, table_files
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, is_below, written
 

@@ -11,7 +11,7 @@ from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration, given, to_reported
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import METHODS
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT, REPORTED

@@ -15,7 +15,7 @@ from acx4lib.calibration.heads import (
     relative_orientation,
 )
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import (
     Record,
     of_bundle,

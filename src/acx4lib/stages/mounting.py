@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
-from acx4lib.calibration import weights
-from acx4lib.calibration.mounting import Mounting, Mountings, calibrate
-from acx4lib.flight import Flight
+from acx4lib import expected
+from acx4lib.calibration import mounting, weights
+from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
 
 
@@ -49,30 +51,45 @@ class MountingStage:
         return self.mountings.methods.get("single_step")
 
 
-def run(flight: Flight, results_path: str | Path) -> MountingStage:
-    """Calibrate the mounting by all methods, and write the results.
+def calibrate(flight: Flight) -> MountingStage:
+    """Calibrate the mounting by all methods, by the settings of flight.toml.
 
     Parameters
     ----------
     flight : Flight
         With a block calibration.
-    results_path : path
 
     Raises
     ------
+    FlightError
+        If the flight has no block calibration.
     AdjustmentError
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
+    expected.instance("flight", flight, Flight)
+    if flight.calibration is None:
+        raise FlightError([f"{flight.path}: has no block calibration; nothing to calibrate"])
     settings = Settings(
         free=flight.estimate_mounting,
         fix=flight.fix,
         refraction=flight.refraction,
         gnss=flight.gnss,
     )
-    block, factors = weights.weighted(
-        flight.blocks["calibration"], weights=flight.weights, **settings
-    )
-    mountings = calibrate(block, **settings)
-    records = adjustments.of_mountings(mountings, applied=factors)
-    adjustments.write(results_path, "mounting", records)
+    block, factors = weights.weighted(flight.calibration, weights=flight.weights, **settings)
+    mountings = mounting.calibrate(block, **settings)
     return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
+
+
+def run(flight: Flight, results_path: str | Path) -> MountingStage:
+    """Return what `calibrate` does, and write it to the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block calibration.
+    results_path : path
+    """
+    stage = calibrate(flight)
+    records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
+    adjustments.write(results_path, "mounting", records)
+    return stage

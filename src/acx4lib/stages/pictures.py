@@ -10,7 +10,7 @@ import numpy as np
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.flight_response import spread
 from acx4lib.production.head_images import head_files, read_heads

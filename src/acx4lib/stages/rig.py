@@ -10,8 +10,8 @@ import numpy as np
 from acx4lib.calibration import rig
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block, select_cameras
+from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results import folder
 from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write

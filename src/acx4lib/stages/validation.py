@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, folder, read_back
 from acx4lib.results.validations import of_validations

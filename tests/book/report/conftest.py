@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from acx4book import report
+from acx4book.report.material import read
 from acx4lib.results.own_folder.marks import MARK
 from support.run_results import leave_results
 
@@ -16,7 +16,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def run(made):
-    return report.read(made[1])
+    return read(made[1])
 
 
 @pytest.fixture

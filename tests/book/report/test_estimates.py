@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book import report
 from acx4book.report import estimates
+from acx4book.report.material import read
+from acx4book.report.sections import correlation_sentence
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
@@ -29,7 +30,7 @@ def test_significance_is_against_zero_or_what_was_declared(run):
 
 def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
     """A declared mount of 180 degrees, an estimate of -179.9."""
-    material = report.read(folder)
+    material = read(folder)
     camera = material.flight.cameras["CAM"]
     turned = np.diag([-1.0, -1.0, 1.0])
     mount = replace(camera, T_b_c=replace(camera.T_b_c, R=turned))
@@ -57,10 +58,10 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
         columns=list(results.COLUMNS["covariance"]),
     )
     table.to_csv(folder / "covariance.csv", index=False)
-    material = report.read(folder)
+    material = read(folder)
     pairs = estimates.strong_pairs(material, SINGLE)
     assert [(p.one, p.other) for p in pairs] == [tuple(names[:2]), tuple(names[1:])]
     assert_allclose([p.rho for p in pairs], [0.95, -0.91])
-    assert report.correlation_sentence(material) == (
+    assert correlation_sentence(material) == (
         "Correlations above 0.9: $f$ and $x_p$ (+0.95), $x_p$ and $y_p$ (-0.91)."
     )

@@ -5,9 +5,8 @@ import pandas as pd
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book import report
 from acx4book.report import groups
-from acx4book.report.material import residuals
+from acx4book.report.material import read, residuals
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
@@ -24,7 +23,7 @@ def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, 
         ]
     )
     table[list(results.COLUMNS["residuals"])].to_csv(folder / "residuals.csv", index=False)
-    (group,) = groups.qualities(report.read(folder), SINGLE)
+    (group,) = groups.qualities(read(folder), SINGLE)
     assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
     assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)
     assert_allclose(group.redundancy, 19.0)

@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4book import report
-from acx4book.report.material import residuals
+from acx4book.report.describe import identification
+from acx4book.report.material import image_residuals, residuals
+from acx4book.report.sections import method_table, parameter_table
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
 
 def test_the_identification_names_flight_camera_system_and_software(run):
-    said = report.identification(run).set_index("Item")["Statement"]
+    said = identification(run).set_index("Item")["Statement"]
     assert said["Flight"] == run.flight.name
     assert "pixels of 4.6 µm; declared focal length 50 mm" in said["Camera CAM"]
     assert said["Coordinate system"] == "WGS 84 / UTM zone 33N (EPSG:32633)"
@@ -20,18 +21,18 @@ def test_the_identification_names_flight_camera_system_and_software(run):
 
 
 def test_parameters_stand_with_their_sigma(run):
-    table = report.parameter_table(run).set_index("Parameter")
+    table = parameter_table(run).set_index("Parameter")
     rows = results.parameters(run.found, SINGLE, "CAM")
     value, sigma = table.loc["$f$ (mm)", "Value and σ"].split(" ± ")
     assert_allclose(float(value), rows.loc["f_mm", "value"], atol=1e-4)
     assert_allclose(float(sigma), rows.loc["f_mm", "sigma"], rtol=0.05)
     assert len(table) == len(rows)
-    methods = report.method_table(run).set_index("Parameter")
+    methods = method_table(run).set_index("Parameter")
     assert methods.loc["lever arm $x$ (m)", "Two-step, GNSS positions"] == "held"
 
 
 def test_residuals_stand_where_they_were_measured(run):
-    table = report.image_residuals(run, SINGLE)
+    table = image_residuals(run, SINGLE)
     block = run.flight.calibration
     one = table.iloc[7]
     i = block.images.names.index(one["image"])

@@ -5,13 +5,14 @@ import pandas as pd
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book import report
 from acx4book.report import stability
+from acx4book.report.material import read
+from acx4book.report.stability import boresights
 from support.run_results import edit
 
 
 def test_boresights_scatter_as_their_sigma_says(run):
-    found = report.boresights(run)
+    found = boresights(run)
     assert len(found) == len(run.flight.calibration.images)
     assert found["time_s"].is_monotonic_increasing
     for axis in stability.AXES:
@@ -24,7 +25,7 @@ def test_boresights_scatter_as_their_sigma_says(run):
 
 def test_an_image_turned_to_the_left_turns_the_boresight_about_z(folder):
     """kappa counts from x to y seen from above, and so does a turn about the body's z axis."""
-    before = report.boresights(report.read(folder))
+    before = boresights(read(folder))
     image, n = before["image"][3], len(before)
 
     def turn(table):
@@ -32,7 +33,7 @@ def test_an_image_turned_to_the_left_turns_the_boresight_about_z(folder):
         table.loc[rows, "kappa_deg"] = table.loc[rows, "kappa_deg"].astype(float) + 0.5
 
     edit(folder, "exterior_orientation", turn)
-    after = report.boresights(report.read(folder))
+    after = boresights(read(folder))
     change = (after["z_deg"] - before["z_deg"]).to_numpy()
     # attitudes of a few degrees: the cosine is one within 1 %, and the mean takes its part
     assert_allclose(change[3], 0.5 * (1 - 1 / n), atol=0.005)

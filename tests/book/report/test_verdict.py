@@ -5,24 +5,26 @@ import re
 
 import pytest
 
-from acx4book import report
 from acx4book.report import groups, verdict
+from acx4book.report.material import Material, read
+from acx4book.report.sections import verdict_table
+from acx4book.report.verdict import findings, statement
 from acx4lib.results import folder as results
 from support.run_results import SINGLE, edit, edit_summary
 
 
 def state(folder_or_run, question):
-    material = folder_or_run if isinstance(folder_or_run, report.Material) else None
-    found = report.findings(material or report.read(folder_or_run))
+    material = folder_or_run if isinstance(folder_or_run, Material) else None
+    found = findings(material or read(folder_or_run))
     return next((f.state, f.answer) for f in found if f.question == question)
 
 
 def test_a_good_run_holds(run):
-    found = report.findings(run)
+    found = findings(run)
     assert [f.question for f in found if f.state == verdict.FAILS] == []
     n = sum(f.state == verdict.HOLDS for f in found)
     said = f"**The results hold.** All {n} tests of this report are passed."
-    assert report.statement(found) == said
+    assert statement(found) == said
     assert n >= 7
 
 
@@ -38,7 +40,7 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
     def optimistic(table):
         rows = (table["kind"] == "gnss") & (table["component"] == "height_m")
         ratio = next(
-            g.ratio for g in groups.qualities(report.read(folder), SINGLE) if "GNSS, h" in g.group
+            g.ratio for g in groups.qualities(read(folder), SINGLE) if "GNSS, h" in g.group
         )
         table.loc[rows, "sigma"] = table.loc[rows, "sigma"].astype(float) * ratio / 2.5
 
@@ -93,7 +95,7 @@ def test_without_check_points_the_accuracy_is_not_shown(folder):
 
 
 def test_many_rejected_observations_are_no_single_errors(folder):
-    n = report.read(folder).found.summary[SINGLE]["n_observations"]
+    n = read(folder).found.summary[SINGLE]["n_observations"]
     edit_summary(folder, SINGLE, n_rejected=int(0.01 * n))
     assert state(folder, "Gross errors")[0] == "holds"
     edit_summary(folder, SINGLE, n_rejected=int(0.01 * n) + 1)
@@ -104,7 +106,7 @@ def test_what_fails_stands_first_and_in_the_sentence():
     good = verdict.Finding(question="Good", state="holds", answer="")
     bad = verdict.Finding(question="Bad thing", state="fails", answer="")
     note = verdict.Finding(question="Odd", state="note", answer="")
-    assert list(report.verdict_table([good, note, bad])["Question"]) == ["Bad thing", "Good", "Odd"]
-    assert report.statement([good, note, bad]) == (
+    assert list(verdict_table([good, note, bad])["Question"]) == ["Bad thing", "Good", "Odd"]
+    assert statement([good, note, bad]) == (
         "**Not everything holds.** 1 of 2 tests fails: bad thing."
     )

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib import flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.setup import Apriori, Synthetic
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk
@@ -61,7 +62,7 @@ def test_a_flight_has_the_blocks_whose_folders_are_there(tmp_path):
     assert [camera.name for camera in read.validation.cameras] == ["CAM"]
     assert len(read.heads.images) == 12
     assert len(read.heads.trajectory) == 6
-    assert read.synthetic == flight.Synthetic(camera="CAM", heads=("LEFT", "RIGHT"))
+    assert read.synthetic == Synthetic(camera="CAM", heads=("LEFT", "RIGHT"))
 
 
 def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
@@ -72,7 +73,7 @@ def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
     assert read.weights == "given"
     assert read.gnss == ()
     assert read.refraction == "none"
-    assert read.apriori == flight.Apriori()
+    assert read.apriori == Apriori()
 
 
 def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):

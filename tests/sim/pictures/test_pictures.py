@@ -16,16 +16,23 @@ from scipy.ndimage import gaussian_filter
 
 import acx4sim
 from acx4sim import earth
+from acx4sim.designs import acx4_plan
+from acx4sim.files.flights import photograph
+from acx4sim.files.writer import truth_path
 from acx4sim.pictures import photography, pictures
+from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, reduced, station
+from acx4sim.pictures.photography import landscape
+from acx4sim.pictures.pictures import Tiles, camera_response, picture
 from acx4sim.scenery.noise import cell_m
+from acx4sim.scenery.photo import read_photo
 
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, blocks=("heads",))
-PLAN = acx4sim.acx4_plan()
+PLAN = acx4_plan()
 
 
 @pytest.fixture(scope="module")
 def at():
-    return acx4sim.station(PLAN, "H3-04")
+    return station(PLAN, "H3-04")
 
 
 @pytest.fixture(scope="module")
@@ -83,13 +90,13 @@ def test_ground_of_a_pixel_is_seen_in_that_pixel(at, name, refraction):
     here = replace(at, plan=replace(PLAN, refraction=refraction))
     camera = PLAN.cameras[name]
     colrow = pixels_of(camera, 500)
-    x_g = acx4sim.ground_from_pixels(here, camera, colrow)
-    assert_allclose(acx4sim.pixels_from_ground(here, camera, x_g), colrow, atol=1e-5)
+    x_g = ground_from_pixels(here, camera, colrow)
+    assert_allclose(pixels_from_ground(here, camera, x_g), colrow, atol=1e-5)
 
 
 def test_ground_lies_on_the_hills_of_the_surveyed_points(at):
     """The terrain's own formula at the points found; rays stop at 1e-7 m."""
-    x_g = acx4sim.ground_from_pixels(at, PLAN.cameras["CAM2"], pixels_of(PLAN.cameras["CAM2"], 50))
+    x_g = ground_from_pixels(at, PLAN.cameras["CAM2"], pixels_of(PLAN.cameras["CAM2"], 50))
     llh = earth.Grid(crs=PLAN.crs).geodetic_from_grid(x_g)
     height = earth.terrain_height(llh, PLAN.ground_m, latitude=at.latitude)
     assert_allclose(x_g[:, 2], height, atol=1e-6)
@@ -100,7 +107,7 @@ def test_ground_lies_on_the_hills_of_the_surveyed_points(at):
 
 def test_a_ray_that_does_not_come_down_is_nan(at):
     sideways = replace(PLAN.cameras["CAM1"], boresight_deg=(95.0, 0.0, 0.0))
-    assert np.isnan(acx4sim.ground_from_pixels(at, sideways, np.array([[10.0, 10.0]]))).all()
+    assert np.isnan(ground_from_pixels(at, sideways, np.array([[10.0, 10.0]]))).all()
 
 
 def test_latitude_and_longitude_of_geocentric_coordinates_are_projs():
@@ -125,11 +132,11 @@ def test_exposures_are_the_flights(exact, at):
 
 def test_reduced_camera_sees_the_middle_of_the_sensor(at):
     camera = PLAN.cameras["CAM2"]
-    small = acx4sim.reduced(camera, 4)
+    small = reduced(camera, 4)
     assert (small.width_px, small.height_px) == (2246, 1683)
     # 8984 = 4 x 2246 and 6732 = 4 x 1683: a small pixel's middle is between four large ones
-    ground = acx4sim.ground_from_pixels(at, small, np.array([[0.0, 0.0], [100.0, 7.0]]))
-    same = acx4sim.ground_from_pixels(at, camera, np.array([[1.5, 1.5], [401.5, 29.5]]))
+    ground = ground_from_pixels(at, small, np.array([[0.0, 0.0], [100.0, 7.0]]))
+    same = ground_from_pixels(at, camera, np.array([[1.5, 1.5], [401.5, 29.5]]))
     assert_allclose(ground, same, atol=1e-6)
 
 
@@ -139,7 +146,7 @@ def test_every_pixel_sees_its_ground_to_a_thousandth(at, name, reduce):
 
     Not near the steps between slopes. A cell is about half a pixel; 1e-3 px is 2 DN.
     """
-    camera, ground = acx4sim.reduced(PLAN.cameras[name], reduce), Slopes()
+    camera, ground = reduced(PLAN.cameras[name], reduce), Slopes()
     found = np.concatenate(
         [
             np.c_[_grid(rows, cols), dn.reshape(-1, 3)[:, :2]]
@@ -150,7 +157,7 @@ def test_every_pixel_sees_its_ground_to_a_thousandth(at, name, reduce):
     cells = (
         np.stack(
             [
-                acx4sim.ground_from_pixels(at, camera, found[:, :2] + [dx, dy])[:, :2]
+                ground_from_pixels(at, camera, found[:, :2] + [dx, dy])[:, :2]
                 for dx in (-0.25, 0.25)
                 for dy in (-0.25, 0.25)
             ]
@@ -181,12 +188,12 @@ def test_painted_points_are_where_the_flight_measures_them(exact, at, name):
     measured = exact.tables["heads/image_points.csv"].set_index(["image", "point"])
     colrow = measured.loc[f"H3-04_{name}"].filter(regex="^P", axis=0).to_numpy()[:5]
     assert len(colrow) > 2
-    ground = acx4sim.landscape(at)
+    ground = landscape(at)
     for col, row in colrow:
         left, top = int(col) - 12, int(row) - 12
         part = cut_out(PLAN.cameras[name], left, top, 25, 25)
         fine = replace(part, width_px=100, height_px=100, pixel_um=part.pixel_um / 4)
-        white = acx4sim.picture(at, fine, ground).astype(float).sum(axis=2) - 3 * 3200  # the pad
+        white = picture(at, fine, ground).astype(float).sum(axis=2) - 3 * 3200  # the pad
         rows, cols = np.indices(white.shape)
         white[np.hypot(rows - 49.5, cols - 49.5) > 4 * 3.4] = 0
         middle = np.array([(cols * white).sum(), (rows * white).sum()]) / white.sum()
@@ -203,15 +210,15 @@ def test_pictures_of_one_place_agree_whatever_camera_takes_them(at, tmp_path):
     spots = gaussian_filter(np.random.default_rng(0).standard_normal((512, 512, 3)), (80, 80, 0))
     counts = np.clip(128 + 40 * spots / spots.std(), 0, 255).astype(np.uint8)
     tifffile.imwrite(tmp_path / "spots.tif", counts, photometric="rgb")
-    ground = acx4sim.Tiles(ground=acx4sim.read_photo(tmp_path / "spots.tif"))
-    head, down = (acx4sim.reduced(PLAN.cameras[name], 16) for name in ("CAM1", "SYN"))
+    ground = Tiles(ground=read_photo(tmp_path / "spots.tif"))
+    head, down = (reduced(PLAN.cameras[name], 16) for name in ("CAM1", "SYN"))
     grid = np.stack(np.meshgrid(np.arange(100, 400, 3), np.arange(100, 300, 3)), -1).reshape(-1, 2)
-    seen = acx4sim.pixels_from_ground(at, down, acx4sim.ground_from_pixels(at, head, grid))
+    seen = pixels_from_ground(at, down, ground_from_pixels(at, head, grid))
     size = np.array([down.width_px, down.height_px])
     inside = np.all((seen > 0) & (seen < size - 1), axis=1)
     assert inside.sum() > 1000
-    a = acx4sim.picture(at, PLAN.cameras["CAM1"], ground, reduce=16)
-    b = acx4sim.picture(at, PLAN.cameras["SYN"], ground, reduce=16)
+    a = picture(at, PLAN.cameras["CAM1"], ground, reduce=16)
+    b = picture(at, PLAN.cameras["SYN"], ground, reduce=16)
     (col_a, row_a), (col_b, row_b) = grid[inside].T, np.rint(seen[inside]).astype(int).T
     error = a[row_a, col_a].astype(float) - b[row_b, col_b]
     assert error.std() < 600
@@ -225,9 +232,7 @@ def test_shot_noise_is_half_the_root_and_falls_with_the_reduction(at):
     """40 000 values: a standard deviation is known to 0.35 %, five sigma are 2 %."""
     for reduce in (1, 3):
         part = cut_out(PLAN.cameras["CAM1"], 4000, 3000, 240 * reduce, 60 * reduce)
-        image = acx4sim.picture(
-            at, part, Evenly(20_000), reduce=reduce, noise=np.random.default_rng(1)
-        )
+        image = picture(at, part, Evenly(20_000), reduce=reduce, noise=np.random.default_rng(1))
         expected = np.hypot(0.5 * np.sqrt(20_000) / reduce, np.sqrt(1 / 12))
         assert_allclose(image.std(), expected, rtol=0.02)
         assert_allclose(image.mean(), 20_000, atol=5 * expected / np.sqrt(image.size))
@@ -235,8 +240,8 @@ def test_shot_noise_is_half_the_root_and_falls_with_the_reduction(at):
 
 def test_light_falls_off_with_the_cosine_by_20_to_25_percent(at):
     for name in ("CAM1", "CAM2", "CAM3", "CAM4"):
-        camera, responds = PLAN.cameras[name], acx4sim.camera_response(name, 1)
-        image = acx4sim.picture(at, camera, Evenly(40_000), reduce=32, responds=responds)
+        camera, responds = PLAN.cameras[name], camera_response(name, 1)
+        image = picture(at, camera, Evenly(40_000), reduce=32, responds=responds)
         rows, cols = image.shape[:2]
         middle, corner = image[rows // 2, cols // 2], image[0, 0]
         assert_allclose(middle / 40_000, responds.gain, atol=1e-3)  # two pixels off the middle
@@ -250,14 +255,14 @@ def test_light_falls_off_with_the_cosine_by_20_to_25_percent(at):
 
 
 def test_without_response_and_noise_a_picture_has_the_grounds_dn(at):
-    image = acx4sim.picture(at, PLAN.cameras["SYN"], Evenly(12_345), reduce=100)
+    image = picture(at, PLAN.cameras["SYN"], Evenly(12_345), reduce=100)
     assert image.dtype == np.uint16
     assert np.all(image == 12_345)
 
 
 def test_dn_end_at_the_white_of_16_bit(at):
     gain = pictures.CameraResponse(gain=(2.0, 1.0, 1.0))
-    image = acx4sim.picture(at, PLAN.cameras["SYN"], Evenly(40_000), reduce=100, responds=gain)
+    image = picture(at, PLAN.cameras["SYN"], Evenly(40_000), reduce=100, responds=gain)
     assert_array_equal(np.unique(image), [40_000, 65_535])
 
 
@@ -277,7 +282,7 @@ def photo(tmp_path_factory):
 
 def with_pictures(folder, photo, name="acx4", exposures=("H3-04",), options=FEW):
     flight = acx4sim.DESIGNS[name](seed=2, options=options)
-    acx4sim.write(acx4sim.photograph(flight, exposures, reduce=REDUCE, photo=photo), folder)
+    acx4sim.write(photograph(flight, exposures, reduce=REDUCE, photo=photo), folder)
     return folder
 
 
@@ -300,10 +305,10 @@ def test_every_head_has_its_file_and_images_csv_names_it(folder):
 
 
 def test_truth_tells_responses_exposures_and_ground(folder):
-    told = json.loads(acx4sim.truth_path(folder).read_text())["pictures"]
+    told = json.loads(truth_path(folder).read_text())["pictures"]
     assert (told["exposures"], told["reduce"], told["ground"]) == (["H3-04"], REDUCE, "photo.tif")
     assert set(told["response"]) == {"CAM1", "CAM2", "CAM3", "CAM4"}
-    assert told["response"]["CAM2"]["gain"] == list(acx4sim.camera_response("CAM2", 2).gain)
+    assert told["response"]["CAM2"]["gain"] == list(camera_response("CAM2", 2).gain)
 
 
 def test_same_seed_gives_the_same_pictures(folder, photo, tmp_path):
@@ -326,8 +331,8 @@ def test_a_photo_lies_on_the_ground_mirrored_at_its_edges(tmp_path, at):
     """DN are 56 000 in white and grow with the square; 16 000 pixels of dither average out."""
     photo = np.full((64, 96, 3), [10, 100, 200], np.uint8)
     tifffile.imwrite(tmp_path / "photo.tif", photo, photometric="rgb")
-    ground = acx4sim.read_photo(tmp_path / "photo.tif")
-    image = acx4sim.picture(at, PLAN.cameras["CAM1"], ground, reduce=60)
+    ground = read_photo(tmp_path / "photo.tif")
+    image = picture(at, PLAN.cameras["CAM1"], ground, reduce=60)
     expected = (np.array([10, 100, 200]) / 255) ** 2 * 56_000
     assert_allclose(image.reshape(-1, 3).mean(axis=0), expected, atol=2.0)
 
@@ -337,7 +342,7 @@ def test_photo_keeps_its_left_and_right(tmp_path):
     photo = np.zeros((8, 8, 3), np.uint8)
     photo[:4, :4] = 255
     tifffile.imwrite(tmp_path / "photo.png.tif", photo, photometric="rgb")
-    ground = acx4sim.read_photo(tmp_path / "photo.png.tif")
+    ground = read_photo(tmp_path / "photo.png.tif")
     window = pictures.GroundWindow(level=2, row=-4, col=0, rows=4, cols=4)
     assert_array_equal(
         ground.paint(window)[..., 0] > 20_000, [[False] * 4] * 2 + [[True, True, False, False]] * 2
@@ -349,26 +354,26 @@ def test_photo_keeps_its_left_and_right(tmp_path):
 
 def test_an_unknown_exposure_is_named_with_some_that_are_there():
     with pytest.raises(ValueError, match=r"exposure 'H9-01' is not in acx4; it has.*H1-01, H4-07"):
-        acx4sim.photograph(acx4sim.acx4(options=FEW), ["H3-04", "H9-01"])
+        photograph(acx4sim.acx4(options=FEW), ["H3-04", "H9-01"])
 
 
 def test_no_exposure_and_no_pixel_are_refused():
     flight = acx4sim.acx4(options=FEW)
     with pytest.raises(ValueError, match="no exposure is named"):
-        acx4sim.photograph(flight, [])
+        photograph(flight, [])
     with pytest.raises(ValueError, match="cannot be reduced 9000 times"):
-        acx4sim.photograph(flight, ["H3-04"], reduce=9000)
+        photograph(flight, ["H3-04"], reduce=9000)
 
 
 def test_a_photo_that_is_missing_or_unreadable_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.jpg"):
-        acx4sim.read_photo(tmp_path / "none.jpg")
+        read_photo(tmp_path / "none.jpg")
     (tmp_path / "text.jpg").write_text("no picture")
     with pytest.raises(OSError, match=r"is not a picture that can be read.*text\.jpg"):
-        acx4sim.read_photo(tmp_path / "text.jpg")
+        read_photo(tmp_path / "text.jpg")
     (tmp_path / "empty.jpg").write_bytes(b"")
     with pytest.raises(OSError, match="is not a picture"):
-        acx4sim.read_photo(tmp_path / "empty.jpg")
+        read_photo(tmp_path / "empty.jpg")
 
 
 def test_a_flight_appears_whole_or_not_at_all(tmp_path, photo, monkeypatch):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import acx4sim
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support import blocks
@@ -45,5 +46,5 @@ def simulated(n=2, *, strips=blocks.BOTH_WAYS, ties=30, **options):
 
 def flown(seed):
     """The heads of a simulated flight with a third of its tie points."""
-    options = flights.simulate.Options(blocks=("heads",), tie_points={"heads": 100})
-    return flights.read_back(flights.simulate.DESIGNS["acx4"](seed=seed, options=options))
+    options = acx4sim.Options(blocks=("heads",), tie_points={"heads": 100})
+    return flights.read_back(acx4sim.DESIGNS["acx4"](seed=seed, options=options))

@@ -21,6 +21,7 @@ from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as relative_orientation
 from acx4lib.georeferencing import validation
 from acx4lib.tie_points import ties as tie_points
+from acx4sim.files.writer import truth_path
 
 SEEDS = range(1, 21)
 CAMERA = {"acx4": "SYN", "single-head": "CAM"}
@@ -68,9 +69,7 @@ def read_back(simulated):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight"
         acx4sim.write(simulated, path)
-        return Flown(
-            flight=flight.read(path), truth=json.loads(acx4sim.truth_path(path).read_text())
-        )
+        return Flown(flight=flight.read(path), truth=json.loads(truth_path(path).read_text()))
 
 
 def shift_image_points(table, sizes_px, *, size):

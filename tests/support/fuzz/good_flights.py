@@ -10,6 +10,7 @@ import pandas as pd
 import tifffile
 
 import acx4sim
+from acx4sim.files.writer import truth_path
 from support.flights.written import write_flight
 
 KEPT = 5
@@ -26,7 +27,7 @@ def write_all(folder: Path) -> list[Path]:
     _add_geoid(above_geoid)
     simulated = folder / "simulated"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1, options=acx4sim.Options()), simulated)
-    acx4sim.truth_path(simulated).unlink()
+    truth_path(simulated).unlink()
     _thin(simulated)
     return [pictured, above_geoid, simulated]
 

@@ -10,6 +10,8 @@ import acx4sim
 from acx4lib import flight
 from acx4lib.errors import FlightError
 from acx4lib.results import folder
+from acx4sim.files.flights import photograph
+from acx4sim.plan import GrossErrors, SlowErrors
 from support.wrong_calls.material import Wrong, flown, no_results
 
 NOWHERE = "/nowhere/at/all"
@@ -87,17 +89,15 @@ def invented() -> list[Wrong]:
         Wrong(lambda: options(tie_points={"heads": 10.5}), "tie_points"),
         Wrong(lambda: options(refraction="ICAO"), "refraction is 'none' or 'standard', got 'ICAO'"),
         Wrong(
-            lambda: acx4sim.GrossErrors(image_points=5),
+            lambda: GrossErrors(image_points=5),
             "image_points must be a share from 0 to 1, got 5",
         ),
+        Wrong(lambda: GrossErrors(gnss_m=np.nan), "gnss_m must be a finite number, got nan"),
+        Wrong(lambda: SlowErrors(gnss=95), "gnss must be a share from 0 to 1, got 95"),
         Wrong(
-            lambda: acx4sim.GrossErrors(gnss_m=np.nan), "gnss_m must be a finite number, got nan"
-        ),
-        Wrong(lambda: acx4sim.SlowErrors(gnss=95), "gnss must be a share from 0 to 1, got 95"),
-        Wrong(
-            lambda: acx4sim.photograph(flown(), "C1-01"),
+            lambda: photograph(flown(), "C1-01"),
             "exposures must be a sequence of names, got 'C1-01'",
         ),
-        Wrong(lambda: acx4sim.photograph(flown(), ["X1-01"]), "X1-01"),
-        Wrong(lambda: acx4sim.photograph(flown(), ["C1-01"], reduce=0), "0"),
+        Wrong(lambda: photograph(flown(), ["X1-01"]), "X1-01"),
+        Wrong(lambda: photograph(flown(), ["C1-01"], reduce=0), "0"),
     ]

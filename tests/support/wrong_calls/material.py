@@ -16,6 +16,7 @@ from acx4lib.calibration import estimates, mounting
 from acx4lib.georeferencing import accuracy, direct
 from acx4lib.results import folder as results
 from acx4lib.tie_points import ties as tie_points
+from acx4sim.files.flights import SimulatedFlight
 from support import blocks
 from support.pictures import printed_camera
 
@@ -61,7 +62,7 @@ def ties() -> tie_points.TiePoints:
 
 
 @cache
-def flown() -> acx4sim.SimulatedFlight:
+def flown() -> SimulatedFlight:
     return acx4sim.single_head(options=acx4sim.Options(tie_points={"calibration": 10}))
 
 

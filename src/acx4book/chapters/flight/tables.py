@@ -7,9 +7,9 @@ import pandas as pd
 
 from acx4book.paper import printed as paper
 from acx4book.typesetting.plain_text import shown
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import Level, levels
+from acx4lib.flight.reader import Flight
 
 PRINTED: dict[tuple[str, int], dict[str, str]] = {
     ("heads", 0): {

@@ -12,8 +12,8 @@ from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.heads import RelativeOrientation, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block, select_camera
+from acx4lib.flight.reader import Flight
 from acx4lib.stages.heads import HeadsStage
 
 

@@ -20,8 +20,8 @@ from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.correlations import interior_exterior, largest_pairs
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.lens import radial_profile
-from acx4lib.flight import Flight
 from acx4lib.flight.design import levels
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.stages.heads import HeadsStage
 

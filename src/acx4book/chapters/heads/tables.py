@@ -13,7 +13,7 @@ from acx4book.typesetting.labels import LABELS, value_and_sigma
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.calibration.estimates import Parameter, from_bundle, parameters
 from acx4lib.calibration.lens import corner_radius, largest_at_corners, radial_profile
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.results.rows import orientation_parameters
 from acx4lib.stages.heads import HeadsStage
 

@@ -9,7 +9,6 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-import acx4sim
 from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
@@ -42,6 +41,7 @@ from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.differences import frame_differences
 from acx4lib.tie_points.search import find_ties
 from acx4lib.tie_points.ties import TiePoints
+from acx4sim.pictures.ground_rays import pixels_from_ground
 
 TIES = 100
 """Of an overlap, without error, for the refinement of drawn calibrations."""
@@ -274,7 +274,7 @@ def border_distortion_of_targets(
     seed : int
     """
     camera = known.synthetic
-    colrow = acx4sim.pixels_from_ground(known.at, simulated(camera), known.at.marks_g)
+    colrow = pixels_from_ground(known.at, simulated(camera), known.at.marks_g)
     colrow = colrow[inside(camera, np.nan_to_num(colrow, nan=-1e9))]
     rng = np.random.default_rng(seed)
     radial = []

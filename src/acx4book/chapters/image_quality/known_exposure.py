@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import acx4sim
 from acx4book.chapters.image_quality.deviations import (
     Deviations,
     KnownGround,
@@ -28,8 +27,11 @@ from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthet
 from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response, estimate_response
 from acx4lib.tie_points.least_squares_matching import noise_correlation
+from acx4sim.designs import acx4_plan
 from acx4sim.optics.lens import Camera as TrueCamera
-from acx4sim.pictures.pictures import Ground
+from acx4sim.pictures.ground_rays import Station, ground_from_pixels, pixels_from_ground, station
+from acx4sim.pictures.photography import landscape
+from acx4sim.pictures.pictures import Ground, Tiles, head_images, picture
 
 NODES_PX = 16
 """Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
@@ -58,7 +60,7 @@ class KnownExposure:
         Root mean square of the ground's heights about their mean.
     """
 
-    at: acx4sim.Station
+    at: Station
     images: tuple[Raster, ...]
     ideal: Raster
     orientation: RelativeOrientation
@@ -87,14 +89,14 @@ def known_exposure(
     ground : Ground, optional
         What lies there; the simulator's landscape by default.
     """
-    plan = acx4sim.acx4_plan()
-    at = acx4sim.station(plan, exposure, seed=seed)
-    ground = acx4sim.Tiles(ground=ground or acx4sim.landscape(at, seed=seed))
-    taken = acx4sim.head_images(at, ground, reduce=reduce, seed=seed)
+    plan = acx4_plan()
+    at = station(plan, exposure, seed=seed)
+    ground = Tiles(ground=ground or landscape(at, seed=seed))
+    taken = head_images(at, ground, reduce=reduce, seed=seed)
     synthetic = _ideal_camera(at)
-    ideal = acx4sim.picture(at, simulated(synthetic), ground, reduce=reduce)
+    ideal = picture(at, simulated(synthetic), ground, reduce=reduce)
     over_frame = np.asarray(nodes(synthetic, 40), dtype=np.float64)
-    heights = acx4sim.ground_from_pixels(at, simulated(synthetic), over_frame)[:, 2]
+    heights = ground_from_pixels(at, simulated(synthetic), over_frame)[:, 2]
     height_m = float(at.track.x_g[0, 2] - heights.mean())
     return KnownExposure(
         at=at,
@@ -108,7 +110,7 @@ def known_exposure(
     )
 
 
-def _ideal_camera(at: acx4sim.Station) -> Camera:
+def _ideal_camera(at: Station) -> Camera:
     """Return the camera of Table 2 in the middle of the heads."""
     levers = np.array([at.plan.cameras[name].lever_m for name in at.plan.heads])
     return Camera(
@@ -133,9 +135,7 @@ def simulated(camera: Camera) -> TrueCamera:
     )
 
 
-def _true_orientation(
-    at: acx4sim.Station, synthetic: Camera, height_m: float
-) -> RelativeOrientation:
+def _true_orientation(at: Station, synthetic: Camera, height_m: float) -> RelativeOrientation:
     """Return the heads' true lenses and rotations, their places as seen from `height_m`."""
     truth = [at.plan.cameras[name] for name in at.plan.heads]
     heads = tuple(
@@ -174,7 +174,7 @@ def nodes(camera: Camera, n: int) -> Array:
 def seen_ground(known: KnownExposure, colrow: Array) -> Array:
     """Return the ground that the ideal camera sees, east, north, height (m), shape (n, 3)."""
     places = np.asarray(colrow, dtype=np.float64)
-    return acx4sim.ground_from_pixels(known.at, simulated(known.synthetic), places)
+    return ground_from_pixels(known.at, simulated(known.synthetic), places)
 
 
 def known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
@@ -280,7 +280,7 @@ def predicted(known: KnownExposure, orientation: RelativeOrientation, colrow: Ar
     x_g = np.asarray(seen_ground(known, colrow), dtype=np.float64)
     places, depth = [], []
     for k, camera in enumerate(orientation.heads):
-        seen = acx4sim.pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
+        seen = pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
         places.append(synthetic_from_head(orientation, k, seen))
         depth.append(border_depth(camera, seen))
     weight = _blend(np.stack(depth))

@@ -14,7 +14,7 @@ from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.gnss_shift import not_determined, notes
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES
 

@@ -16,8 +16,8 @@ from acx4lib.calibration.determination import Pair, Part, strong_correlations, w
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
 
 PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
 """The paper's column that a method is set beside: its two-step sigmas are those of this reading."""

@@ -34,7 +34,7 @@ from acx4book.typesetting.style import (
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.results.rows import RELATIVE

@@ -11,8 +11,8 @@ from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
 from acx4lib.stages.rig import RigStage
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 

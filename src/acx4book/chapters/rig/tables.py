@@ -16,7 +16,7 @@ from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results.rows import RELATIVE, orientation_parameters
 from acx4lib.stages.rig import RigStage

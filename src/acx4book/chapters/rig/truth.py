@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-import acx4sim
 from acx4lib.calibration import rig
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.stages.rig import RigStage
+from acx4sim.files.writer import truth_path
 
 
 def true_heads(flight: Flight, stage: RigStage) -> tuple[Camera, ...]:
     """Return the heads as they truly are; none where the flight was not simulated."""
-    path = acx4sim.truth_path(flight.pictures.resolve())
+    path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
     told = json.loads(path.read_text("utf-8"))["cameras"]

@@ -8,7 +8,7 @@ from acx4book.chapters.synthetic_image.tables import rms_mm
 from acx4book.paper import printed
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.stages.pictures import FoundTies, Pictures
 from acx4lib.stages.synthetic import SyntheticStage
 from acx4lib.synthetic_image.response import ResponseFit, poor_overlaps

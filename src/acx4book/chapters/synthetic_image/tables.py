@@ -14,7 +14,7 @@ from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.stages.synthetic import Refinement, SyntheticStage
 from acx4lib.synthetic_image.frame import coverage
 from acx4lib.tie_points.differences import frame_differences

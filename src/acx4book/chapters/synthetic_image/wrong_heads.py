@@ -11,7 +11,7 @@ import numpy as np
 from acx4book.paper import printed
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4lib.stages.synthetic import SyntheticStage

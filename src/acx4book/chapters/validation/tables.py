@@ -11,8 +11,8 @@ from acx4book.chapters.mounting.tables import PRINTED, printed_title
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.flight import Flight
 from acx4lib.flight.design import ground_sample_m
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, standards
 from acx4lib.georeferencing.validation import Validation

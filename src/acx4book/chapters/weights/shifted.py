@@ -18,12 +18,13 @@ from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import BORESIGHT, GNSS
+from acx4sim.plan import SlowErrors
 
 SHIFT_M = (0.30, -0.20, 0.15)
 """East, north and height of the shift: what another reference station may make of GNSS."""
 
 SHIFTED = acx4sim.Options(tie_points=TIES, gnss_shift_m=SHIFT_M)
-SLOW = acx4sim.Options(tie_points=TIES, slow_errors=acx4sim.SlowErrors())
+SLOW = acx4sim.Options(tie_points=TIES, slow_errors=SlowErrors())
 
 
 def _with_shift(block: Block, free: Sequence[str]) -> Network:

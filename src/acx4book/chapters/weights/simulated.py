@@ -12,15 +12,16 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
-from acx4lib import flight as flights
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.weights import scaled, weighted
-from acx4lib.flight import Flight
+from acx4lib.flight import reader as flights
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
+from acx4sim.plan import SlowErrors
 
 TIES = MappingProxyType({"calibration": 150})
 """Tie points of the simulated blocks: enough for what the trajectory does, and quick."""
@@ -29,9 +30,7 @@ EXACT = acx4sim.Options(
     image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0, tie_points=TIES
 )
 
-KINDS: Mapping[str, acx4sim.SlowErrors | None] = MappingProxyType(
-    {"white": None, "slow": acx4sim.SlowErrors()}
-)
+KINDS: Mapping[str, SlowErrors | None] = MappingProxyType({"white": None, "slow": SlowErrors()})
 """Trajectory errors of the same size: independent, or changing slowly."""
 
 SetUp = Callable[[Block, Sequence[str]], Network]

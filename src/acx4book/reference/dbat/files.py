@@ -195,7 +195,7 @@ def sensor_size_mm(camera: Camera) -> Array:
 def largest_distortion_mm(camera: Camera) -> float:
     """Return DBAT's figure for the distortion in the corners of the image, mm.
 
-    As its report computes it: pixels as high as wide, |dx| + |dy| instead of their root sum of
+    As its report computes it: pixels as high as wide, ``|dx| + |dy|`` instead of their root sum of
     squares, and P1 in the place of P2 in dx, P2 in the place of P1 in dy.
     """
     values, _ = interior_to_dbat(camera, np.zeros((9, 9)))

@@ -1,6 +1,7 @@
 """Heads oriented one by one and together, and what more knowledge gains."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from acx4book.chapters.rig.one_by_one import (
     unshared,
 )
 from acx4lib.calibration import rig
+from acx4lib.stages.rig import RigStage
 from support import blocks
 from support.flights import rigs
 
@@ -28,8 +30,15 @@ def block():
 
 @pytest.fixture(scope="module")
 def ways(block):
+    return in_every_way(block)
+
+
+def in_every_way(block):
+    flight = SimpleNamespace(
+        synthetic_camera=rigs.SYNTHETIC, estimate_heads=rigs.FREE, refraction="none"
+    )
     together = rig.calibrate(block, free=rigs.FREE)
-    return one_by_one.oriented(block, together, rigs.SYNTHETIC, free=rigs.FREE)
+    return one_by_one.oriented(flight, RigStage(block=block, rig=together))
 
 
 def test_heads_are_oriented_in_every_way(ways):
@@ -53,8 +62,7 @@ def test_heads_that_cannot_be_adjusted_alone_still_make_a_rig(block):
         points.point_idx, block.control.point_idx
     )
     some = replace(block, image_points=points[~blind])
-    together = rig.calibrate(some, free=rigs.FREE)
-    found = one_by_one.oriented(some, together, rigs.SYNTHETIC, free=rigs.FREE)
+    found = in_every_way(some)
     assert ONE_BY_ONE not in found
     assert RIG in found
 

@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
-from acx4book import report
 from acx4book.command.acx4 import main
+from acx4book.report.material import image_residuals, read
 from acx4lib.errors import FlightError
 from support.run_results import SINGLE, edit
 
@@ -80,4 +80,4 @@ def test_residuals_of_another_flight_are_refused(folder):
 
     edit(folder, "residuals", rename)
     with pytest.raises(FlightError, match="not of the flight kept beside it"):
-        report.image_residuals(report.read(folder), SINGLE)
+        image_residuals(read(folder), SINGLE)

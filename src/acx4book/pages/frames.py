@@ -1,11 +1,10 @@
-"""Draw the frames of the book: mapping, body and camera frame; image plane and pixel axes.
+"""Figures of the frames: mapping, body and camera frame; image plane and pixel axes.
 
-``python frames.py FOLDER`` writes frames.svg and image-plane.svg. Nothing is to scale.
+Nothing is to scale.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -47,13 +46,13 @@ def from_camera(points: Vector) -> Vector:
 def arrow(ax: Axes, tail: Vector, tip: Vector, colour: str, *, width: float = 1.8) -> None:
     """Draw an arrow between two points on the paper."""
     style = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=tip, xytext=tail, arrowprops=style, zorder=4)
+    ax.annotate("", xy=(tip[0], tip[1]), xytext=(tail[0], tail[1]), arrowprops=style, zorder=4)
 
 
 def note(ax: Axes, at: Vector, text: str, colour: str, *, shift: tuple[float, float]) -> None:
     """Write a label beside a point on the paper, `shift` in points."""
     ax.annotate(
-        text, xy=at, xytext=shift, textcoords="offset points", color=colour,
+        text, xy=(at[0], at[1]), xytext=shift, textcoords="offset points", color=colour,
         ha="center", va="center", fontsize=11, zorder=6,
     )  # fmt: skip
 
@@ -164,18 +163,13 @@ def draw_image_plane(ax: Axes) -> None:
     ax.axis("off")
 
 
-def main(folder: Path) -> None:
-    """Write both figures; the same bytes every time."""
-    mpl.rcParams["svg.hashsalt"] = "frames"
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, size, draw in (
+def draw(folder: Path) -> None:
+    """Write frames.svg and image-plane.svg; the same bytes every time."""
+    for name, size, draw_axes in (
         ("frames", (7.4, 6.2), draw_space),
         ("image-plane", (6.0, 4.9), draw_image_plane),
     ):
         figure = Figure(figsize=size, layout="constrained")
-        draw(figure.subplots())
-        figure.savefig(folder / f"{name}.svg", transparent=True, metadata={"Date": None})
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+        draw_axes(figure.subplots())
+        with mpl.rc_context({"svg.hashsalt": "frames"}):
+            figure.savefig(folder / f"{name}.svg", transparent=True, metadata={"Date": None})

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from acx4book.pages import speed
-from acx4book.pages.figure_speed import seconds_by_points
+from acx4book.pages.benchmarks import speed
+from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 
 SIZE = {"images": 52, "points": 556, "image_points": 6694, "observations": 13868}
 ABOUT = {

@@ -5,7 +5,6 @@ The errors are those of ``make coverage``, which leaves them in ``data/benchmark
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,19 +14,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.pages import sigma_tests
-from acx4book.pages.sigma_tests import LEVELS, Share
+from acx4book.pages.benchmarks import sigma_tests, stored
+from acx4book.pages.benchmarks.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
 
 ALPHA = 0.01
 """Probability that any of all tests fails by chance."""
 
 MAIN = "single_step"
 """The method whose errors are shown one by one."""
-
-AXES = ("east", "north", "height")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,23 +95,11 @@ def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
 
 
 def read(folder: Path) -> Errors:
-    """Read what ``make coverage`` left in a folder.
-
-    Raises
-    ------
-    FileNotFoundError
-        Where there is nothing: the message says how to make it.
-    """
-    names = ("coverage_parameters.csv", "coverage_points.csv", "coverage.json")
-    parameters, points, about = (folder / name for name in names)
-    if not all(path.is_file() for path in (parameters, points, about)):
-        msg = f"no errors of simulated flights in {folder}: make coverage"
-        raise FileNotFoundError(msg)
-    return Errors(
-        parameters=pd.read_csv(parameters),
-        points=pd.read_csv(points),
-        about=json.loads(about.read_text(encoding="utf-8")),
+    """Read what ``make coverage`` left in a folder."""
+    about, (parameters, points) = stored.read(
+        folder, "coverage", "parameters", "points", make="coverage"
     )
+    return Errors(parameters=parameters, points=points, about=about)
 
 
 # --- tests -----------------------------------------------------------------------------------

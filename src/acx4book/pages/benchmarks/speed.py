@@ -5,7 +5,6 @@ The numbers are those of ``make bench``, which leaves them in ``data/benchmarks`
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acx4book.pages.benchmarks import stored
 from acx4book.typesetting.myst import myst_table, scientific
 
 OURS = "ours"
@@ -67,18 +67,9 @@ class Benchmark:
 
 
 def read(folder: Path) -> Benchmark:
-    """Read what a benchmark left in a folder.
-
-    Raises
-    ------
-    FileNotFoundError
-        Where there is none: the message says how to make one.
-    """
-    table, text = folder / "adjustment.csv", folder / "adjustment.json"
-    if not (table.is_file() and text.is_file()):
-        msg = f"no benchmark in {folder}: make bench"
-        raise FileNotFoundError(msg)
-    return Benchmark(runs=pd.read_csv(table), about=json.loads(text.read_text(encoding="utf-8")))
+    """Read what ``make bench`` left in a folder."""
+    about, (runs,) = stored.read(folder, "adjustment")
+    return Benchmark(runs=runs, about=about)
 
 
 def page(benchmark: Benchmark) -> str:

@@ -1,4 +1,4 @@
-"""Write what a book was made from: ``python provenance.py FLIGHT RESULTS OUT.md``."""
+"""What a book was made from: sources, machine, packages and files, as a page of the book."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import hashlib
 import platform
 import re
 import subprocess
-import sys
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -14,14 +13,12 @@ from pathlib import Path
 from acx4book.typesetting.plain_text import code
 from acx4lib.results.provenance import KEPT
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def commit() -> str:
-    """Name the commit of the sources, and say where files differ from it."""
+    """Name the commit of the working copy in the current folder, and count what differs from it."""
 
     def git(*arguments: str) -> str:
-        command = ["git", "-C", str(ROOT), *arguments]
+        command = ["git", *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
@@ -40,7 +37,7 @@ def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequenc
 
 def packages() -> list[tuple[str, str]]:
     """List the packages that environment.txt names, with the versions installed."""
-    text = (ROOT / "environment.txt").read_text(encoding="utf-8")
+    text = Path("environment.txt").read_text(encoding="utf-8")
     names = re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)
     return [(name, version(name)) for name in names]
 
@@ -60,29 +57,19 @@ def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
     ]
 
 
-def main(flight: Path, results: Path, out: Path) -> None:
-    """Write the statement."""
+def page(flight: Path, results: Path) -> str:
+    """Return the statement as MyST text; the current folder is the working copy."""
     sources = [
         ("acx4lib", version("acx4lib")),
         ("commit", f"`{commit()}`"),
         ("Python", platform.python_version()),
         ("system", f"{platform.system()}, {platform.machine()}"),
     ]
-    of_files = ("file", "bytes", "SHA-256")
+    environment, of_files = "The packages that environment.txt names.", ("file", "bytes", "SHA-256")
     parts = [
         table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
-        table(
-            "tab-packages",
-            "The packages that environment.txt names.",
-            ("package", "version"),
-            packages(),
-        ),
+        table("tab-packages", environment, ("package", "version"), packages()),
         table("tab-flight-files", "The flight that was read.", of_files, files("flight", flight)),
         table("tab-result-files", "The results that it gave.", of_files, files("results", results)),
     ]
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n".join(parts), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:4]))
+    return "\n".join(parts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
+from acx4book.pages.benchmarks import stored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,18 +91,9 @@ class Renderings:
 
 
 def read(folder: Path) -> Renderings:
-    """Read what the benchmark left in a folder.
-
-    Raises
-    ------
-    FileNotFoundError
-        Where there is none: the message says how to make one.
-    """
-    table, text = folder / "rendering.csv", folder / "rendering.json"
-    if not (table.is_file() and text.is_file()):
-        msg = f"no benchmark of rendering in {folder}: make bench"
-        raise FileNotFoundError(msg)
-    return Renderings(runs=pd.read_csv(table), about=json.loads(text.read_text(encoding="utf-8")))
+    """Read what ``make bench`` left in a folder."""
+    about, (runs,) = stored.read(folder, "rendering")
+    return Renderings(runs=runs, about=about)
 
 
 # --- goals ---------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import json
 import pandas as pd
 import pytest
 
-from acx4book.pages import rendering, rendering_goals
+from acx4book.pages.benchmarks import rendering, rendering_goals
 
 ABOUT = {
     "date": "2026-01-02",

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from acx4book.pages.rendering_goals import Goal, Renderings, goals
+from acx4book.pages.benchmarks.rendering_goals import Goal, Renderings, goals
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup
 

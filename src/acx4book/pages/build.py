@@ -1,0 +1,162 @@
+"""A run brought into the book: ``_executed`` and ``_generated`` filled.
+
+The executed notebooks of the stages are copied, with the code of every cell that shows something
+folded; a stage that the flight does not have gets a page that says so. The notebooks that need no
+stage are run here. What the other pages include is written: texts and figures.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import nbformat
+from matplotlib.figure import Figure
+
+from acx4book.chapters.mounting import determination
+from acx4book.notebooks import execute, stages
+from acx4book.pages import api, example, frames, provenance, simulation
+from acx4book.pages.benchmarks import rendering, rendering_goals, sigma, speed
+from acx4book.pages.benchmarks.figure_sigma import normalised_errors
+from acx4book.pages.benchmarks.figure_speed import seconds_by_points
+from acx4book.paper import scorecard_page
+from acx4lib.flight.reader import read_kept
+from acx4lib.results import folder as results
+from acx4lib.results.own_folder import claims
+from acx4lib.results.provenance import KEPT
+from acx4sim.files.writer import truth_path
+
+BENCHMARKS = Path("data", "benchmarks")
+"""What long runs left, below the current folder: that of the working copy."""
+
+ALWAYS = (
+    "05-reference-data",
+    "06-errata",
+    "07-report",
+    "09-weights",
+    "10-synthetic-quality",
+    "11-surround-rig",
+)
+"""Notebooks that are run for the book and not by ``acx4 run``."""
+
+
+def fill(flight_path: Path, results_path: Path, book: Path) -> None:
+    """Write what the book's pages are made of.
+
+    Parameters
+    ----------
+    flight_path, results_path : Path
+        A flight and its run.
+    book : Path
+        Folder of the book; the current folder is the working copy that it belongs to.
+
+    Raises
+    ------
+    Acx4Error
+        If results were changed since their run, or a notebook fails.
+    """
+    claims.verify(results_path, cure="run acx4 run again")
+    executed, generated = book / "_executed", book / "_generated"
+    for folder in (executed, generated):
+        folder.mkdir(exist_ok=True)
+    write_notebooks(results_path, executed)
+    for name, text in (
+        *texts_of_run(flight_path, results_path),
+        *texts_of_benchmarks(),
+        *texts_of_example(book, flight_path, results_path),
+    ):
+        (generated / name).write_text(text, encoding="utf-8")
+    for name, figure in figures_of_benchmarks():
+        with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
+            figure.savefig(generated / name, metadata={"Date": None})
+    frames.draw(generated)
+    api.write(book)
+
+
+# --- notebooks -------------------------------------------------------------------------------
+
+
+def write_notebooks(results_path: Path, executed: Path) -> None:
+    """Write a page for every notebook: those of a run, and those of `ALWAYS`, run here."""
+    for name in stages.NOTEBOOKS.values():
+        done = results_path / "notebooks" / f"{name}.ipynb"
+        if done.is_file():
+            fold(done, executed / done.name)
+        else:
+            heading = title(stages.NOTEBOOKS_PATH / done.name)
+            text = f"{heading}\n\nThis flight has no data for this stage.\n"
+            (executed / f"{name}.md").write_text(text, encoding="utf-8")
+    for name in ALWAYS:
+        source = stages.NOTEBOOKS_PATH / f"{name}.ipynb"
+        values = execute.with_defaults(source, {"results_path": str(results_path)})
+        execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
+        execute.scrub(executed / source.name)
+        fold(executed / source.name, executed / source.name)
+
+
+def fold(executed: Path, page: Path) -> None:
+    """Write an executed notebook as a page: the code of a cell that shows something is folded."""
+    notebook = _read(executed)
+    for cell in notebook.cells:
+        tags = cell.metadata.get("tags", [])
+        if cell.cell_type == "code" and cell.outputs and "hide-input" not in tags:
+            cell.metadata["tags"] = [*tags, "hide-input"]
+    text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
+    page.write_text(text, encoding="utf-8")
+
+
+def title(notebook: Path) -> str:
+    """Return the title of a notebook, as Markdown."""
+    heading: str = _read(notebook).cells[0].source.splitlines()[0]
+    return heading
+
+
+def _read(notebook: Path) -> nbformat.NotebookNode:
+    read: nbformat.NotebookNode = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
+    return read
+
+
+def _silent(_done: int, _total: int) -> None:
+    """Show no progress."""
+
+
+# --- texts and figures -----------------------------------------------------------------------
+
+
+def texts_of_run(flight_path: Path, results_path: Path) -> Iterator[tuple[str, str]]:
+    """Yield names and texts: the scorecard, what the flight was given, and what was read."""
+    flown, found = read_kept(results_path / KEPT), results.read(results_path)
+    true = truth_path(flight_path)
+    truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
+    yield "scorecard.md", scorecard_page.page(found, flown, simulated=truth is not None)
+    yield "simulation.md", simulation.page(flown, truth)
+    yield "geometry.md", determination.geometry_page()
+    yield "provenance.md", provenance.page(flight_path, results_path)
+
+
+def texts_of_benchmarks() -> Iterator[tuple[str, str]]:
+    """Yield names and texts: speed, rendering, and errors over their standard deviations."""
+    adjusted, rendered = speed.read(BENCHMARKS), rendering_goals.read(BENCHMARKS)
+    errors = sigma.read(BENCHMARKS)
+    yield "speed.md", speed.page(adjusted)
+    yield "speed-growth.md", speed.growth(adjusted)
+    yield "rendering.md", rendering.page(rendered)
+    yield "rendering-limits.md", rendering.limits(rendered)
+    yield "coverage.md", sigma.page(errors)
+    yield "coverage-shares.md", sigma.shares(errors)
+
+
+def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:
+    """Yield the name and the output of the example on the page about the library."""
+    code = example.code((book / "library.md").read_text(encoding="utf-8"))
+    yield "library.txt", example.output(code, flight, results)
+
+
+def figures_of_benchmarks() -> Iterator[tuple[str, Figure]]:
+    """Yield names and figures."""
+    yield "speed.svg", seconds_by_points(speed.read(BENCHMARKS).sweep)
+    errors = sigma.read(BENCHMARKS)
+    own = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
+    yield "coverage.svg", normalised_errors(*own)

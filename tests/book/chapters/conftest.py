@@ -1,0 +1,28 @@
+"""The heads of the paper's flight, simulated and calibrated; and heads that are not the paper's."""
+
+import pytest
+
+from acx4lib import flight as flights
+from acx4lib.stages import heads
+from support.flights import other_heads
+from support.flights.simulated import fly
+
+
+@pytest.fixture(scope="session")
+def flown():
+    return fly("acx4", seed=1, blocks=("heads",))
+
+
+@pytest.fixture(scope="session")
+def flight(flown):
+    return flown.flight
+
+
+@pytest.fixture(scope="session")
+def stage(flight):
+    return heads.orient(flight, heads.calibrate(flight))
+
+
+@pytest.fixture(scope="session")
+def other(tmp_path_factory):
+    return flights.read(other_heads.write(tmp_path_factory.mktemp("other") / "flight"))

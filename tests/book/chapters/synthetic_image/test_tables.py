@@ -1,0 +1,55 @@
+"""Tables of the synthetic image beside Table 2 and the paper's claims."""
+
+import numpy as np
+import pytest
+
+from acx4book.chapters.synthetic_image import sentences, tables, wrong_heads
+
+
+@pytest.fixture(scope="module")
+def refinement(refined):
+    return refined[0].refinement
+
+
+def test_table_2_is_the_papers(flight, refined):
+    table = tables.table_2(flight, refined[0]).set_index("Parameter")
+    printed = table["Printed"].str.split(" x ").str[0].astype(float)
+    assert np.array_equal(table["Value"].astype(float), printed)
+
+
+def test_coverage_is_that_of_the_printed_table_1(flight, refined):
+    """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
+    table = tables.seen(flight, refined[0])
+    printed = table["Table 1 as printed (%)"].astype(float)
+    assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
+    assert np.allclose(table["Share (%)"].astype(float), printed, atol=0.5)
+
+
+def test_the_first_head_is_not_turned(refinement):
+    table = tables.turns(refinement).set_index("Head")
+    assert table.loc["CAM1"].str.startswith("+0.00 ±").all()
+    assert not table.loc["CAM2"].str.startswith("+0.00 ±").any()
+
+
+def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(refined):
+    table = tables.ways(refined[0])
+    assert table["Refined by"].tolist() == [*tables.WAYS.values()]
+    left = table["RMS of the differences (px)"].astype(float)
+    assert (left[1:] <= left[0]).all()
+
+
+def test_what_is_said_has_the_papers_half_pixel(flight, refined):
+    assert "3 µm, 0.5 px" in sentences.refinement(flight, refined[0])
+    assert "nothing is rendered" in sentences.pixels(flight, None)
+
+
+@pytest.mark.slow
+def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(flight, refined):
+    """With 0.01 degrees: 0.01 px in the overlaps, 0.02 px in the frame; a shift leaves 3 px."""
+    table = tables.repaired(wrong_heads.repaired(flight, refined[0], seed=1))
+    turned = table[table["Errors"].str.startswith("heads turned")].set_index("Refined by")
+    turned = turned.drop(columns="Errors").astype(float)
+    rotations, shift = (turned.loc[tables.WAYS[way]] for way in ("rotations", "mean shift"))
+    assert rotations["Overlaps, RMS (px)"] < 0.01
+    assert rotations["at most in the frame (px)"] < 0.02
+    assert shift["at most in the frame (px)"] > 1.0

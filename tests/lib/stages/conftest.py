@@ -1,0 +1,25 @@
+"""The heads of the paper's flight, calibrated, and the results folder that they leave."""
+
+import pytest
+
+from acx4lib.results import adjustments
+from acx4lib.stages import heads
+from support.flights.simulated import fly
+
+
+@pytest.fixture(scope="session")
+def flight():
+    return fly("acx4", seed=1, blocks=("heads",)).flight
+
+
+@pytest.fixture(scope="session")
+def stage(flight):
+    return heads.orient(flight, heads.calibrate(flight))
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory, stage):
+    """Return a results folder that the heads stage has left."""
+    folder = tmp_path_factory.mktemp("results")
+    adjustments.write(folder, "heads", heads.records(stage))
+    return folder

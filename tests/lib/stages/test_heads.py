@@ -1,0 +1,64 @@
+"""The stage of the heads: what it leaves, also where heads fail."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acx4book.chapters.heads import sentences as head_sentences
+from acx4book.chapters.heads import tables
+from acx4book.paper.errata import audit
+from acx4lib.calibration.heads import Heads
+from acx4lib.errors import AdjustmentError
+from acx4lib.results import adjustments
+from acx4lib.results import folder as results
+from acx4lib.stages import heads, synthetic
+from support.flights.simulated import HEADS
+
+
+def without_control(block):
+    nothing = np.zeros(len(block.control), dtype=bool)
+    return replace(block, control=block.control[nothing])
+
+
+def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder):
+    found = results.read(folder)
+    keys = {f"heads/bundle/{name}" for name in HEADS} | {"heads/relative_orientation"}
+    assert set(found.summary) == keys
+    assert results.cameras(found, "heads/relative_orientation") == HEADS
+    largest = audit.largest_correlations(folder)
+    assert {name.split()[0] for name in largest} == set(HEADS)
+    assert all(0.1 < value <= 1 for value in largest.values())
+    assert "Cannot be the maximum" in audit.audit(largest)[10].verdict
+
+
+def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
+    kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
+    failed = heads.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
+    adjustments.write(tmp_path, "heads", heads.records(failed))
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
+    assert summary["heads/bundle/CAM1"]["converged"] is True
+    (reason,) = summary["heads/relative_orientation"]["left_out"]
+    assert reason == "heads/relative_orientation: CAM2 could not be adjusted"
+    with pytest.raises(AdjustmentError, match="CAM2 could not be adjusted"):
+        synthetic.read_heads(flight, tmp_path)
+    assert "CAM2 could not" in head_sentences.orientation(flight, failed)
+    assert len(tables.orientation(flight, failed)) == 1
+
+
+def test_heads_without_control_points_are_told_so(flight):
+    block = without_control(flight.heads)
+    said = heads.calibrate(replace(flight, blocks={"heads": block}))
+    assert set(said.failures) == set(HEADS)
+    assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
+
+
+def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
+    as_declared = replace(flight, estimate_heads=())
+    stage = heads.orient(as_declared, heads.calibrate(as_declared))
+    adjustments.write(tmp_path, "heads", heads.records(stage))
+    read = synthetic.read_heads(as_declared, tmp_path)
+    assert [head.interior.k1 for head in read.heads] == [0.0] * 4
+    assert "no correlations to show" in head_sentences.correlation(as_declared, stage)

@@ -1,0 +1,35 @@
+"""The notebooks on flights that are not the paper's: other heads, heads with pictures."""
+
+import pytest
+
+from acx4book.notebooks import stages
+from acx4lib.results import folder as results
+from support.flights import other_heads, pictured
+
+
+@pytest.mark.slow
+def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
+    other_path = other_heads.write(tmp_path / "flight")
+    report = stages.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
+    assert report.ran == ("heads", "synthetic")
+    assert report.not_determined == report.left_out == ()
+    found = results.read(tmp_path / "results")
+    assert results.cameras(found, "synthetic/refined") == ("port", "starboard")
+    for path in (tmp_path / "results" / "notebooks").glob("0*.ipynb"):
+        text = path.read_text()
+        assert '"output_type": "error"' not in text
+        assert '"name": "stderr"' not in text
+        assert "CAM1" not in text
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_on_pixels(tmp_path):
+    path = pictured.write_flight(tmp_path / "flight")
+    folder = pictured.write_results(tmp_path / "results", path)
+    report = stages.run(path, folder, stages=("synthetic",))
+    assert report.ran == ("synthetic",)
+    kept = results.read(folder)
+    assert results.cameras(kept, "synthetic/refined") == pictured.HEADS
+    text = (folder / "notebooks" / "02-synthetic-image.ipynb").read_text(encoding="utf-8")
+    assert '"output_type": "error"' not in text
+    assert text.count('"image/png"') >= 7
