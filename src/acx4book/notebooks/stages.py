@@ -23,6 +23,7 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
+from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
@@ -38,23 +39,11 @@ NOTEBOOKS: Mapping[str, str] = {
 """The notebook of every stage. ``flight`` only shows the data, and always runs first. ``rig`` is
 the part of the stage mounting that uses the block heads."""
 
-STAGE_OF: Mapping[str, str] = {"rig": "mounting"}
-"""The stage of a notebook, if it has another name."""
-
-ENDS = ("synthetic",)
-"""Stages whose results no later stage needs: if one is not determined, the run goes on."""
-
-DECISIVE = ("heads/bundle", "mounting/single_step")
-"""Methods that must be determined; other methods are left out if they are not."""
-
 COMMAND = "acx4 run"
 """The command that is named in the mark of a results folder."""
 
 FAILED = "failed"
 """Folder of the executed notebooks that failed."""
-
-NO_RIG = "there are no heads"
-"""A reason for no rig that is not reported, as the stage heads reports it already."""
 
 GIVEN = {"flight_path", "pictures_path", "results_path"}
 """Parameters of the notebooks that a run sets itself."""
@@ -74,8 +63,8 @@ class RunOutcome:
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Sentences on parameters of `DECISIVE` methods that the data do not determine, and on the
-        error that stopped a stage of `ENDS`.
+        Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and on the
+        error that stopped a stage of `order.ENDS`.
     notes : tuple of str
         Other remarks of the stages on the data.
     left_out : tuple of str
@@ -143,7 +132,7 @@ def run(
     folder, tell = Path(results_path), tell or (lambda *_: None)
     places.check_place(folder, away_from=[Path(flight_path)])
     flight = flights.read(flight_path)
-    skipped = {stage: reason for stage in chosen if (reason := _missing(flight, stage))}
+    skipped = {stage: reason for stage in chosen if (reason := order.missing(flight, stage))}
     ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
     given = {
         **(parameters or {}),
@@ -157,28 +146,28 @@ def run(
         done, failed = _run_jobs(jobs, own, tell)
     return RunOutcome(
         ran=tuple(ran[1:]),
-        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
-        not_determined=(*_messages(folder, done, "not_determined", DECISIVE), *failed),
+        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
+        not_determined=(*_messages(folder, done, "not_determined", order.DECISIVE), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
     )
 
 
 def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
-    """Run the stages; return those that were run, and the errors that stopped some of `ENDS`."""
+    """Run the stages; return those that were run, and the errors that stopped some of `order.ENDS`."""
     done: list[str] = []
     failed: list[str] = []
     try:
         for job in jobs:
             try:
                 _run_job(job, own, tell)
-                done.append(STAGE_OF.get(job.stage, job.stage))
+                done.append(order.PART_OF.get(job.stage, job.stage))
             except AdjustmentError as error:
-                if job.stage not in ENDS:
+                if job.stage not in order.ENDS:
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in _messages(own.path, done, "not_determined", DECISIVE):
+        for line in _messages(own.path, done, "not_determined", order.DECISIVE):
             error.add_note(line)
         raise
     return done, failed
@@ -207,7 +196,7 @@ def _prepare(
     if changed:
         own.remove(read)
     provenance.keep(own, flight)
-    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
+    removed = [f"{order.PART_OF[s]}/{s}" if s in order.PART_OF else s for s in skipped]
     results.replace(own.path, removed, tables={}, summary={})
     provenance.forget(own.path, list(skipped))
     own.remove(f"notebooks/{NOTEBOOKS[stage]}.ipynb" for stage in skipped)
@@ -221,22 +210,7 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
         known = ", ".join(results.STAGES)
         msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
         raise ValueError(msg)
-    return tuple(name for name in NOTEBOOKS if STAGE_OF.get(name, name) in stages)
-
-
-def _missing(flight: flights.Flight, stage: str) -> str:
-    """Return the reason why a stage cannot run; empty if it can."""
-    block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
-    if block not in flight.blocks:
-        return NO_RIG if stage == "rig" else f"the flight has no block {block}"
-    if stage == "rig" and len(flight.blocks[block].cameras) < 2:
-        return f"block {block} has one camera only"
-    if stage == "synthetic" and flight.synthetic is None:
-        return "flight.toml has no table [synthetic]"
-    checked = flight.blocks[block].check.point_idx
-    if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
-        return "no check point of block validation is measured in two images"
-    return ""
+    return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
 
 
 def _messages(
@@ -292,7 +266,7 @@ def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
         execute.scrub(executed, hidden=staging.name)
         written = {staging / file: folder / file for file in results.FILES}
         _move({**written, executed: folder / "notebooks" / name})
-    stage = STAGE_OF.get(job.stage, job.stage)
+    stage = order.PART_OF.get(job.stage, job.stage)
     if stage in results.STAGES:
         provenance.stamp(folder, stage)
     own.remove([f"{FAILED}/{name}"])

@@ -6,45 +6,21 @@ names of a run's results (`parameters.csv`), so that both can be joined.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.flight import Flight
+from acx4lib.geometry.camera import INTERIOR, Interior
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 """Columns of Table 1."""
 
 METHODS = ("two_step", "single_step")
 """Columns of Tables 3 and 4."""
-
-
-class HasHeads(Protocol):
-    """The synthetic camera, as far as the paper needs it."""
-
-    @property
-    def heads(self) -> tuple[str, ...]:
-        """Names of its heads."""
-        ...
-
-
-class HasCameras(Protocol):
-    """A flight, as far as the paper needs it."""
-
-    @property
-    def synthetic(self) -> HasHeads | None:
-        """The synthetic camera, or None."""
-        ...
-
-    @property
-    def cameras(self) -> Mapping[str, Camera]:
-        """Cameras by name."""
-        ...
 
 
 @cache
@@ -186,13 +162,12 @@ def corners(column: str) -> Array:
     return xy
 
 
-def applies(flight: HasCameras) -> bool:
+def applies(flight: Flight) -> bool:
     """Tell whether a flight has the paper's cameras, so that its numbers can be compared.
 
     Parameters
     ----------
     flight : Flight
-        Anything with a dictionary `cameras`, and `synthetic` that names heads or is None.
     """
     synthetic = flight.cameras.get("SYN")
     if synthetic is None or not set(HEADS) <= set(flight.cameras):
