@@ -61,20 +61,6 @@ def exponents() -> tuple[str, str, str]:
     )
 
 
-def radial_absorbed_px(interior: Interior, df: float) -> float:
-    """Compute the largest radial distortion over the format after a change of f, px.
-
-    Parameters
-    ----------
-    interior : Interior
-    df : float
-        Change of the focal length, mm; it changes the distortion at r by df/f r.
-    """
-    radii = np.linspace(0.0, corner_radius(), 400)
-    left = [radial_mm(interior, r) + df / interior.f * r for r in radii]
-    return float(np.abs(left).max() / printed.pixel_mm("SYN"))
-
-
 def decentring_px(interior: Interior) -> tuple[float, float]:
     """Compute the decentring distortion at the worst corner, px.
 
