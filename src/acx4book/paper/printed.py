@@ -191,7 +191,7 @@ def applies(flight: HasCameras) -> bool:
 
     Parameters
     ----------
-    flight : Flight
+    flight
         Anything with a dictionary `cameras`, and `synthetic` that names heads or is None.
     """
     synthetic = flight.cameras.get("SYN")
