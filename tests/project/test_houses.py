@@ -14,7 +14,7 @@ HOUSES = {"lib": "acx4lib", "sim": "acx4sim", "book": "acx4book"}
 NOT_MIRRORING = ("benchmarks", "built_book", "project", "whole", "lib/calibration/geometries")
 LIBRARY = SRC / "acx4lib"
 MODULES = sorted(SRC.glob("acx4*/**/*.py"))
-PACKAGES = sorted(path.parent for path in MODULES if path.name == "__init__.py")
+PACKAGES = sorted({path.parent for path in MODULES})
 
 
 def entries(folder):
@@ -57,6 +57,13 @@ def test_a_module_is_short_names_what_it_imports_and_reads_no_letters_of_a_key(m
     text = module.read_text("utf-8")
     assert len(text.splitlines()) <= 350
     assert not re.search(r"^\s*from \S+ import \*|startswith\(\W*two_step", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("cellar", sorted(SRC.glob("**/compiled")), ids=named)
+def test_a_cellar_is_entered_from_its_own_room_alone(cellar):
+    name = ".".join(cellar.relative_to(SRC).parts)
+    others = [path for path in MODULES if cellar.parent not in path.parents]
+    assert not [named(path) for path in others if name in path.read_text("utf-8")]
 
 
 def mirrors():

@@ -21,12 +21,12 @@ def last_digits(tables: Mapping[str, pd.DataFrame]) -> Figure:
     Parameters
     ----------
     tables : mapping of str to DataFrame
-        Title of a report to its comparison.
+        Comparisons by the titles of the reports.
 
     Returns
     -------
     Figure
-        A dot per number; within the band is what rounds to the printed digits.
+        One dot per number; numbers in the band round to the printed digits.
     """
     kinds = list(dict.fromkeys(kind for table in tables.values() for kind in table["kind"]))
     kinds = [kind for kind in kinds if kind not in LEFT_OUT]
@@ -36,7 +36,7 @@ def last_digits(tables: Mapping[str, pd.DataFrame]) -> Figure:
             ax.axvspan(-0.5, 0.5, color=colour(i), alpha=0.10, lw=0)
             for row, kind in enumerate(kinds):
                 units = table.loc[table["kind"] == kind, "units"].to_numpy(dtype=float)
-                # spread in a fixed pattern, so that equal ones do not hide each other
+                # spread in a fixed pattern, so that equal values do not hide each other
                 spread = 0.6 * ((np.arange(len(units)) * 0.618) % 1 - 0.5)
                 ax.plot(units, row + spread, ".", ms=3, alpha=0.6, color=colour(i))
             numbers = int((~table["kind"].isin(LEFT_OUT)).sum())
@@ -48,17 +48,17 @@ def last_digits(tables: Mapping[str, pd.DataFrame]) -> Figure:
 
 
 def forgotten_steps(table: pd.DataFrame) -> Figure:
-    """Draw what each forgotten step costs in the image and in height.
+    """Draw the errors in the image and in height that each forgotten step causes.
 
     Parameters
     ----------
     table : DataFrame
-        As `ign.forgotten_steps` returns it.
+        As `points.forgotten_steps` returns it.
 
     Returns
     -------
     Figure
-        Bars on logarithmic axes; dotted: the complete chain.
+        Bars on logarithmic axes; dotted lines show the complete chain.
     """
     columns = (
         ("misfit_px", "rms residual of IGN's coordinates (px)", BLUE),

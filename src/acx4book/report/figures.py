@@ -1,4 +1,4 @@
-"""Figures of the calibration report, from tables of results; drawn for paper, as vectors."""
+"""Figures of the calibration report, drawn from tables of results as vectors for print."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from acx4lib.geometry.parameters import AXES
 
 COMPONENTS = {"col": "columns", "row": "rows"}
 LABELLED = 40
-"""Check points up to which every one has its name on the axis."""
+"""Number of check points up to which all names are on the axis."""
 
 
 def vector(figure: Figure) -> SVG:
-    """Return a figure as a vector drawing that is the same bytes every time.
+    """Return a figure as a vector drawing, with the same bytes every time.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
 
 
 def _panel(title: str, cameras: pd.Series, name: str) -> str:
-    """Return the title of a camera's panel; where there is one only, that of the adjustment."""
+    """Return the title of a camera's panel: with only one camera, that of the adjustment."""
     several = cameras.iloc[0] != cameras.iloc[-1]
     return f"{title}, {name}" if several else title
 
@@ -85,7 +85,7 @@ def _of_camera(rows: pd.DataFrame, camera: Camera) -> Residuals:
 
 
 def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw size and largest of the image residuals of every strip.
+    """Draw the size of the image residuals of every strip, and the largest one.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
     Returns
     -------
     Figure
-        Above the residuals' size over the one that the weights promise, with 95 % limits about
-        one; below the largest normalised residual with the critical value of the w-test.
+        Above: the size of the residuals divided by the size expected from the weights, with 95 %
+        limits about one. Below: the largest normalised residual and the critical value of w.
     """
     strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"]))
     if not strips:
@@ -144,7 +144,7 @@ def _draw_strips(
 
 
 def boresight_over_time(boresights: pd.DataFrame) -> Figure:
-    """Draw the boresight of every image less the mean over time, with sigma and a straight line.
+    """Draw the boresights of the images minus their mean over time, with sigma and a line.
 
     Parameters
     ----------

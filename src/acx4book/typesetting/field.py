@@ -1,4 +1,4 @@
-"""Mean residual vectors over the image plane, for every figure that draws them."""
+"""Mean residual vectors over the image plane, for all figures that draw them."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
 
 CELLS = 12
-"""Cells along the longer side of an image."""
+"""Number of cells along the longer side of an image."""
 
 FAR = 3.44
-"""Noise alone makes a plane vector longer than this many sigma as rarely as a number exceeds 3."""
+"""Length in sigma that a vector of pure noise exceeds as rarely as a single number exceeds 3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,9 +40,9 @@ class Residuals:
     ----------
     camera : Camera
     colrow : ndarray, shape (n, 2)
-        Where they were measured, px.
+        Positions of the measurements, px.
     v : ndarray, shape (n, 2)
-        px.
+        Residuals, px.
     sigma_px : ndarray, shape (n,)
     """
 
@@ -58,7 +58,7 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     Parameters
     ----------
     fields : mapping of str to Residuals
-        By the title of the panel; one at least.
+        By the title of the panel; at least one.
     """
     means = {name: cell_means(field) for name, field in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in means.values())

@@ -36,7 +36,7 @@ from acx4lib.flight import design
 from acx4lib.flight.block import Block, SurveyedPoints
 
 LEVEL_COLOURS = (BLUE, ORANGE)
-"""Of the flying heights, from the highest down, from the beginning again."""
+"""Colours of the flying heights, from the highest down; repeated if there are more heights."""
 
 
 def block_maps(*blocks: Block | None) -> Figure:
@@ -45,13 +45,13 @@ def block_maps(*blocks: Block | None) -> Figure:
     Parameters
     ----------
     *blocks : Block or None
-        Those that a flight does not have are left out.
+        None stands for a block that the flight does not have.
 
     Returns
     -------
     Figure
-        The ground that images cover is tinted, darker where more of them do; one exposure of
-        every flying height has its footprints outlined.
+        The ground in images is tinted, darker where more images overlap. At every flying height
+        the footprints of one exposure are outlined.
     """
     present = [block for block in blocks if block is not None]
     if not present:
@@ -71,8 +71,8 @@ def control_maps(*blocks: Block | None) -> Figure:
     Parameters
     ----------
     *blocks : Block or None
-        Blocks that share their points get one map; those that a flight does not have are left
-        out.
+        Blocks with the same points share one map; None stands for a block that the flight does
+        not have.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def control_maps(*blocks: Block | None) -> Figure:
 
 
 def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
-    """Return axes for maps beside each other, as tall as what they have to show."""
+    """Return axes for maps beside each other, with heights that fit their content."""
     size = np.array([np.nanmax(at, axis=0) - np.nanmin(at, axis=0) for at in extents])
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
     width = WIDTH / len(extents) - 0.7
@@ -99,7 +99,7 @@ def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
 
 
 def _extent(block: Block) -> Array:
-    """Return what the map of a block has to show, km."""
+    """Return the positions that the map of a block must show, km."""
     corners = design.footprints(block).reshape(-1, 3)
     seen = corners[np.isfinite(corners).all(axis=1)]
     return _km(block, np.concatenate([block.trajectory.T_m_b.r, seen]))
@@ -112,7 +112,7 @@ def _km(block: Block, x_m: Array) -> Array:
 
 
 def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
-    """Draw one map and return legend handles by what they say."""
+    """Draw one map and return legend handles by their labels."""
     levels = design.levels(block)
     corners = design.footprints(block)
     at = _km(block, block.trajectory.T_m_b.r)
@@ -135,12 +135,12 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
 
 
 def _tint(outlines: Array) -> float:
-    """Return an opacity at which the mean overlap of footprints is a light grey."""
+    """Return an opacity with which the mean overlap of footprints becomes a light grey."""
     if not len(outlines):
         return 0.0
     x, y = outlines[..., 0], outlines[..., 1]
     areas = np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)) / 2
-    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions the area
+    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions this is the area
     return float(np.clip(0.28 * covered / areas.sum(), 0.006, 0.15))
 
 
@@ -199,7 +199,7 @@ def _finish_map(ax: Axes, shown: Array) -> None:
 
 
 def _fields(blocks: Sequence[Block]) -> dict[str, Block]:
-    """Return blocks with different sets of surveyed points, by what the map is to be called."""
+    """Return blocks with different sets of surveyed points, by the titles of their maps."""
     fields: dict[frozenset[str], list[Block]] = {}
     for block in blocks:
         names = frozenset(block.points[i] for i in _surveyed(block).point_idx)
@@ -223,7 +223,7 @@ def _surveyed(block: Block) -> SurveyedPoints:
 
 
 def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
-    """Draw points with the colour of their height and the size of their number of images."""
+    """Draw points; their colour shows the height, their size the number of images."""
     points = _surveyed(block)
     at = _km(block, points.x_m)
     height = block.frame.to_grid(points.x_m)[:, 2]

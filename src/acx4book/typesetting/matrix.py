@@ -1,4 +1,4 @@
-"""A correlation matrix, for every page that draws one."""
+"""The figure of a correlation matrix."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from acx4book.typesetting.style import DIVERGING, INK, WIDTH, bare, nothing, pla
 
 
 def correlation_matrix(correlations: pd.DataFrame) -> Figure:
-    """Draw a correlation matrix, with the numbers where they are 0.3 and more.
+    """Draw a correlation matrix, with numbers where they are 0.3 or more.
 
     Parameters
     ----------
     correlations : DataFrame
-        Square; rows and columns by ``parameter`` or ``camera/parameter``.
+        Square; rows and columns are named ``parameter`` or ``camera/parameter``.
     """
     if correlations.empty:
         return nothing("The single step gave no result.")
@@ -51,7 +51,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
 
 
 def _label(name: str) -> str:
-    """Return what a reader sees for a parameter's name, or for ``camera/parameter``."""
+    """Return the label for readers of ``parameter`` or ``camera/parameter``."""
     camera, _, parameter = name.rpartition("/")
     if parameter not in LABELS:
         return plain(name)

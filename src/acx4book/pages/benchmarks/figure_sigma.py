@@ -12,10 +12,11 @@ from scipy import stats
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.style import BLUE, INK, SKY, SOFT, TEAL, WIDTH, style
 from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
 
 COLUMNS = 6
 LIMIT = 4.0
-AXES = ("east", "north", "height")
+
 MINT = "#a9dccb"
 
 

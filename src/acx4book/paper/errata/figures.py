@@ -26,7 +26,7 @@ def sample_sizes() -> Figure:
     Returns
     -------
     Figure
-        Bars: what rounding leaves open. Line: the number of points that the paper gives.
+        Bars: numbers that rounding allows. Line: the number of points given by the paper.
     """
     sizes = implied_sample_sizes()
     n_points = printed.value(4, "n_points", "two_step")

@@ -37,23 +37,23 @@ from acx4book.typesetting.style import (
 from acx4lib.expected import Array, Raster
 
 FEATHER_PX = 60.0
-"""Width over which views go over into each other, cm on the ground."""
+"""Width of the transition between views, cm on the ground."""
 
 NOTHING = (224, 232, 240)
-"""Grey value of what no camera shows."""
+"""Colour of ground that no camera shows."""
 
 SHOWN_PX = 484
 """Width of a picture that fills half of a figure, in the figure's pixels."""
 
 LEVEL = 8
-"""Step of the grey values that are shown: smaller ones are not seen, and weigh more."""
+"""Step of the displayed grey values: smaller steps are not visible and need larger files."""
 
 CROP_PX = 150
 """Side of an enlarged piece of ground, cm."""
 
 
 def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Raster]) -> Figure:
-    """Draw the images as they were taken, and what of them shows the ground of the frame.
+    """Draw the original images, and the parts that show the ground of the frame.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Rast
     Returns
     -------
     Figure
-        Outlined: the part that was calibrated. Cross: the principal point.
+        Outline: the calibrated part. Cross: the principal point.
     """
     with style():
         fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 4.95))
@@ -79,7 +79,7 @@ def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Rast
 
 
 def _calibrated(camera: FisheyeCamera) -> Array:
-    """Return the border of the undistorted image, as it lies in the image, shape (n, 2)."""
+    """Return the border of the undistorted image in the original image, px, shape (n, 2)."""
     right, bottom = camera.width_px - 1, camera.height_px - 1
     corners = np.array([[0, 0], [right, 0], [right, bottom], [0, bottom], [0, 0]], dtype=float)
     steps = np.linspace(0, 1, 100)[:, None]
@@ -90,14 +90,14 @@ def _calibrated(camera: FisheyeCamera) -> Array:
 def surround_ground(
     cameras: Sequence[FisheyeCamera], taken: Sequence[View], equalised: Sequence[View]
 ) -> Figure:
-    """Draw the ground around the car: the views as taken side by side, and made one image.
+    """Draw the ground around the car: the original views side by side, and one image.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
-        For their places.
+        Cameras whose positions are drawn.
     taken, equalised : sequence of View
-        The first with hard seams, the second feathered.
+        The first are drawn with hard seams, the second blended.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def _draw_ground(ax: Axes, views: Sequence[View], feather_px: float) -> None:
 
 
 def _draw_bar(ax: Axes) -> None:
-    """Draw a metre under the car, where there is no picture."""
+    """Draw a bar of one metre under the car, where there is no picture."""
     middle, row = FRAME_PX[0] / 2, 770
     ax.plot([middle - 50, middle + 50], [row, row], color=INK, lw=2, solid_capstyle="butt")
     ax.text(middle, row - 12, "1 m", ha="center", va="bottom", fontsize=7.5)
@@ -150,15 +150,15 @@ def surround_misfits(
     *,
     exaggeration: float = 8.0,
 ) -> Figure:
-    """Draw how far neighbouring cameras show the corners of the target apart.
+    """Draw the distances between the corners of the target in neighbouring cameras.
 
     Parameters
     ----------
     refinements : mapping of str to sequence of FisheyeCamera
-        A panel each.
+        One panel for each.
     corners : sequence of Corners
     exaggeration : float
-        Of the vectors.
+        Exaggeration of the vectors.
 
     Returns
     -------
@@ -207,15 +207,15 @@ def surround_enlarged(
     corners: Sequence[Corners],
     stages: Mapping[str, Sequence[View]],
 ) -> Figure:
-    """Draw a piece of every overlap, as either camera shows it and as both together do.
+    """Draw a part of every overlap, from each camera alone and from both together.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
     corners : sequence of Corners
-        One of an overlap; the piece is drawn around their middle.
+        One per overlap; the part is drawn around their middle.
     stages : mapping of str to sequence of View
-        Name of a column to the views that are blended in it. The first are also shown one by one.
+        Views that are blended in a column, by its name. The first are also shown one by one.
 
     Returns
     -------
@@ -247,7 +247,7 @@ def surround_enlarged(
 
 
 def _without_holes(image: Raster, views: Sequence[View]) -> Raster:
-    """Return an image of the ground with a light grey where no camera shows any."""
+    """Return an image of the ground with a light grey where no camera sees it."""
     seen = np.any([v.seen for v in views], axis=0)
     return np.where(seen[:, :, None], image, np.array(NOTHING, dtype=np.uint8))
 
@@ -259,7 +259,7 @@ def _smaller(image: Raster, width: int) -> Raster:
 
 
 def _extent(image: Raster) -> tuple[float, float, float, float]:
-    """Return where an image lies in its pixels: left, right, bottom, top."""
+    """Return the outer edges of an image in pixels: left, right, bottom, top."""
     return -0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5
 
 
