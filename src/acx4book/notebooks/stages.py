@@ -63,8 +63,8 @@ class RunOutcome:
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and
-        on the error that stopped a stage of `order.ENDS`.
+        Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and on
+        the error that stopped a stage of `order.ENDS`.
     notes : tuple of str
         Other remarks of the stages on the data.
     left_out : tuple of str

@@ -11,17 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acx4book.typesetting.style import (
-    INK,
-    LONGEST,
-    ORANGE,
-    WIDTH,
-    heading,
-    legend_below,
-    plain,
-    round_length,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
 
@@ -62,25 +52,27 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     """
     means = {name: cell_means(field) for name, field in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in means.values())
-    key = round_length(max(longest, 1e-6))
+    key = style.round_length(max(longest, 1e-6))
     n_columns = min(2, len(fields))
     n_rows = -(-len(fields) // n_columns)
     height = 2.75 * n_rows + 0.5 if n_columns == 2 else 4.2
-    with style():
-        fig, grid = plt.subplots(n_rows, n_columns, figsize=(WIDTH, height), squeeze=False)
+    with style.applied():
+        fig, grid = plt.subplots(n_rows, n_columns, figsize=(style.WIDTH, height), squeeze=False)
         for ax in grid.flat[len(fields) :]:
             ax.remove()
         for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):
             _draw_field(ax, field.camera, means[name], key=key)
             rms = np.sqrt(np.mean(field.v**2))
-            heading(
-                ax, plain(name, longest=2 * LONGEST), f"{len(field.v)} points, rms {rms:.2f} px"
+            style.heading(
+                ax,
+                style.plain(name, longest=2 * style.LONGEST),
+                f"{len(field.v)} points, rms {rms:.2f} px",
             )
         handles = [
-            Line2D([], [], color=INK, label=r"mean of a cell, within 3$\sigma$"),
-            Line2D([], [], color=ORANGE, lw=2, label=r"beyond 3$\sigma$"),
+            Line2D([], [], color=style.INK, label=r"mean of a cell, within 3$\sigma$"),
+            Line2D([], [], color=style.ORANGE, lw=2, label=r"beyond 3$\sigma$"),
         ]
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -109,7 +101,7 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
     arrows = ax.quiver(
         *middle.T,
         *(scale * d.T),
-        color=list(np.where(in_sigma > FAR, ORANGE, INK)),
+        color=list(np.where(in_sigma > FAR, style.ORANGE, style.INK)),
         angles="xy",
         scale_units="xy",
         scale=1,

@@ -1,8 +1,8 @@
 """The common style of all figures: palette, lines, type, and small parts that they share.
 
-Every figure is made inside `style`, which leaves pyplot as it found it::
+Every figure is made inside `applied`, which leaves pyplot as it found it::
 
-    with style():
+    with applied():
         fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
         ...
     return fig
@@ -107,7 +107,7 @@ RC: Any = {
 
 
 @contextmanager
-def style() -> Iterator[None]:
+def applied() -> Iterator[None]:
     """Draw in the book's style; afterwards pyplot has no new figure and no new setting."""
     before = set(plt.get_fignums())
     try:
@@ -185,7 +185,7 @@ def nothing(text: str) -> Figure:
     text : str
         The sentence.
     """
-    with style():
+    with applied():
         fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
         bare(ax)
         ax.set(xticks=[], yticks=[])

@@ -23,17 +23,7 @@ from acx4book.reference.surround.cameras import (
 from acx4book.reference.surround.corners import Corners, corner_misfits, rms
 from acx4book.reference.surround.target_fit import TARGET_PX
 from acx4book.reference.surround.views import View, blended
-from acx4book.typesetting.style import (
-    INK,
-    ORANGE,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    legend_below,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.expected import Array, Raster
 
 FEATHER_PX = 60.0
@@ -65,16 +55,16 @@ def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Rast
     Figure
         Outline: the calibrated part. Cross: the principal point.
     """
-    with style():
-        fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 4.95))
+    with style.applied():
+        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 4.95))
         for k, (ax, camera, image) in enumerate(zip(axes.flat, cameras, images, strict=True)):
             ax.imshow(_smaller(image, SHOWN_PX), extent=_extent(image), interpolation="nearest")
-            ax.plot(*_calibrated(camera).T, color=ORANGE, lw=1.3)
-            ax.plot(*camera.K[:2, 2], "+", color=ORANGE, ms=7, mew=1.2)
+            ax.plot(*_calibrated(camera).T, color=style.ORANGE, lw=1.3)
+            ax.plot(*camera.K[:2, 2], "+", color=style.ORANGE, ms=7, mew=1.2)
             ax.set(xlim=(-0.5, camera.width_px - 0.5), ylim=(camera.height_px - 0.5, -0.5))
             ax.set(xticks=[], yticks=[])
-            ax.set_title(camera.name, color=colour(k))
-            bare(ax)
+            ax.set_title(camera.name, color=style.colour(k))
+            style.bare(ax)
     return fig
 
 
@@ -112,21 +102,21 @@ def surround_ground(
             FEATHER_PX,
         ),
     )
-    with style():
-        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.0))
+    with style.applied():
+        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 5.0))
         for ax, (title, subtitle, views, feather_px) in zip(axes, panels, strict=True):
             _draw_ground(ax, views, feather_px)
-            heading(ax, title, subtitle)
+            style.heading(ax, title, subtitle)
             for k, camera in enumerate(cameras):
                 col, row, _ = place(camera).centre_cm
-                ax.plot(col, row, "o", color=colour(k), mec="white", mew=0.8, ms=6, zorder=5)
+                ax.plot(col, row, "o", color=style.colour(k), mec="white", mew=0.8, ms=6, zorder=5)
         _draw_bar(axes[0])
         handles: list[Any] = [
-            Line2D([], [], marker="o", ls="", color=colour(k), label=f"{camera.name} camera")
+            Line2D([], [], marker="o", ls="", color=style.colour(k), label=f"{camera.name} camera")
             for k, camera in enumerate(cameras)
         ]
         handles.append(Patch(fc=np.array(NOTHING) / 255, label="no camera sees it (the car)"))
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -134,13 +124,13 @@ def _draw_ground(ax: Axes, views: Sequence[View], feather_px: float) -> None:
     image = _without_holes(blended(views, feather_px=feather_px), views)
     ax.imshow(_smaller(image, SHOWN_PX), extent=_extent(image), interpolation="nearest")
     ax.set(xlim=(-0.5, FRAME_PX[0] - 0.5), ylim=(FRAME_PX[1] - 0.5, -0.5), xticks=[], yticks=[])
-    bare(ax)
+    style.bare(ax)
 
 
 def _draw_bar(ax: Axes) -> None:
     """Draw a bar of one metre under the car, where there is no picture."""
     middle, row = FRAME_PX[0] / 2, 770
-    ax.plot([middle - 50, middle + 50], [row, row], color=INK, lw=2, solid_capstyle="butt")
+    ax.plot([middle - 50, middle + 50], [row, row], color=style.INK, lw=2, solid_capstyle="butt")
     ax.text(middle, row - 12, "1 m", ha="center", va="bottom", fontsize=7.5)
 
 
@@ -164,9 +154,9 @@ def surround_misfits(
     -------
     Figure
     """
-    with style():
+    with style.applied():
         fig, axes = plt.subplots(
-            1, len(refinements), figsize=(WIDTH, 2.9), sharex=True, sharey=True, squeeze=False
+            1, len(refinements), figsize=(style.WIDTH, 2.9), sharex=True, sharey=True, squeeze=False
         )
         for ax, (name, cameras) in zip(axes.flat, refinements.items(), strict=True):
             _draw_target(ax, cameras)
@@ -174,7 +164,7 @@ def surround_misfits(
             at, d = (np.concatenate(part) for part in zip(*found, strict=True))
             arrows = ax.quiver(
                 *(*at.T, *(exaggeration * d.T)),
-                color=INK,
+                color=style.INK,
                 angles="xy",
                 scale_units="xy",
                 scale=1,
@@ -187,19 +177,21 @@ def surround_misfits(
                 labelsep=0.04,
                 fontproperties={"size": 7},
             )
-            heading(ax, name, f"rms {rms(d):.1f} cm")
+            style.heading(ax, name, f"rms {rms(d):.1f} cm")
     return fig
 
 
 def _draw_target(ax: Axes, cameras: Sequence[FisheyeCamera]) -> None:
     (left, top), (right, bottom) = TARGET_PX
-    ax.add_patch(Rectangle((left, top), right - left, bottom - top, fc="none", ec=SOFT, lw=0.8))
+    ax.add_patch(
+        Rectangle((left, top), right - left, bottom - top, fc="none", ec=style.SOFT, lw=0.8)
+    )
     for k, camera in enumerate(cameras):
         col, row, _ = place(camera).centre_cm
-        ax.plot(col, row, "o", color=colour(k), ms=5, zorder=5)
+        ax.plot(col, row, "o", color=style.colour(k), ms=5, zorder=5)
     ax.set(xlim=(left - 60, right + 60), ylim=(bottom + 60, top - 60), aspect="equal")
     ax.set(xticks=[], yticks=[])
-    bare(ax)
+    style.bare(ax)
 
 
 def surround_enlarged(
@@ -222,10 +214,12 @@ def surround_enlarged(
     Figure
     """
     alone = next(iter(stages.values()))
-    with style():
+    with style.applied():
         n_columns = 2 + len(stages)
         fig, axes = plt.subplots(
-            len(corners), n_columns, figsize=(WIDTH, WIDTH * len(corners) / n_columns + 0.3)
+            len(corners),
+            n_columns,
+            figsize=(style.WIDTH, style.WIDTH * len(corners) / n_columns + 0.3),
         )
         mixed = [blended(views, feather_px=FEATHER_PX) for views in stages.values()]
         for row, c in zip(axes, corners, strict=True):
@@ -235,9 +229,9 @@ def surround_enlarged(
             for ax, picture in zip(row, pictures, strict=True):
                 ax.imshow(_smaller(_square(picture, middle), 200), interpolation="nearest")
                 ax.set(xticks=[], yticks=[])
-                bare(ax)
+                style.bare(ax)
             for ax, k in zip(row, (c.camera_a, c.camera_b), strict=False):
-                ax.set_title(f"{cameras[k].name} camera", color=colour(k))
+                ax.set_title(f"{cameras[k].name} camera", color=style.colour(k))
             for ax, name in zip(row[2:], stages, strict=True):
                 ax.set_title(name)
     return fig
