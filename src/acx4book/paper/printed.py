@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.expected import Array
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Interior
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")

@@ -12,8 +12,8 @@ import pandas as pd
 
 from acx4lib.calibration.mounting import METHODS
 from acx4lib.errors import FlightError
-from acx4lib.flight import reader as flights
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
@@ -37,7 +37,7 @@ class Material:
 
     folder: Path
     found: results.Results
-    flight: flights.Flight
+    flight: Flight
     provenance: provenance.Provenance
 
     @property
@@ -103,7 +103,7 @@ def read(folder: str | Path) -> Material:
         folder=folder,
         provenance=provenance.read(folder),
         found=results.read(folder),
-        flight=flights.read_kept(folder / provenance.KEPT),
+        flight=read_kept(folder / provenance.KEPT),
     )
     if not material.found.summary:
         raise FlightError([f"{folder}: no stage left results; run acx4 run first"])

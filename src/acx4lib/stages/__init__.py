@@ -4,5 +4,5 @@
 for the synthetic image (2.1, Table 2, Figure 1), from their `pictures` where there are any;
 `mounting` estimates interior orientation, boresight and lever arm (2.2 and 4.2, Table 3), `rig`
 those of all heads together; `validation` tests direct georeferencing (4.3, Table 4). Each has one
-function `run`; begin with `heads`.
+function `run`. `order` says which of them a flight has data for. Begin with `heads`.
 """

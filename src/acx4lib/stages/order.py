@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from acx4lib.flight import Flight
+from acx4lib.flight.reader import Flight
 
 PART_OF: Mapping[str, str] = {"rig": "mounting"}
 """The stage of the results folder that a stage belongs to, where it is not one of its own."""
