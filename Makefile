@@ -79,11 +79,12 @@ lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
 
 # --- checks --------------------------------------------------------------------------------
 
-check: .venv/.stamp-test ## style, types, layers, notebooks without outputs
+check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks without outputs
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/ruff format --check --quiet
 	@$(BIN)/mypy
 	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
+	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
 test: .venv/.stamp-test ## all tests, slow ones included

@@ -1,9 +1,11 @@
 """Flights that were never flown, for tests, for the book, and for planning.
 
 Exact geometry in ECEF over hills, with an implementation of its own of everything that the
-library computes: rotations, ellipsoid, lens. Nothing is shared, so that no sign can cancel.
-Conventions are those of the flight-data contract: body forward, left, up; boresight camera to
-body; distortion a function of the measured point.
+library computes: rotations, `earth`, lens. Nothing is shared, so that no sign can cancel. The
+conventions are those of a flight's folder: body forward, left, up; boresight camera to body;
+distortion a function of the measured point. `designs` are two flights, each a `plan`; `fly` is
+where the aircraft truly is, `observe` what is measured; `gross_errors`, `optics`, `scenery`,
+`pictures` and `files` do the rest. Begin with `designs`, then `files`.
 """
 
 from acx4sim.designs import DESIGNS, acx4, single_head

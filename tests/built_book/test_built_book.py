@@ -70,6 +70,18 @@ def test_only_the_part_of_mathjax_that_pages_load_is_left(html):
     assert any((mathjax / "output" / "chtml" / "fonts").rglob("*.woff"))
 
 
+def test_pages_of_rooms_say_what_every_module_is_for_and_have_no_cellars(chapters):
+    rooms = {name: page for name, page in chapters.items() if "/api/acx4" in name}
+    assert len(rooms) > 20
+    empty = [
+        name
+        for name, page in rooms.items()
+        if not all(r.select("p") for r in page.select("table.autosummary tr"))
+    ]
+    assert empty == []
+    assert [name for name, page in rooms.items() if page.select("[id*='.compiled.']")] == []
+
+
 LEFT_OVER = {
     "a role": r"\{[a-z:]+\}`",
     "a reference": r"\{(numref|eq|ref|doc|cite|func|class|term)\b",

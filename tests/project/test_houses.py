@@ -59,6 +59,13 @@ def test_a_module_is_short_names_what_it_imports_and_reads_no_letters_of_a_key(m
     assert not re.search(r"^\s*from \S+ import \*|startswith\(\W*two_step", text, re.MULTILINE)
 
 
+@pytest.mark.parametrize("cellar", sorted(SRC.glob("**/compiled")), ids=named)
+def test_a_cellar_is_entered_from_its_own_room_alone(cellar):
+    name = ".".join(cellar.relative_to(SRC).parts)
+    others = [path for path in MODULES if cellar.parent not in path.parents]
+    assert not [named(path) for path in others if name in path.read_text("utf-8")]
+
+
 def mirrors():
     alone = [TESTS / folder for folder in NOT_MIRRORING]
     return [p for p in sorted(TESTS.rglob("test_*.py")) if not set(alone) & set(p.parents)]

@@ -14,6 +14,22 @@ BANNED = (
     *(ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda, ast.For, ast.While),
     *(ast.Try, ast.Global),
 )
+ROOMS = {
+    "00": ["chapters.flight"],
+    "01": ["chapters.heads"],
+    "02": ["chapters.synthetic_image"],
+    "03": ["chapters.mounting"],
+    "04": ["chapters.validation"],
+    "05": ["reference"],
+    "06": ["paper.errata"],
+    "07": ["report"],
+    "08": ["chapters.rig"],
+    "09": ["chapters.weights"],
+    "10": ["chapters.image_quality", "chapters.synthetic_image"],
+    "11": ["reference"],
+}
+"""The rooms of the book that a notebook may use, besides `typesetting`."""
+
 MAIN_PARAMETERS = {"flight_path", "pictures_path", "results_path", "seed"}
 
 
@@ -128,11 +144,35 @@ def test_every_figure_has_a_caption_a_label_and_a_description(notebook):
         assert "{cite" not in caption  # breaks the printed book
 
 
-def test_every_call_of_plot_is_a_figure(notebook):
+def imported(notebook):
+    """Return what the cells import: the module by the name that it has there."""
+    nodes = [node for cell in code_cells(notebook) for node in ast.walk(ast.parse(cell.source))]
+    froms = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    plain = [alias for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    return {a.asname or a.name: f"{node.module}.{a.name}" for node in froms for a in node.names} | {
+        a.asname or a.name: a.name for a in plain
+    }
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_imports_the_library_typesetting_and_its_own_room(path):
+    modules = imported(nbformat.read(path, as_version=4)).values()
+    book = [name for name in modules if name.startswith("acx4book")]
+    rooms = tuple(f"acx4book.{room}" for room in ("typesetting", *ROOMS[path.stem[:2]]))
+    assert [name for name in book if not name.startswith(rooms)] == []
+    others = {name.partition(".")[0] for name in modules}
+    assert others <= {"acx4lib", "acx4book", "IPython", "functools"}
+
+
+def test_every_call_of_a_figure_is_one(notebook):
+    modules = imported(notebook)
+    draws = {n for n, m in modules.items() if re.search(r"\.figure|typesetting\.ma", m)}
+    assert draws or not figures(notebook) or "shown" in modules
     for cell in code_cells(notebook):
-        last = cell.source.strip().splitlines()[-1] if cell.source.strip() else ""
-        draws = "acx.plot." in cell.source and not last.startswith("Markdown")
-        assert not draws or "mystnb" in cell.metadata
+        last = ast.parse(cell.source).body[-1]
+        names = [node.id for node in ast.walk(last) if isinstance(node, ast.Name)]
+        drawn = isinstance(last, ast.Expr) and names[:1] and names[0] in draws
+        assert not drawn or "mystnb" in cell.metadata
 
 
 def test_references_lead_to_labels(notebook):

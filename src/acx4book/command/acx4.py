@@ -30,7 +30,7 @@ from acx4book.command.terminal import (
     stage_bars,
 )
 
-# What computes is imported by the commands themselves, so that `acx4 --help` is quick.
+# The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
 app = typer.Typer(
     add_completion=False,
@@ -46,11 +46,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Parameters
     ----------
     arguments : sequence of str, optional
-        In the place of the command line's.
+        Replaces the arguments of the command line.
     """
     prepare_streams()
     logging.getLogger("papermill").addHandler(logging.NullHandler())
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run tidies up
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
     given = sys.argv[1:] if arguments is None else [*arguments]
     command = partial(app, given, prog_name="acx4", standalone_mode=False)
     sys.exit(status_of(command, given))

@@ -1,7 +1,6 @@
-"""How a command ends: with its result, or with a sentence and a status; never with a traceback.
+"""The end of a command: with its result, or with a sentence and a status, never a traceback.
 
-Foreseeable errors have their sentences where they arise. What comes through to here is said in
-one line.
+Expected errors have their sentences where they are raised. Any other error gets one line here.
 """
 
 from __future__ import annotations
@@ -23,23 +22,23 @@ from acx4lib.errors import Acx4Error, FlightError, OutputError
 TERMINATED = 128 + signal.SIGTERM
 INTERRUPTED = 128 + signal.SIGINT
 ENDED = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
-"""Exit statuses of a command that was stopped from outside, and what is said of it."""
+"""Exit statuses of a command that was stopped from outside, and the words for them."""
 
 TRACEBACK = "ACX4_TRACEBACK"
-"""Environment variable with which an error that nobody foresaw shows where it arose."""
+"""Environment variable that makes an unexpected error show its traceback."""
 
 Command = Callable[[], object]
 
 
 def status_of(command: Command, arguments: Sequence[str]) -> int:
-    """Run a command, say why it ended if it did not end well, and return its exit status.
+    """Run a command, print the reason if it fails, and return its exit status.
 
     Parameters
     ----------
     command : callable
-        Returns its exit status, or None for zero.
+        It returns its exit status, or None for zero.
     arguments : sequence of str
-        Of the command line, for a report of what nobody foresaw.
+        Arguments of the command line, for a message on an unexpected error.
     """
     try:
         status = _guarded(command, arguments)
@@ -51,7 +50,7 @@ def status_of(command: Command, arguments: Sequence[str]) -> int:
 
 
 def _guarded(command: Command, arguments: Sequence[str]) -> int:
-    """Return the status of a command, once it was said what stopped it."""
+    """Run a command, print the error that stops it, and return the status."""
     try:
         status = command()
     except SystemExit as end:
@@ -62,13 +61,13 @@ def _guarded(command: Command, arguments: Sequence[str]) -> int:
     except OSError as error:
         say(_said_of_file(error))
         status = 2
-    except Exception as error:  # the last door: whatever comes, a user gets a sentence
+    except Exception as error:  # the last resort: for any error a user gets a sentence
         status = _said_of_others(error, arguments)
     return status if isinstance(status, int) else int(status is not None)
 
 
 def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
-    """Say what is neither of a flight nor of a file, and return the status."""
+    """Print an error that concerns neither a flight nor a file, and return the status."""
     if isinstance(error, ImportError):
         say(f"the installation is not complete: {_one_line(error)}")
         return 1
@@ -80,7 +79,7 @@ def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
-    """Say what a wrong option is, as its parser does, or that something is our mistake."""
+    """Print the parser's message on a wrong option, or that an error is our mistake."""
     show: Callable[..., None] | None = getattr(error, "show", None)
     if show is not None:  # an error of the command line has its usage, and its own status
         text = io.StringIO()
@@ -101,7 +100,7 @@ def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def _said_of_file(error: OSError) -> str:
-    """Return what is wrong with a file, with its name where that is known."""
+    """Return what is wrong with a file, with its name if it is known."""
     said = error.strerror or _one_line(error)
     if error.filename is not None:
         name = error.filename
@@ -118,7 +117,7 @@ def _one_line(error: BaseException) -> str:
 
 
 def _flushed(status: int) -> int:
-    """Write what is left to be written, or else say why that is not possible."""
+    """Write the remaining output, or print why that is not possible; return the status."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -1,6 +1,6 @@
-"""What commands share: arguments, what they say, and how far they are.
+"""Common parts of the commands: arguments, messages, progress.
 
-Bars on a terminal, a line for what is done where nobody looks on.
+Progress is shown by bars on a terminal, else by one line for each finished part.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ BOOK = (
 """Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + signal.SIGPIPE
-"""Exit status of a command whose output nobody reads to the end; of this nothing is said."""
+"""Exit status, without a message, of a command whose output is not read to its end."""
 
 
 def say(*lines: str) -> None:
-    """Print on standard error, one line each, where there is one."""
+    """Print lines on standard error, if it is open."""
     try:
         for line in lines:
             sys.stderr.write(f"{shown(line, 'terminal')}\n")
         sys.stderr.flush()
-    except OSError:  # there is nobody left to tell
+    except OSError:  # nobody reads it any more
         abandon(sys.stderr)
 
 
 def say_if_not_kept() -> None:
-    """Say once that compiled code cannot be kept, where that is so: the next run takes as long."""
+    """Warn if compiled code cannot be kept: then the next run takes as long as this one."""
     try:
         from acx4lib import compiling  # noqa: PLC0415 quick help
     except ImportError:  # nothing is compiled
@@ -60,7 +60,7 @@ def say_if_not_kept() -> None:
 
 
 def show(text: object) -> None:
-    """Print on standard output, line by line; end the command where nobody reads it."""
+    """Print on standard output, line by line; end the command if nobody reads it."""
     try:
         for line in str(text).split("\n"):
             sys.stdout.write(f"{shown(line, 'terminal')}\n")
@@ -74,16 +74,16 @@ def show(text: object) -> None:
 
 
 def abandon(stream: IO[str]) -> None:
-    """Send what is still to be written to a stream nowhere, so that Python ends in peace."""
+    """Discard what is still to be written to a stream, so that Python ends without an error."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
 
 
 def prepare_streams() -> None:
-    """Make standard streams fit for any text, and closed ones lead nowhere.
+    """Make standard streams accept any text, and replace closed streams by the null device.
 
-    A file that is opened later must not become the standard output of a library.
+    Otherwise a file that is opened later could become the standard output of a library.
     """
     while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -91,7 +91,7 @@ def prepare_streams() -> None:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 to stay
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 stays open
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
@@ -103,7 +103,7 @@ def refuse(message: str) -> NoReturn:
 
 
 def need_book(command: str) -> None:
-    """End a command that runs notebooks where the extra ``book`` is not installed."""
+    """End a command that runs notebooks if the extra ``book`` is not installed."""
     missing = [name for name in BOOK if importlib.util.find_spec(name) is None]
     if missing:
         needs = f"acx4 {command} needs {', '.join(missing)}"
@@ -112,7 +112,7 @@ def need_book(command: str) -> None:
 
 @contextlib.contextmanager
 def image_bar() -> Iterator[Tell]:
-    """Show one bar over all images with the time left, or a line for each as it is done."""
+    """Show one bar for all images with the time left, or a line for each finished image."""
     if not sys.stdout.isatty():
         yield lambda name, done, total: show(f"{name}: done") if 0 < total == done else None
         return
@@ -140,7 +140,7 @@ def image_bar() -> Iterator[Tell]:
 
 @contextlib.contextmanager
 def stage_bars(unit: str = "cells") -> Iterator[Tell]:
-    """Show one bar per stage, or one line per stage where nobody looks on."""
+    """Show one bar per stage, or one line per stage if the output is no terminal."""
     if not sys.stdout.isatty():
         yield lambda stage, done, total: show(f"{stage}: done") if done == total else None
         return

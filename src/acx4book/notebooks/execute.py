@@ -1,4 +1,4 @@
-"""Runs one parametrised notebook, and makes two runs of it equal byte for byte."""
+"""Execution of one parametrised notebook, such that two runs give equal bytes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from acx4lib.compiling import is_writable, user_folder
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 
 LONGEST = 80
-"""Bytes of a folder's path that leave room for a socket's name; the system allows 107 in all."""
+"""Largest number of bytes of a folder's path; the system allows 107 with the socket's name."""
 
 
 class NotebookError(Acx4Error):
@@ -53,12 +53,12 @@ def with_defaults(notebook: Path, given: Mapping[str, Any]) -> dict[str, Any]:
     ----------
     notebook : Path
     given : mapping
-        In the place of the defaults; names that the notebook does not have are left out.
+        They replace the defaults; names that the notebook does not have are ignored.
 
     Raises
     ------
     ValueError
-        A value is of another type than the default: ``"1e-7"`` is no number.
+        A value has another type than the default: ``"1e-7"`` is no number.
     NotebookError
         The notebook cannot be read, or a default is not a plain value.
     """
@@ -85,27 +85,27 @@ def execute(
     parameters: Mapping[str, Any],
     on_cell: Callable[[int, int], None],
 ) -> None:
-    """Execute a notebook in the current folder, with the interpreter that runs this.
+    """Execute a notebook in the current folder, with the present Python interpreter.
 
     Parameters
     ----------
     notebook, executed : Path
-        What is run, and where the executed notebook goes; where a cell fails, up to there.
+        The notebook, and the executed notebook to write; if a cell fails, it ends there.
     parameters : mapping
         Values of the notebook's parameters.
     on_cell : callable
-        Called with the number of cells that are done, and of all.
+        Called with the number of finished cells, and of all cells.
 
     Raises
     ------
     FlightError, AdjustmentError
-        As the notebook raised them.
+        If the notebook raised them.
     NotebookError
-        For anything else.
+        For any other error.
     """
     executed.parent.mkdir(exist_ok=True)
     total = len(_read(notebook).cells) + 1
-    # a kernel that ends may still be writing there
+    # a kernel that is ending may still write there
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home:
         try:
             papermill.execute_notebook(
@@ -121,22 +121,22 @@ def execute(
             )
         except PapermillExecutionError as error:
             raise _translated(notebook.stem, _cell(executed), error.ename, error.evalue) from None
-        except (CellControlSignal, RuntimeError) as error:  # the kernel is dead, or does not answer
+        except (CellControlSignal, RuntimeError) as error:  # the kernel died, or does not answer
             raise _translated(notebook.stem, _cell(executed), "", str(error)) from None
     on_cell(total, total)
 
 
 def scrub(executed: Path, *, hidden: str = "") -> None:
-    """Take out of an executed notebook what differs from run to run, and the defaults.
+    """Remove from an executed notebook what differs from run to run, and the defaults.
 
-    The cell of the injected parameters holds them all; it is tagged so that the book hides it.
+    The cell of injected parameters has all parameters; its tag makes the book hide it.
 
     Parameters
     ----------
     executed : Path
-        Rewritten.
+        The notebook; it is rewritten.
     hidden : str
-        Name of a folder that is taken out of every path; nothing where empty.
+        Name of a folder to remove from all paths; no folder if empty.
     """
     notebook = _read(executed)
     notebook.cells = [c for c in notebook.cells if "parameters" not in c.metadata.get("tags", [])]
@@ -154,15 +154,15 @@ def scrub(executed: Path, *, hidden: str = "") -> None:
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call] # untyped
     if hidden:
         text = text.replace(f"/{hidden}", "").replace(hidden, ".")
-    # bounded: a picture is one word of a million letters, and each would be a start to try
+    # a limit, as a picture is one word of a million letters: each would be tried as a start
     text = re.sub(r"[^\s\"]{0,200}ipykernel_\d+/\d+\.py", "cell.py", text)
     executed.write_text(text, encoding="utf-8")
 
 
 def _kernel_manager(home: str) -> type[AsyncKernelManager]:
-    """Return what starts a kernel of this interpreter, whatever kernels are installed.
+    """Return a manager that starts a kernel of this interpreter, whatever kernels are installed.
 
-    One thread, no start-up files of the user, no modules from the current folder.
+    The kernel has one thread, no start-up files of the user, no modules from the current folder.
     """
     threads = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
     spec = KernelSpec(
@@ -178,7 +178,7 @@ def _kernel_manager(home: str) -> type[AsyncKernelManager]:
         },
     )
 
-    # sockets of the file system need no network, not even the machine's own, but short paths
+    # sockets of the file system need no network at all, but short paths
     near = len(os.fsencode(home)) <= LONGEST
     transport = {"transport": "ipc", "ip": f"{home}/kernel"} if near else {}
 
@@ -196,14 +196,14 @@ def _kernel_manager(home: str) -> type[AsyncKernelManager]:
         async def start_kernel(  # type: ignore[override] # the base is declared synchronous
             self, **kwargs: Any
         ) -> None:
-            """Start it; the cells' output comes by messages, its own warnings go nowhere."""
+            """Start it; output of cells comes in messages, its own warnings are dropped."""
             await super().start_kernel(**kwargs, stdout=DEVNULL, stderr=DEVNULL)
 
     return ThisInterpreter
 
 
 def _folders(home: str) -> dict[str, str]:
-    """Return where a kernel keeps its own; matplotlib its fonts only where the user cannot."""
+    """Return the folders of a kernel; one for matplotlib only if the user's is not writable."""
     names = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR")
     own = dict.fromkeys(names, home)
     if "MPLCONFIGDIR" in os.environ:
@@ -220,12 +220,12 @@ def _read(notebook: Path) -> nbformat.NotebookNode:
 
 
 def _literal(path: Path) -> str:
-    """Return a path for papermill, which formats it: braces stand for themselves."""
+    """Return a path with its braces escaped, because papermill formats it."""
     return str(path).replace("{", "{{").replace("}", "}}")
 
 
 def _translated(notebook: str, cell: int, name: str, message: str) -> Acx4Error:
-    """Return the error of a notebook as this library's."""
+    """Return the error of a notebook as an error of this library."""
     if name == FlightError.__name__:
         return FlightError(message.splitlines())
     if name == AdjustmentError.__name__:
@@ -235,7 +235,7 @@ def _translated(notebook: str, cell: int, name: str, message: str) -> Acx4Error:
 
 
 def _cell(executed: Path) -> int:
-    """Return the number of the last code cell that was started, the defaults not counted."""
+    """Return the number of the last code cell that was started, without that of the defaults."""
     started = [
         cell
         for cell in _read(executed).cells

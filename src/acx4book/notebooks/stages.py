@@ -1,9 +1,8 @@
-"""Runs the parametrised notebooks, stage after stage, and keeps what they leave.
+"""Runs of the parametrised notebooks, stage after stage; their results are kept.
 
-A notebook reads the copy of the flight's tables that the results keep, and nothing else but the
-pictures. It runs beside the results folder, in a copy of it; only one that has run to its end
-changes the folder. The executed notebooks say nothing of when and where they ran, so that two
-runs of one flight are equal byte for byte.
+A notebook reads only the copy of the flight's tables in the results, and the pictures. It runs
+in a copy of the results folder, beside it; only a notebook without errors changes the folder.
+Executed notebooks have no date and no place, so two runs of one flight give equal bytes.
 """
 
 from __future__ import annotations
@@ -24,9 +23,10 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
+from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
-"""Where the notebooks lie."""
+"""Folder of the notebooks."""
 
 NOTEBOOKS: Mapping[str, str] = {
     "flight": "00-flight",
@@ -36,51 +36,39 @@ NOTEBOOKS: Mapping[str, str] = {
     "rig": "08-rig",
     "validation": "04-validation",
 }
-"""The notebook of every stage; ``flight`` only shows the data, and always runs first. ``rig`` is
-the part of stage mounting that works on the block heads."""
-
-STAGE_OF: Mapping[str, str] = {"rig": "mounting"}
-"""The stage that a notebook belongs to, where it is not called by it."""
-
-ENDS = ("synthetic",)
-"""Stages whose results no later one needs: where one is not determined, the run goes on."""
-
-DECISIVE = ("heads/bundle", "mounting/single_step")
-"""Methods that must be determined; the others are left out where they are not."""
+"""The notebook of every stage. ``flight`` only shows the data, and always runs first. ``rig`` is
+the part of the stage mounting that uses the block heads."""
 
 COMMAND = "acx4 run"
-"""Whose mark a folder of results bears."""
+"""The command that is named in the mark of a results folder."""
 
 FAILED = "failed"
 """Folder of the executed notebooks that failed."""
-
-NO_RIG = "there are no heads"
-"""Why a flight has no rig that nobody expects: the stage heads says so already."""
 
 GIVEN = {"flight_path", "pictures_path", "results_path"}
 """Parameters of the notebooks that a run sets itself."""
 
 Tell = Callable[[str, int, int], None]
-"""Called with the stage, the cells that are done, and the number of cells."""
+"""It is called with the stage, the number of finished cells, and the number of cells."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOutcome:
-    """What a run did, as sentences of one line where there is something to say.
+    """The outcome of a run; sentences have one line.
 
     Attributes
     ----------
     ran : tuple of str
-        Names of the stages.
+        Names of the stages that were run.
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Parameters of `DECISIVE` methods that the data do not determine, and what stopped a stage
-        of `ENDS`.
+        Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and on
+        the error that stopped a stage of `order.ENDS`.
     notes : tuple of str
-        What else the stages have to say of the data.
+        Other remarks of the stages on the data.
     left_out : tuple of str
-        Methods that were left out, and why.
+        Methods that were left out, with the reasons.
     """
 
     ran: tuple[str, ...]
@@ -92,7 +80,7 @@ class RunOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class _Job:
-    """A stage that is to run: its notebook with the values of all its parameters."""
+    """A stage to run: its notebook with the values of all its parameters."""
 
     stage: str
     notebook: Path
@@ -117,26 +105,26 @@ def run(
     flight_path, results_path : path
         The flight, and the folder for the results: new, empty, or that of an earlier run.
     stages : sequence of str
-        Those of `folder.STAGES` that are to run; the others keep their results.
+        Stages to run, of `folder.STAGES`; the others keep their results.
     parameters : mapping, optional
-        Values of further parameters of the notebooks, such as ``seed``; each notebook takes
+        Values of further parameters of the notebooks, such as ``seed``; each notebook gets
         those that it has.
     notebooks_path : Path
     tell : callable, optional
-        Progress.
+        It is told the progress.
 
     Raises
     ------
     FlightError
-        The flight's files are wrong, results of an earlier stage are missing, or files of the
-        results were changed since, and not all stages are to run.
+        The flight's files are wrong; results of an earlier stage are missing; or only some
+        stages are to run and files of the results were changed after the earlier run.
     OutputError
-        The folder is no place for results, or another run is writing there.
+        The folder must not be used for results, or another run is writing there.
     AdjustmentError
         A stage does not converge, or is not determined.
     NotebookError
-        A notebook failed for another reason. Like the two above, it carries the sentences
-        `RunOutcome.not_determined` of the stages before it as notes.
+        A notebook failed for another reason. Like the two errors before it, it has the sentences
+        `RunOutcome.not_determined` of earlier stages as notes.
     ValueError
         Unknown stage, or a parameter that no notebook has or that is of another type.
     """
@@ -144,7 +132,7 @@ def run(
     folder, tell = Path(results_path), tell or (lambda *_: None)
     places.check_place(folder, away_from=[Path(flight_path)])
     flight = flights.read(flight_path)
-    skipped = {stage: reason for stage in chosen if (reason := _missing(flight, stage))}
+    skipped = {stage: reason for stage in chosen if (reason := order.missing(flight, stage))}
     ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
     given = {
         **(parameters or {}),
@@ -158,28 +146,28 @@ def run(
         done, failed = _run_jobs(jobs, own, tell)
     return RunOutcome(
         ran=tuple(ran[1:]),
-        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != NO_RIG),
-        not_determined=(*_messages(folder, done, "not_determined", DECISIVE), *failed),
+        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
+        not_determined=(*_messages(folder, done, "not_determined", order.DECISIVE), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(_messages(folder, done, "notes", done)),
     )
 
 
 def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
-    """Run stage after stage; return those that ran, and what stopped one of `ENDS`."""
+    """Run the stages; return those that ran, and the errors that stopped some of `order.ENDS`."""
     done: list[str] = []
     failed: list[str] = []
     try:
         for job in jobs:
             try:
                 _run_job(job, own, tell)
-                done.append(STAGE_OF.get(job.stage, job.stage))
+                done.append(order.PART_OF.get(job.stage, job.stage))
             except AdjustmentError as error:
-                if job.stage not in ENDS:
+                if job.stage not in order.ENDS:
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in _messages(own.path, done, "not_determined", DECISIVE):
+        for line in _messages(own.path, done, "not_determined", order.DECISIVE):
             error.add_note(line)
         raise
     return done, failed
@@ -188,9 +176,9 @@ def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[st
 def _prepare(
     own: OwnFolder, flight: flights.Flight, skipped: Mapping[str, str], *, whole: bool
 ) -> None:
-    """Make a folder ready for a run: the flight kept, what it does not have removed.
+    """Prepare a folder for a run: keep the flight, remove results of blocks that it lacks.
 
-    What was changed in results that are all replaced does not matter; otherwise it ends the run.
+    Changed files end the run, unless all results will be replaced.
     """
     notebook_files = [f"{name}.ipynb" for name in NOTEBOOKS.values()]
     tables = flights.table_files(flight)
@@ -208,7 +196,7 @@ def _prepare(
     if changed:
         own.remove(read)
     provenance.keep(own, flight)
-    removed = [f"{STAGE_OF[s]}/{s}" if s in STAGE_OF else s for s in skipped]
+    removed = [f"{order.PART_OF[s]}/{s}" if s in order.PART_OF else s for s in skipped]
     results.replace(own.path, removed, tables={}, summary={})
     provenance.forget(own.path, list(skipped))
     own.remove(f"notebooks/{NOTEBOOKS[stage]}.ipynb" for stage in skipped)
@@ -216,34 +204,19 @@ def _prepare(
 
 
 def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
-    """Return the stages in their order."""
+    """Return the names of the notebooks to run, in their order."""
     unknown = [stage for stage in stages if stage not in results.STAGES]
     if unknown:
         known = ", ".join(results.STAGES)
         msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
         raise ValueError(msg)
-    return tuple(name for name in NOTEBOOKS if STAGE_OF.get(name, name) in stages)
-
-
-def _missing(flight: flights.Flight, stage: str) -> str:
-    """Return why a stage cannot run; empty where it can."""
-    block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
-    if block not in flight.blocks:
-        return NO_RIG if stage == "rig" else f"the flight has no block {block}"
-    if stage == "rig" and len(flight.blocks[block].cameras) < 2:
-        return f"block {block} has one camera only"
-    if stage == "synthetic" and flight.synthetic is None:
-        return "flight.toml has no table [synthetic]"
-    checked = flight.blocks[block].check.point_idx
-    if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
-        return "no check point of block validation is measured in two images"
-    return ""
+    return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
 
 
 def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
-    """Yield the sentences that methods of the given stages left in the summary."""
+    """Yield the sentences of some methods of the given stages in the summary."""
     for name, entry in results.read(folder).summary.items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
@@ -268,7 +241,7 @@ def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
 
 
 def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
-    """Run a notebook in a copy of the results, and keep what it left where it succeeds."""
+    """Run a notebook in a copy of the results, and keep its results if it succeeds."""
     folder, name = own.path, job.notebook.name
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         staging = folder / Path(temporary).name
@@ -286,14 +259,14 @@ def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
             execute.scrub(executed, hidden=staging.name)
             _move({executed: folder / FAILED / name})
             own.seal()
-            if isinstance(error, FlightError):  # what it read is a copy of the results
+            if isinstance(error, FlightError):  # its paths are those of the copy
                 own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
                 raise FlightError(own_names) from None
             raise
         execute.scrub(executed, hidden=staging.name)
         written = {staging / file: folder / file for file in results.FILES}
         _move({**written, executed: folder / "notebooks" / name})
-    stage = STAGE_OF.get(job.stage, job.stage)
+    stage = order.PART_OF.get(job.stage, job.stage)
     if stage in results.STAGES:
         provenance.stamp(folder, stage)
     own.remove([f"{FAILED}/{name}"])

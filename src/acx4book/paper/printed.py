@@ -1,21 +1,20 @@
 """The numbers that the paper prints: Tables 1-4 and the checked statements of its text.
 
-They were transcribed once, into `data/paper`; nothing else in the library types them again.
-Parameters carry the names of a run's results (`parameters.csv`), so that the two can be joined.
+They were transcribed once, into `data/paper`; no other file repeats them. Parameters have the
+names of a run's results (`parameters.csv`), so that both can be joined.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import INTERIOR, Interior
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 """Columns of Table 1."""
@@ -24,32 +23,9 @@ METHODS = ("two_step", "single_step")
 """Columns of Tables 3 and 4."""
 
 
-class HasHeads(Protocol):
-    """The synthetic camera, as far as the paper needs it."""
-
-    @property
-    def heads(self) -> tuple[str, ...]:
-        """Names of its heads."""
-        ...
-
-
-class HasCameras(Protocol):
-    """A flight, as far as the paper needs it."""
-
-    @property
-    def synthetic(self) -> HasHeads | None:
-        """The synthetic camera, where there is one."""
-        ...
-
-    @property
-    def cameras(self) -> Mapping[str, Camera]:
-        """Cameras by name."""
-        ...
-
-
 @cache
 def _read(name: str) -> pd.DataFrame:
-    """Read a file of `data/paper`; what was not determined is NaN, an empty text is ''."""
+    """Read a file of `data/paper`; numbers not determined are NaN, empty texts are ''."""
     missing = {"value": [""], "sigma": [""]}
     with resources.files("acx4book.paper").joinpath("tables", name).open(encoding="utf-8") as table:
         return pd.read_csv(table, keep_default_na=False, na_values=missing)
@@ -100,12 +76,12 @@ def value(number: int, parameter: str, column: str) -> float:
 
 
 def sigma(number: int, parameter: str, column: str) -> float:
-    """Return the standard deviation printed beside a value; NaN where there is none."""
+    """Return the standard deviation printed with a value; NaN where there is none."""
     return float(_row(number, parameter, column)["sigma"])
 
 
 def printed(number: int, parameter: str, column: str) -> str:
-    """Return a cell of a table as it is printed, misprints and all."""
+    """Return a cell of a table exactly as printed, with misprints."""
     return str(_row(number, parameter, column)["as_printed"])
 
 
@@ -119,7 +95,7 @@ def _row(number: int, parameter: str, column: str) -> pd.Series:
 
 
 def statement(name: str) -> float:
-    """Return the number of one statement of the text, in the unit that `statements` gives."""
+    """Return the number of one statement of the text, in the unit given by `statements`."""
     rows = statements()
     found = rows.loc[rows["statement"] == name, "value"]
     if len(found) != 1:
@@ -141,7 +117,7 @@ def interior(number: int, column: str) -> Interior:
     Returns
     -------
     Interior
-        What was not determined is zero.
+        Parameters that were not determined are zero.
     """
     rows = table(number)
     printed = rows[rows["column"] == column].set_index("parameter")["value"].fillna(0.0)
@@ -175,7 +151,7 @@ def corners(column: str) -> Array:
     Returns
     -------
     xy : ndarray, shape (4, 2)
-        mm from the middle, the outer edges of the outer pixels.
+        Outer edges of the outer pixels, mm from the middle.
     """
     if column in HEADS:
         size_px = [statement("head_width_px"), statement("head_height_px")]
@@ -186,13 +162,12 @@ def corners(column: str) -> Array:
     return xy
 
 
-def applies(flight: HasCameras) -> bool:
-    """Tell whether a flight has the paper's cameras, so that its numbers can stand beside them.
+def applies(flight: Flight) -> bool:
+    """Tell whether a flight has the paper's cameras, so that its numbers can be compared.
 
     Parameters
     ----------
     flight : Flight
-        Anything with a dictionary `cameras`, and `synthetic` that names heads or is None.
     """
     synthetic = flight.cameras.get("SYN")
     if synthetic is None or not set(HEADS) <= set(flight.cameras):

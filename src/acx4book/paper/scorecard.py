@@ -1,4 +1,4 @@
-"""Every number of the paper's Tables 1-4 beside what a run gives, with a verdict by one rule."""
+"""Every number of the paper's Tables 1-4 and that of a run, with a verdict by one rule."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RULE = (
     "two-step column is compared with the two-step method that has GNSS positions in its bundle, "
     "since the printed standard deviations are those of that reading."
 )
-"""How the verdict is reached; stands above the table."""
+"""The rule of the verdict, printed above the table."""
 
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
@@ -36,14 +36,14 @@ INDEPENDENT = "independent"
 
 @dataclass(frozen=True, kw_only=True)
 class Ours:
-    """What a run has for one printed number.
+    """The number of a run for one printed number.
 
     Attributes
     ----------
     value, sigma : float
-        `sigma` may be zero for a number that is exact.
+        `sigma` is zero for an exact number.
     role : str
-        `INPUT` where the simulation was given the printed number, else `INDEPENDENT`.
+        `INPUT` if the printed number was an input of the simulation, else `INDEPENDENT`.
     """
 
     value: float
@@ -57,9 +57,9 @@ def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
     Parameters
     ----------
     found : Results
-        Of all stages.
+        Results of all stages.
     flight : Flight
-        Of the paper's design.
+        A flight of the paper's design.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def as_printed_row(row: Mapping[Hashable, Any]) -> Printed:
 
 
 def counts(card: pd.DataFrame) -> pd.DataFrame:
-    """Return how many numbers of every table agree, are near and differ, by role."""
+    """Count the numbers of every table that agree, are near and differ, by role."""
     order = ["agrees", "near", "differs"]
     table = pd.crosstab([card["table"], card["role"]], card["verdict"])
     table = table.reindex(columns=order, fill_value=0)
@@ -130,7 +130,7 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
 
 
 def _paper_sigma(printed: Printed, what: str) -> float:
-    """Return the standard deviation of a printed value; Table 4 prints the scatter of its means."""
+    """Return the standard deviation of a printed value; for means of Table 4 it is computed."""
     if what != "value" or not np.isfinite(printed.sigma):
         return 0.0
     n_points = paper.value(4, "n_points", "single_step")
@@ -149,7 +149,7 @@ def half_digit(text: str, what: str, value: float) -> float:
     return 0.5 * 10.0 ** (shift - decimals)
 
 
-# --- what a run has for the printed numbers --------------------------------------------------
+# --- the numbers of a run --------------------------------------------------------------------
 
 
 def _parameter(found: folder.Results, method: str, camera: str, name: str) -> tuple[float, float]:
@@ -219,7 +219,7 @@ def _synthetic_name(flight: Flight) -> str:
 def _sigma_of(
     found: folder.Results, flight: Flight, number: int, name: str, column: str
 ) -> Ours | None:
-    """Return our standard deviation for a printed one; of Table 4 the scatter of a mean."""
+    """Return our standard deviation for a printed one; in Table 4 it is the scatter."""
     if number == 4:
         return _table_4(found, flight, name.replace("mean", "std"), column)
     find: Callable[..., Ours | None] = _table_1 if number == 1 else _table_3
@@ -265,7 +265,7 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
 def _moment(
     entry: dict[str, object], name: str, axis: int, *, n_points: float, gsd: float
 ) -> Ours | None:
-    """Return a mean or an RMS over the pairs, with the precision that the points give it."""
+    """Return a mean or an RMS over the pairs; its precision is that from the number of points."""
     kind = name.split("_", maxsplit=1)[0]
     values = np.array(entry[kind], dtype=float)
     std = np.array(entry["std"], dtype=float)
@@ -274,7 +274,7 @@ def _moment(
     return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), role=INDEPENDENT)
 
 
-# --- why -------------------------------------------------------------------------------------
+# --- reasons ---------------------------------------------------------------------------------
 
 HEADS_SIGMA = (
     "a bundle on control points alone, over this block and with this noise, determines it no "
@@ -330,7 +330,7 @@ REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
 
 
 def _reason(printed: Printed, what: str) -> str:
-    """Return why a number does not agree, where it is understood."""
+    """Return the reason why a number does not agree, if it is known."""
     name = printed.parameter if what == "value" else f"sigma:{printed.parameter}"
     for table, prefixes, reason in REASONS:
         if table == printed.table and name.startswith(prefixes):

@@ -33,10 +33,10 @@ def page(found: folder.Results, flight: Flight, *, simulated: bool) -> str:
     ----------
     found : Results
     flight : Flight
-        Where it is not the simulated flight of the paper's design, its own parameters are listed
+        If it is not the simulated flight of the paper's design, its own parameters are listed
         instead.
     simulated : bool
-        The flight's truth is known.
+        Whether the truth of the flight is known.
     """
     if not (simulated and paper.applies(flight)):
         return _own_parameters(found, flight)
@@ -59,7 +59,7 @@ def page(found: folder.Results, flight: Flight, *, simulated: bool) -> str:
 
 
 def _summed_up(card: pd.DataFrame, flight: Flight) -> str:
-    """Say how many numbers agree, and what stands out."""
+    """Return sentences on the numbers that agree, and on the largest differences."""
     agrees = card["verdict"] == "agrees"
     given = card["role"] == INPUT
     return (
@@ -74,7 +74,7 @@ def _summed_up(card: pd.DataFrame, flight: Flight) -> str:
 
 
 def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[float, float]:
-    """Return the printed number and ours."""
+    """Return a printed number and ours."""
     row = card[
         (card["table"] == table) & (card["quantity"] == quantity) & (card["column"] == column)
     ]
@@ -122,7 +122,7 @@ def _rms_of_table_4(card: pd.DataFrame) -> str:
 
 
 def _own_parameters(found: folder.Results, flight: Flight) -> str:
-    """Return the parameters that a foreign flight's run found."""
+    """Return the parameters from the run of another flight."""
     listed = found.parameters
     table = pd.DataFrame(
         {
@@ -154,7 +154,7 @@ def _letter(i: int) -> str:
 
 
 def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
-    """Return the columns of the card that a reader sees; reasons are letters of the notes."""
+    """Return the columns of the card for readers; reasons are letters that refer to notes."""
     ours = [
         value_and_sigma(v, s) if s > 0 else f"{v:.4g}" if v % 1 else f"{v:.0f}"
         for v, s in zip(lines["ours"], lines["sigma"], strict=True)
@@ -191,5 +191,5 @@ def _column_title(column: str) -> str:
 
 
 def _plain(value: float) -> str:
-    """Return a printed number as one reads it."""
+    """Return a number as text, with a power of ten if it is very small."""
     return scientific(value, digits=2) if 0 < abs(value) < 1e-3 else f"{value:.9g}"

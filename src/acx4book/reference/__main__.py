@@ -1,4 +1,4 @@
-"""Computes all comparisons anew and stores them: ``python -m acx4book.reference``."""
+"""Computes and stores all comparisons: ``python -m acx4book.reference``."""
 
 from __future__ import annotations
 

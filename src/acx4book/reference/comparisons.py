@@ -1,8 +1,8 @@
-"""The library, checked against measurements and results that nobody here made.
+"""The library, checked with measurements and results of other people.
 
 Every comparison is a table: what others printed, what we compute from their measurements, and
-the difference. Where the measurements are missing, `computed_or_stored` returns the last
-computed tables, which `python -m acx4lib.checked` makes anew.
+the difference. If the measurements are missing, `computed_or_stored` returns the stored tables,
+which ``python -m acx4book.reference`` computes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "surround_overlaps": (comparisons.FILES, comparisons.overlaps),
     "surround_refinements": (comparisons.FILES, comparisons.refinements),
 }
-"""The set of files that every comparison needs, and what computes it."""
+"""For every comparison, the set of files that it needs and the function that computes it."""
 
 LABELS = {
     "lon_deg": "longitude (deg)",
@@ -73,7 +73,7 @@ _FORMATS = {
 
 
 def myst_table(table: pd.DataFrame, caption: str, *, name: str) -> str:
-    """Return one of the tables of this package for the book, with headings and digits."""
+    """Return a table of this package as MyST, with the book's headings and formats."""
     formats = {LABELS.get(c, c): f for c, f in _FORMATS.items() if c in table.columns}
     shown = myst.marked(table.rename(columns=LABELS))
     return myst.myst_table(shown, Markup(caption), name=name, formats=formats)
@@ -89,19 +89,19 @@ def compute(name: str) -> pd.DataFrame:
     Raises
     ------
     ReferenceDataError
-        Where a file is missing, or is not the one that was indexed.
+        Where a file is missing, or is not the indexed one.
     """
     return COMPARISONS[name][1]()
 
 
 def computed_or_stored(name: str, *, folder: str = "") -> Comparison:
-    """Return one of `COMPARISONS`, as it was stored where its measurements are missing.
+    """Return one of `COMPARISONS`; the stored one if its measurements are missing.
 
     Parameters
     ----------
     name : str
     folder : str
-        Of the measurements; where they are looked for anyway if empty.
+        Folder of the measurements; if empty, the usual one.
     """
     with data.at(folder):
         return stored.computed_or_stored(name, COMPARISONS)
@@ -113,7 +113,7 @@ def store() -> None:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the numbers of values that agree and the largest differences of a report."""
+    """Return numbers of agreeing values and the largest differences for a report."""
     return comparison.summary(table)
 
 

@@ -1,7 +1,7 @@
-"""Other people's measurements: what they are, where they lie, and how to get them.
+"""Measurements of other people: their index, their folder, and how to fetch them.
 
-They are never part of the repository; `data/reference/index.csv` says of every file in which
-public repository, at which commit and path it is found, its SHA-256 and its licence.
+They are never part of the repository. For every file `data/reference/index.csv` has the public
+repository, the commit, the path, the SHA-256 and the licence.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from acx4lib.errors import Acx4Error
 from acx4lib.results.own_folder.places import working_copy
 
 FOLDER = Path(str(resources.files("acx4book.reference") / "measurements")).resolve()
-"""The index, what was computed from the files, and in a working copy the files themselves."""
+"""Folder of the index, of stored results, and, in a working copy, of the files themselves."""
 
 BASE_URL = "https://raw.githubusercontent.com"
-"""Files are read from ``{base}/{repository}/{commit}/{path}``."""
+"""Files are fetched from ``{base}/{repository}/{commit}/{path}``."""
 
 TIE_POINTS = ("ign-uce-m3/tie_points.mes", "ign-uce-m3/tie_points_world.mes")
-"""Selections from files of a whole flight, made anew where they are fetched."""
+"""Selections from files of a whole flight; they are made when the files are fetched."""
 
 VARIABLE = "ACX4_REFERENCE_DATA"
-"""Environment variable with a folder that has the files already."""
+"""Environment variable with the path of a folder that has the files."""
 
 HINT = f"run `make reference-data`, or let {VARIABLE} name a folder that has it"
 
@@ -48,12 +48,12 @@ class Entry:
     Attributes
     ----------
     file : str
-        Below the folder of the reference data, such as ``nist-strd/BoxBOD.dat``.
+        Path below the folder of the reference data, such as ``nist-strd/BoxBOD.dat``.
     repository, commit, path : str
-        Where it comes from; empty where it cannot be fetched.
+        Its origin; empty if it cannot be fetched.
     sha256, licence : str
     note : str
-        How it was made, where it is not the file at `path` itself.
+        How it was made, if it is not the file at `path` itself.
     """
 
     file: str
@@ -72,14 +72,14 @@ def index() -> tuple[Entry, ...]:
 
 
 def folder() -> Path:
-    """Return the folder of the reference data: ACX4_REFERENCE_DATA, or the working copy's."""
+    """Return the folder of the reference data: ACX4_REFERENCE_DATA or that of the working copy."""
     given = os.environ.get(VARIABLE, "")
     return Path(given) if given else FOLDER / "files"
 
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Let ACX4_REFERENCE_DATA name a folder for a while; nothing changes for an empty name.
+    """Set ACX4_REFERENCE_DATA for the duration of a context; an empty path changes nothing.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def path(file: str) -> Path:
     Parameters
     ----------
     file : str
-        As the index names it.
+        Its name in the index.
 
     Returns
     -------
@@ -118,7 +118,7 @@ def path(file: str) -> Path:
     Raises
     ------
     ReferenceDataError
-        Where it is missing, or not the file that the index describes.
+        Where the file is missing, or is not the indexed one.
     ValueError
         Where the index has no such file.
     """
@@ -145,7 +145,7 @@ def _sha256(file: Path) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Fetched:
-    """What became of one file.
+    """The outcome of fetching one file.
 
     Attributes
     ----------
@@ -159,19 +159,19 @@ class Fetched:
 
 
 def fetch(*, base: str = BASE_URL) -> Iterator[Fetched]:
-    """Bring all files that are not in the folder yet.
+    """Fetch all files that are not in the folder yet.
 
-    Needs the network and pooch.
+    It needs the network and pooch.
 
     Parameters
     ----------
     base : str
-        Address of a server that has the repositories.
+        Address of a server with the repositories.
 
     Yields
     ------
     Fetched
-        File by file.
+        One outcome per file.
     """
     for entry in index():
         target = folder() / entry.file
@@ -206,7 +206,7 @@ def _bring(entry: Entry, target: Path, base: str) -> None:
 
 
 def _selected(file: str, base: str) -> list[str]:
-    """Return the rows of a tie point file: of the seven images, of points seen twice in them."""
+    """Return the rows of a tie point file for points in at least two of the seven images."""
     with tempfile.TemporaryDirectory() as temporary:
         rows = {}
         for entry in (entry for entry in index() if entry.file in TIE_POINTS):
@@ -239,7 +239,7 @@ def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
 
 
 def main() -> int:
-    """Fetch the reference data; the exit status is 1 where a file could not be had."""
+    """Fetch the reference data; the exit status is 1 if a file could not be fetched."""
     if working_copy() is None and not os.environ.get(VARIABLE):
         sys.stderr.write(f"let {VARIABLE} name a folder for the files: this is no working copy\n")
         return 2

@@ -1,4 +1,4 @@
-"""The last computed comparisons, for where the measurements are missing."""
+"""Stored comparisons, used if the measurements are missing."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FOLDER = data.FOLDER / "results"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """A comparison and where it comes from.
+    """A comparison and its origin.
 
     Attributes
     ----------
     table : DataFrame
     origin : str
-        A sentence: computed just now, or when and with what.
+        A sentence: computed now, or date and software of the stored comparison.
     """
 
     table: pd.DataFrame
@@ -37,18 +37,18 @@ class Comparison:
 def computed_or_stored(
     name: str, sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]
 ) -> Comparison:
-    """Return a comparison, computed where its measurements are here, as stored elsewhere.
+    """Return a comparison, computed if its measurements are here, else the stored one.
 
     Parameters
     ----------
     name : str
     sets : mapping
-        The set of files that every comparison needs, and what computes it.
+        For every comparison, the set of files that it needs and the function that computes it.
 
     Raises
     ------
     ReferenceDataError
-        Where a file is not the one that was indexed.
+        Where a file is not the indexed one.
     """
     files, compute = sets[name]
     if data.is_here(files):
@@ -65,7 +65,7 @@ def computed_or_stored(
 
 
 def _read(path: Path) -> pd.DataFrame:
-    """Read a table as it was computed: text stays text, the empty one too."""
+    """Read a stored table; texts remain texts, also empty ones."""
     table = pd.read_csv(
         path, keep_default_na=False, na_values=[""], dtype={"printed": str, "point": str}
     )
@@ -75,7 +75,7 @@ def _read(path: Path) -> pd.DataFrame:
 
 
 def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
-    """Compute all comparisons and store them with the date and the versions that made them.
+    """Compute all comparisons and store them with the date and the software versions.
 
     Raises
     ------

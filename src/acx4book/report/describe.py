@@ -23,7 +23,7 @@ ITEM, VALUE = "Item", "Statement"
 
 
 def identification(material: Material) -> pd.DataFrame:
-    """Return what was calibrated, when, and with what."""
+    """Return the calibrated cameras, the date, and the software."""
     flight = material.flight
     rows = [("Flight", flight.name)]
     rows += [(f"Camera {name}", text) for name, text in _cameras(material).items()]
@@ -59,7 +59,7 @@ def _refraction(refraction: str) -> str:
 
 
 def _software(material: Material) -> str:
-    """Return the versions of all stages; several where they differ."""
+    """Return the software versions of the stages; several if they differ."""
     said = [dict(entry["versions"]) for entry in material.provenance.stages.values()]  # type: ignore[call-overload] # read from JSON
     texts = {", ".join(f"{name} {version}" for name, version in one.items()) for one in said}
     return "; ".join(sorted(texts))
@@ -108,7 +108,7 @@ ESTIMATION = (
 
 
 def method(material: Material) -> str:
-    """Say what was computed, with the numbers of the equations, Markdown."""
+    """Return what was computed, with the numbers of the equations, as Markdown."""
     flight, parts = material.flight, []
     if any(name.startswith("heads/bundle") for name in material.adjustments):
         parts.append(METHODS["heads"] % _names(flight.estimate_heads))
@@ -138,14 +138,14 @@ def _names(keys: tuple[str, ...]) -> str:
 
 
 def mapped(material: Material) -> tuple[Block, ...]:
-    """Return the blocks that the calibration was made with; without any, that of the validation."""
+    """Return the blocks used for the calibration; without any, that of the validation."""
     blocks = material.flight.blocks
     used = [blocks[name] for name in ("heads", "calibration") if name in blocks]
     return tuple(used or blocks.values())
 
 
 def data_table(material: Material) -> pd.DataFrame:
-    """Return what every block holds and with which standard deviations, a column per block."""
+    """Return the content of every block and its standard deviations, a column per block."""
     columns = {name: _of_block(block) for name, block in material.flight.blocks.items()}
     table = pd.DataFrame(columns)
     table.insert(0, "Quantity", table.index)
@@ -192,7 +192,7 @@ def _joined(values: list[float], spec: str) -> str:
 
 
 def _range(values: np.ndarray) -> str:
-    """Return one number, or the smallest and the largest where they differ."""
+    """Return the smallest and the largest number as text; only one if they do not differ."""
     if not values.size:
         return "–"
     low, high = float(values.min()), float(values.max())

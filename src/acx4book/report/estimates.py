@@ -1,4 +1,4 @@
-"""The estimated parameters: how significant they are, and which of them go together."""
+"""The estimated parameters, their significance and their correlations."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from acx4lib.least_squares.covariance import correlation
 from acx4lib.results import folder
 
 STRONG = 0.9
-"""Correlation above which two parameters are hardly told apart."""
+"""Correlation above which two parameters can hardly be separated."""
 
 SIGNIFICANCE = 0.05
-"""Error probability of every test of the report, two-sided; shared where several are one."""
+"""Error probability of every test of the report, two-sided; divided among combined tests."""
 
 FROM_DECLARED = ("f", *BORESIGHT)
-"""Parameters whose zero means nothing: they are tested against what the flight declares."""
+"""Parameters for which zero has no meaning: they are tested against their declared values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +31,16 @@ class Estimate:
     Attributes
     ----------
     camera, parameter, unit : str
-        As results name them.
+        Names as in the results.
     value, sigma : float
     reference : float
         Zero, or the declared value of `FROM_DECLARED`.
     t, critical : float
-        (value - reference) / sigma, and what chance alone does not exceed.
+        (value - reference) / sigma, and its critical value.
     strongest : str
-        ``camera/parameter`` with the largest correlation; empty for a single parameter.
+        ``camera/parameter`` with the largest correlation; empty if there is no other parameter.
     rho : float
-        That correlation.
+        This correlation.
     """
 
     camera: str
@@ -110,7 +110,7 @@ def _estimate(
 
 
 def _reference(material: Material, camera: str, name: str) -> float:
-    """Return what a parameter is tested against."""
+    """Return the value against which a parameter is tested."""
     key = next((key for key, (reported, _) in REPORTED.items() if reported == name), "")
     return _declared(material, camera, key) if key in FROM_DECLARED else 0.0
 
@@ -119,11 +119,11 @@ def _declared(material: Material, name: str, key: str) -> float:
     camera = material.flight.cameras[name]
     if key in INTERIOR:
         return float(camera.interior.to_array()[INTERIOR.index(key)])
-    return float(np.degrees(camera.T_b_c.opk)[BORESIGHT.index(key)]) + 0.0  # no minus zero
+    return float(np.degrees(camera.T_b_c.opk)[BORESIGHT.index(key)]) + 0.0  # avoids minus zero
 
 
 def _redundancy(material: Material, stage_method: str) -> int:
-    """Return the smallest redundancy of a method's adjustments; one at least."""
+    """Return the smallest redundancy of a method's adjustments, but at least one."""
     said = [
         int(str(material.found.summary[name]["redundancy"]))
         for name in material.adjustments
@@ -133,7 +133,7 @@ def _redundancy(material: Material, stage_method: str) -> int:
 
 
 def _strongest(related: pd.DataFrame, label: str) -> tuple[str, float]:
-    """Return the parameter that goes most closely with another, and their correlation."""
+    """Return the parameter with the largest correlation with another, and this correlation."""
     if label not in related.index or len(related) < 2:
         return "", np.nan
     names = list(related.index)
@@ -152,7 +152,7 @@ def correlations(material: Material, stage_method: str) -> pd.DataFrame:
 
 
 def strong_pairs(material: Material, stage_method: str) -> list[Pair]:
-    """Return the pairs of parameters that correlate by more than `STRONG`, the closest first."""
+    """Return the pairs of parameters that correlate by more than `STRONG`, the largest first."""
     related = correlations(material, stage_method)
     values, names = related.to_numpy(), [str(name) for name in related.index]
     found = [

@@ -1,4 +1,4 @@
-"""Figures of the calibration report, from tables of results; drawn for paper, as vectors."""
+"""Figures of the calibration report, drawn from tables of results as vectors for print."""
 
 from __future__ import annotations
 
@@ -15,18 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
-from acx4book.typesetting.style import (
-    INK,
-    RC,
-    SOFT,
-    WIDTH,
-    colour,
-    legend_below,
-    nothing,
-    plain,
-    style,
-)
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
@@ -34,18 +24,18 @@ from acx4lib.geometry.parameters import AXES
 
 COMPONENTS = {"col": "columns", "row": "rows"}
 LABELLED = 40
-"""Check points up to which every one has its name on the axis."""
+"""Number of check points up to which all names are on the axis."""
 
 
 def vector(figure: Figure) -> SVG:
-    """Return a figure as a vector drawing that is the same bytes every time.
+    """Return a figure as a vector drawing, with the same bytes every time.
 
     Parameters
     ----------
     figure : Figure
     """
     buffer = io.StringIO()
-    with mpl.rc_context({**RC, "svg.fonttype": "path"}):
+    with mpl.rc_context({**style.RC, "svg.fonttype": "path"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=300)
     return SVG(buffer.getvalue())  # type: ignore[no-untyped-call] # IPython is untyped here
 
@@ -65,12 +55,12 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
         for name in own["camera"].unique()
     }
     if not fields:
-        return nothing("There are no residuals of image points.")
+        return style.nothing("There are no residuals of image points.")
     return field_figure(fields)
 
 
 def _panel(title: str, cameras: pd.Series, name: str) -> str:
-    """Return the title of a camera's panel; where there is one only, that of the adjustment."""
+    """Return the title of a camera's panel: with only one camera, that of the adjustment."""
     several = cameras.iloc[0] != cameras.iloc[-1]
     return f"{title}, {name}" if several else title
 
@@ -85,7 +75,7 @@ def _of_camera(rows: pd.DataFrame, camera: Camera) -> Residuals:
 
 
 def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw size and largest of the image residuals of every strip.
+    """Draw the size of the image residuals of every strip, and the largest one.
 
     Parameters
     ----------
@@ -95,32 +85,34 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
     Returns
     -------
     Figure
-        Above the residuals' size over the one that the weights promise, with 95 % limits about
-        one; below the largest normalised residual with the critical value of the w-test.
+        Above: the size of the residuals divided by the size expected from the weights, with 95 %
+        limits about one. Below: the largest normalised residual and the critical value of w.
     """
     strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"]))
     if not strips:
-        return nothing("There are no residuals of image points.")
-    with style():
-        fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 3.3), sharex=True, sharey="row")
+        return style.nothing("There are no residuals of image points.")
+    with style.applied():
+        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 3.3), sharex=True, sharey="row")
         for i, (title, table) in enumerate(tables.items()):
             shift = 0.16 * (i - (len(tables) - 1) / 2)
             for column, component in enumerate(COMPONENTS):
                 _draw_strips(
-                    axes[:, column], table, component, strips, shift=shift, label=plain(title)
+                    axes[:, column], table, component, strips, shift=shift, label=style.plain(title)
                 )
         for column, name in enumerate(COMPONENTS.values()):
             axes[0, column].set_title(name)
-            axes[0, column].axhline(1, color=INK, lw=0.7)
-            axes[1, column].axhline(CRITICAL, color=INK, lw=0.9, ls="--")
-            axes[1, column].set_xticks(range(len(strips)), [plain(s) or "none" for s in strips])
+            axes[0, column].axhline(1, color=style.INK, lw=0.7)
+            axes[1, column].axhline(CRITICAL, color=style.INK, lw=0.9, ls="--")
+            axes[1, column].set_xticks(
+                range(len(strips)), [style.plain(s) or "none" for s in strips]
+            )
             axes[1, column].set_xlabel("strip")
             axes[1, column].tick_params(axis="x", rotation=90 if len(strips) > 14 else 0)
         axes[0, 0].set_ylabel("ratio of σ (1)")
         axes[1, 0].set_ylabel("largest |w| (1)")
         axes[1, 0].set_ylim(0, 1.08 * axes[1, 0].get_ylim()[1])
         if len(tables) > 1:
-            legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
+            style.legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
     return fig
 
 
@@ -138,13 +130,13 @@ def _draw_strips(
     weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
     total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
     low, high = np.sqrt(stats.chi2.ppf([[0.025], [0.975]], total) / total)
-    axes[0].vlines(at, low, high, color=SOFT, alpha=0.35, lw=4.5)
+    axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)
 
 
 def boresight_over_time(boresights: pd.DataFrame) -> Figure:
-    """Draw the boresight of every image less the mean over time, with sigma and a straight line.
+    """Draw the boresights of the images minus their mean over time, with sigma and a line.
 
     Parameters
     ----------
@@ -152,32 +144,32 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
         As `stability.boresights` returns it.
     """
     if boresights.empty:
-        return nothing("No bundle with free orientations gives boresights of single images.")
+        return style.nothing("No bundle with free orientations gives boresights of single images.")
     timed = bool(boresights["time_s"].notna().all())
     time = boresights["time_s"] / 60 if timed else boresights["number"]
-    with style():
-        fig, axes = plt.subplots(3, 1, figsize=(WIDTH, 4.4), sharex=True)
+    with style.applied():
+        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
         for ax, axis in zip(axes, "xyz", strict=True):
             values, sigma = boresights[f"{axis}_deg"], boresights[f"sigma_{axis}_deg"]
             _by_strip(ax, time.to_numpy(), values.to_numpy(), sigma.to_numpy(), boresights["strip"])
-            ax.axhline(0, color=INK, lw=0.7)
+            ax.axhline(0, color=style.INK, lw=0.7)
             line = stats.linregress(time, values) if np.ptp(time) > 0 else None
             if line is not None:
                 ends = np.array([time.min(), time.max()])
-                ax.plot(ends, line.intercept + line.slope * ends, "--", color=INK, lw=1.0)
+                ax.plot(ends, line.intercept + line.slope * ends, "--", color=style.INK, lw=1.0)
             ax.set_ylabel(f"about {axis} (°)")
         axes[-1].set_xlabel("time after the first image (min)" if timed else "image number")
         handles, labels = axes[0].get_legend_handles_labels()
         if any(labels):
-            legend_below(fig, handles, ncols=8)
+            style.legend_below(fig, handles, ncols=8)
     return fig
 
 
 def _by_strip(ax: Axes, time: Array, values: Array, sigma: Array, strips: pd.Series) -> None:
     for i, strip in enumerate(strips.unique()):
         own = (strips == strip).to_numpy()
-        bars: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.7, "color": colour(i)}
-        label = f"strip {plain(strip)}" if strip else ""
+        bars: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.7, "color": style.colour(i)}
+        label = f"strip {style.plain(strip)}" if strip else ""
         ax.errorbar(time[own], values[own], yerr=sigma[own], label=label, **bars)
 
 
@@ -190,19 +182,19 @@ def check_points(points: pd.DataFrame) -> Figure:
         Rows of check_points.csv of one method.
     """
     if points.empty:
-        return nothing("There are no check points.")
+        return style.nothing("There are no check points.")
     at = np.arange(len(points))
-    with style():
-        fig, axes = plt.subplots(3, 1, figsize=(WIDTH, 4.6), sharex=True)
+    with style.applied():
+        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
-            ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=SOFT, alpha=0.16, lw=0)
-            ax.plot(at, d, "o", ms=3.4, color=colour(0))
-            ax.axhline(0, color=INK, lw=0.7)
+            ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)
+            ax.plot(at, d, "o", ms=3.4, color=style.colour(0))
+            ax.axhline(0, color=style.INK, lw=0.7)
             ax.set_ylabel(f"{axis} (m)")
             ax.grid(visible=False, axis="x")
             if i == 2 and len(points) <= LABELLED:
-                ax.set_xticks(at, [plain(name) for name in points["point"]], rotation=90)
+                ax.set_xticks(at, [style.plain(name) for name in points["point"]], rotation=90)
         axes[-1].set_xlabel("check point")
         axes[-1].set_xlim(-0.8, len(points) - 0.2)
     return fig

@@ -1,6 +1,6 @@
 """Quality by groups of observations: a posteriori sigma, redundancy, detectable errors.
 
-All of it follows from residuals.csv. Components that a user weights together are one group.
+Everything is computed from residuals.csv. Components that have a common weight are one group.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ GROUPS = {
 """The group of every kind and component of an observation."""
 
 DETECTABLE = noncentrality()
-"""Baarda's delta_0: how far an error moves w if it is found with `reliability.POWER`."""
+"""Baarda's delta_0: the shift of w by an error that is found with `reliability.POWER`."""
 
 CONTROLLED = 0.1
-"""Redundancy number below which an observation is hardly checked by the others."""
+"""Redundancy number below which an observation is hardly controlled by the others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,15 +44,15 @@ class Quality:
     ----------
     adjustment, group, unit : str
     n : int
-        Components.
+        Number of components.
     redundancy : float
         Sum of their redundancy numbers.
     sigma : float
-        A priori, median, in `unit`.
+        Median of the a priori sigma, in `unit`.
     ratio : float
         A posteriori over a priori sigma; NaN without redundancy.
     weak : int
-        Components with a redundancy number below `CONTROLLED`.
+        Number of components with a redundancy number below `CONTROLLED`.
     detectable, detectable_max : float
         Minimal detectable errors, median and largest, in `unit`.
     """
@@ -79,10 +79,10 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
 
     Notes
     -----
-    The ratio is the root of v'Pv over the group's sum of redundancy numbers: the expectation of
-    its square is the variance of unit weight, whatever the sizes of the groups. This is the first
-    iteration of a variance component estimation, as a diagnosis. The detectable error of an
-    observation is delta_0 sigma / sqrt(r) [1]_.
+    The ratio is the square root of v'Pv, divided by the group's sum of redundancy numbers. The
+    expectation of its square is the variance of unit weight, whatever the sizes of the groups.
+    This is the first iteration of a variance component estimation, used as a diagnosis. The
+    minimal detectable error of an observation is delta_0 sigma / sqrt(r) [1]_.
 
     References
     ----------
@@ -116,14 +116,14 @@ def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
 
 
 def ratio_limits(redundancy: float, *, probability: float = 0.95) -> tuple[float, float]:
-    """Return between what a posteriori over a priori sigma lies by chance; NaN without redundancy.
+    """Return limits, by chance, of a posteriori over a priori sigma; NaN without redundancy.
 
     Parameters
     ----------
     redundancy : float
         Sum of the redundancy numbers.
     probability : float
-        Of the interval, two-sided.
+        Probability of the interval, two-sided.
     """
     if not redundancy > 0:
         return np.nan, np.nan

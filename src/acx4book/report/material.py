@@ -1,4 +1,4 @@
-"""What a report is made of: a results folder, with the flight that it keeps."""
+"""The material of a report: a results folder, and the flight that is kept in it."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ import pandas as pd
 
 from acx4lib.calibration.mounting import METHODS
 from acx4lib.errors import FlightError
-from acx4lib.flight import reader as flights
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 
 BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
-"""The block that a stage's observations are of."""
+"""The block with the observations of a stage."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
-    """A run, as its results folder has it.
+    """A run, read from its results folder.
 
     Attributes
     ----------
     folder : Path
     found : Results
     flight : Flight
-        As the run read it, but for the pixels.
+        The flight of the run, without pixels.
     provenance : Provenance
     """
 
     folder: Path
     found: results.Results
-    flight: flights.Flight
+    flight: Flight
     provenance: provenance.Provenance
 
     @property
     def adjustments(self) -> tuple[str, ...]:
-        """Names of what was adjusted, ``stage/method`` or ``heads/bundle/CAM1``."""
+        """Names of the adjustments, ``stage/method`` or ``heads/bundle/CAM1``."""
         return tuple(
             name
             for name, entry in self.found.summary.items()
@@ -52,27 +52,27 @@ class Material:
 
     @property
     def calibration(self) -> str:
-        """The method that the calibration is taken from, the single step first; empty for none."""
+        """The method with the calibration, if possible the single step; empty without any."""
         ordered = sorted(METHODS, key=lambda method: method != "single_step")
         listed = set(self.found.parameters["stage"] + "/" + self.found.parameters["method"])
         return next((f"mounting/{m}" for m in ordered if f"mounting/{m}" in listed), "")
 
     @property
     def decisive(self) -> tuple[str, ...]:
-        """The adjustments that the statement is about: the calibration, and that of every head."""
+        """The adjustments to which the statement refers: the calibration and all heads."""
         return tuple(
             n for n in self.adjustments if n == self.calibration or n.startswith("heads/bundle")
         )
 
     @property
     def date(self) -> dt.date:
-        """When the results were written, by the date of summary.json."""
+        """Date at which the results were written: that of summary.json."""
         changed = (self.folder / "summary.json").stat().st_mtime
         return dt.datetime.fromtimestamp(changed, tz=dt.UTC).date()
 
 
 def read(folder: str | Path) -> Material:
-    """Read all that a report needs.
+    """Read everything that a report needs.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def read(folder: str | Path) -> Material:
     Raises
     ------
     FlightError
-        Where the folder is not there, is not complete, was changed since the run, or is being
+        Where the folder does not exist, is not complete, was changed after the run, or is being
         written.
     """
     folder = Path(folder)
@@ -103,7 +103,7 @@ def read(folder: str | Path) -> Material:
         folder=folder,
         provenance=provenance.read(folder),
         found=results.read(folder),
-        flight=flights.read_kept(folder / provenance.KEPT),
+        flight=read_kept(folder / provenance.KEPT),
     )
     if not material.found.summary:
         raise FlightError([f"{folder}: no stage left results; run acx4 run first"])
@@ -111,12 +111,12 @@ def read(folder: str | Path) -> Material:
 
 
 def block_of(material: Material, stage_method: str) -> Block:
-    """Return the block that an adjustment was made with.
+    """Return the block of an adjustment.
 
     Raises
     ------
     FlightError
-        Where the flight that is kept does not have it.
+        Where the kept flight does not have it.
     """
     name = BLOCK[stage_method.partition("/")[0]]
     if name not in material.flight.blocks:
@@ -131,7 +131,7 @@ def residuals(material: Material, adjustment: str) -> pd.DataFrame:
     ----------
     material : Material
     adjustment : str
-        One of `Material.adjustments`; of ``heads/bundle/CAM1`` the rows of this camera.
+        One of `Material.adjustments`; ``heads/bundle/CAM1`` means the rows of this camera.
     """
     stage, method, *camera = adjustment.split("/", 2)
     rows = results.rows(material.found, "residuals", f"{stage}/{method}")
@@ -140,13 +140,13 @@ def residuals(material: Material, adjustment: str) -> pd.DataFrame:
     images = block_of(material, adjustment).images
     names = [c.name for c in block_of(material, adjustment).cameras]
     camera_of = {image: names[k] for image, k in zip(images.names, images.camera_idx, strict=True)}
-    # every head has its image points first; its control points, without an image, follow
+    # the image points of a head come first; its control points, without an image, follow
     mine = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
     return rows[mine].reset_index(drop=True)
 
 
 def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
-    """Return one row per measured image point, with where it was measured.
+    """Return one row per measured image point, with its position.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
     Raises
     ------
     FlightError
-        Where residuals and the flight that is kept do not belong together.
+        Where the residuals and the kept flight do not belong together.
     """
     rows = residuals(material, adjustment)
     rows = rows[rows["kind"] == "image_point"]
@@ -193,7 +193,7 @@ def _measured(block: Block) -> pd.DataFrame:
 
 
 def exposure_times(material: Material, block: Block) -> pd.Series:
-    """Return the times of a block's exposures in s, by their names; NaN where not given."""
+    """Return the times of a block's exposures, s, by their names; NaN where not given."""
     path = material.folder / provenance.KEPT / block.name / "trajectory.csv"
     table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
     table.columns = table.columns.str.strip()
@@ -203,6 +203,6 @@ def exposure_times(material: Material, block: Block) -> pd.Series:
 
 
 def sentences(material: Material, key: str) -> Iterator[str]:
-    """Yield the sentences that all methods left under a key of the summary."""
+    """Yield the sentences of all methods under a key of the summary."""
     for entry in material.found.summary.values():
         yield from results.messages(entry, key)

@@ -1,4 +1,4 @@
-"""Tables of a report's results, ready to be shown."""
+"""Tables of the results for the report."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from acx4lib.results import folder
 
 UNIT = {"px": "px", "m": "m", "deg": "°"}
 SHOWN = 30
-"""Rejected observations that are listed; all of them are in rejected.csv."""
+"""Number of rejected observations that are listed; all of them are in rejected.csv."""
 
 STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
 
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
-    """Return the findings, those that fail first."""
+    """Return the table of findings; those that fail come first."""
     order = sorted(found, key=lambda f: f.state != "fails")
     rows = [(f.question, STATES[f.state], f.answer) for f in order]
     return pd.DataFrame(rows, columns=["Question", "Result", "Explanation"])
 
 
 def test_table(material: Material) -> pd.DataFrame:
-    """Return size and global test of every adjustment."""
+    """Return the size and the global test of every adjustment."""
     rows = []
     for name in material.adjustments:
         said = material.found.summary[name]
@@ -128,7 +128,7 @@ def _strongest(p: Estimate) -> Markup:
 
 
 def correlation_sentence(material: Material) -> str:
-    """Say which parameters are hardly told apart."""
+    """Return a sentence on parameters that can hardly be separated."""
     if not material.calibration:
         return ""
     pairs = strong_pairs(material, material.calibration)
@@ -158,7 +158,7 @@ def head_table(material: Material, stage_method: str) -> pd.DataFrame:
 
 
 def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return parameters with sigma, a column per table; what a table does not have is held."""
+    """Return parameters with sigma, a column per table; a parameter without a row is held."""
     several = len({name for table in tables.values() for name in table["camera"] if name}) > 1
     cells: dict[str, dict[str, str]] = {}
     for column, table in tables.items():
@@ -171,7 +171,7 @@ def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     rows = [
         [label, *(texts.get(column, "held") for column in tables)] for label, texts in cells.items()
     ]
-    return pd.DataFrame(rows, columns=["Parameter", *tables])  # a camera may be called so too
+    return pd.DataFrame(rows, columns=["Parameter", *tables])  # a camera may have this name too
 
 
 def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:
@@ -189,7 +189,7 @@ def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:
 
 
 def rejected_table(material: Material) -> pd.DataFrame:
-    """Return what was taken out as gross errors, the largest first."""
+    """Return the observations rejected as gross errors, the largest first."""
     rows = material.found.rejected
     own = [n for n in ("heads/bundle", material.calibration, _validated(material)) if n]
     rows = rows[(rows["stage"] + "/" + rows["method"]).isin(own)]
@@ -211,7 +211,7 @@ def _validated(material: Material) -> str:
 
 
 def rejected_sentence(material: Material) -> str:
-    """Say how many observations were rejected, where the table does not show all of them."""
+    """Return a sentence on the number of rejected observations, and of those in the table."""
     n, shown = len(material.found.rejected), len(rejected_table(material))
     if n == 0:
         return "Nothing was rejected."
@@ -225,7 +225,7 @@ def rejected_sentence(material: Material) -> str:
 
 
 def check_table(material: Material) -> pd.DataFrame:
-    """Return the differences at check points, summed up, by method and axis."""
+    """Return statistics of the differences at check points, by method and axis."""
     rows = []
     found = material.found.check_points
     for (stage, method), own in found.groupby(["stage", "method"], sort=False):
@@ -274,6 +274,6 @@ def class_table(material: Material) -> pd.DataFrame:
 
 
 def _scale(standard: str) -> int:
-    """Return the denominator of the map scale of a row; the others follow."""
+    """Return the denominator of a row's map scale, for sorting; other rows come last."""
     digits = standard.partition("1:")[2].partition(",")[0]
     return int(digits) if standard.startswith("PEC") and digits.isdigit() else 10**9

@@ -1,4 +1,4 @@
-"""What the cells of the notebook show."""
+"""Outputs of the cells of the notebook."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FORMATS = {
 
 
 def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:
-    """Return a table with its caption, or a sentence where it has no rows."""
+    """Return a table with its caption, or a sentence if it has no rows."""
     if frame.empty:
         return f"{caption}: this run has none."
     formats = {column: FORMATS[column] for column in frame.columns if column in FORMATS}
@@ -67,12 +67,12 @@ def planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
 
 
 def correlation_picture(material: Material) -> pd.DataFrame:
-    """Return the correlations of the calibration as `plot.correlation_matrix` takes them."""
+    """Return the correlations of the calibration, for `matrix.correlation_matrix`."""
     if not material.calibration:
         return pd.DataFrame()
     related = correlations(material, material.calibration)
     names = [str(name) for name in related.index]
-    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may
+    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may have
     if len({camera for camera, _, _ in parts}) == 1 and all(name in LABELS for *_, name in parts):
         names = [name for *_, name in parts]
     return pd.DataFrame(related.to_numpy(), index=names, columns=names)

@@ -1,4 +1,4 @@
-"""The boresight over time: one value for every image, a drift, and differences between strips."""
+"""The boresight over time: values of all images, a drift, and differences between strips."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from acx4lib.results import folder
 
 AXES = ("x", "y", "z")
 SOURCES = ("mounting/two_step", "mounting/two_step_gnss")
-"""Methods whose orientations of images owe nothing to the trajectory's attitudes."""
+"""Methods that orient the images without the attitudes of the trajectory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +28,11 @@ class Drift:
     ----------
     axis : str
     change_deg, sigma_deg : float
-        From the first exposure to the last, and its standard deviation from the scatter.
+        Change from the first exposure to the last, and its standard deviation from the scatter.
     p : float
-        Probability of a change as large, were there none.
+        Probability of such a change or a larger one if there is none.
     p_strips : float
-        Probability of strip means as different, were there no difference; NaN for one strip.
+        Probability of such differences of strip means if there are none; NaN for one strip.
     """
 
     axis: str
@@ -43,7 +43,7 @@ class Drift:
 
 
 def boresights(material: Material) -> pd.DataFrame:
-    """Return what every image says of the boresight, less the camera's mean, eq. (12).
+    """Return the boresight of every image, eq. (12), minus the mean of its camera.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def boresights(material: Material) -> pd.DataFrame:
     DataFrame
         camera, image, strip, number (in order of time), time_s (after the first image; NaN where
         not known), x_deg, y_deg, z_deg about the axes of the body, and their sigma_*_deg from the
-        image's orientation and the trajectory's attitude; what all images share is not in them.
-        Empty where no bundle had free orientations.
+        image's orientation and the trajectory's attitude, without the error that all images
+        share. Empty where no bundle had free orientations.
     """
     source = next((s for s in SOURCES if folder.has(material.found, s)), "")
     rows = folder.rows(material.found, "exterior_orientation", source) if source else pd.DataFrame()
@@ -81,7 +81,7 @@ def boresights(material: Material) -> pd.DataFrame:
 
 
 def _turns(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, Array]:
-    """Return the boresights less their mean and their sigma, body axes, degrees, shape (n, 3)."""
+    """Return boresights minus their mean, and their sigma, body axes, degrees, shape (n, 3)."""
     enh = rows[["east_m", "north_m", "height_m"]].to_numpy()
     opk = np.radians(rows[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy())
     T_m_c = block.frame.pose_from_grid(enh, opk)
@@ -113,8 +113,8 @@ def drifts(listed: pd.DataFrame) -> list[Drift]:
     Notes
     -----
     A regression line over time (over the order of the images where times are not known) with
-    Student's test, and a one-way analysis of variance over the strips; both measure by the
-    scatter that is found, not by the predicted sigma.
+    Student's test, and a one-way analysis of variance over the strips. Both use the observed
+    scatter, not the predicted sigma.
     """
     if len(listed) < 4:
         return []

@@ -1,4 +1,4 @@
-"""What holds and what does not, in plain words: the statement at the top of a report."""
+"""The statement at the top of a report: what holds and what does not, in plain words."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from acx4lib.results.folder import messages
 HOLDS, FAILS, NOTE = "holds", "fails", "note"
 
 FACTOR = 1.2
-"""A posteriori over a priori sigma, or the inverse, below which weights are as good as right:
-parameters and their sigma hardly move when an observation group is weighted by so little less."""
+"""Ratio of a posteriori and a priori sigma, or its inverse, up to which weights are good enough:
+such a change of the weights hardly changes the parameters and their sigma."""
 
 FEW = 0.01
-"""Share of rejected observations above which they are no single gross errors."""
+"""Share of rejected observations above which these are not single gross errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +37,11 @@ class Finding:
     Attributes
     ----------
     question : str
-        What was asked.
+        The question.
     state : str
-        `HOLDS`, `FAILS`, or `NOTE` for what a reader must know and no test decides.
+        `HOLDS`, `FAILS`, or `NOTE` for information without a test.
     answer : str
-        A sentence or two, text or `Markup`.
+        One or two sentences, text or `Markup`.
     """
 
     question: str
@@ -50,7 +50,7 @@ class Finding:
 
 
 def findings(material: Material) -> list[Finding]:
-    """Return the answers to every question that the results allow to be asked."""
+    """Return the answers to all questions that the results can answer."""
     return [
         *_one_flight(material),
         *_converged(material),
@@ -67,7 +67,7 @@ def findings(material: Material) -> list[Finding]:
 
 
 def statement(found: Sequence[Finding]) -> str:
-    """Return the verdict in a sentence, Markdown."""
+    """Return the verdict in one sentence, as Markdown."""
     failed = [f.question for f in found if f.state == FAILS]
     tested = sum(f.state != NOTE for f in found)
     if not failed:
@@ -271,10 +271,10 @@ def _checked(material: Material) -> Iterator[Finding]:
 
 
 def _judged(said: accuracy.Accuracy, predicted: Array) -> tuple[str, list[str]]:
-    """Return what differences at check points show, and the axes that stand out.
+    """Return the verdict on differences at check points, and sentences on significant axes.
 
-    Means and sizes are tested as if the points were independent. What stands out then fails only
-    where it would do so as well if all points shared one error.
+    Means and sizes are tested as if the points were independent. A significant difference only
+    fails if it would be significant, too, with one error that all points share.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def _judged(said: accuracy.Accuracy, predicted: Array) -> tuple[str, list[str]]:
 
 
 def checked_points(material: Material) -> pd.DataFrame:
-    """Return the check points of the validation with the calibration, or with what was given."""
+    """Return the check points of the validation with the calibration, or with given cameras."""
     rows = material.found.check_points
     method = material.calibration.partition("/")[2] or "given"
     return rows[(rows["stage"] == "validation") & (rows["method"] == method)]

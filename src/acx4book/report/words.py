@@ -1,4 +1,4 @@
-"""Names and small sentences of the report."""
+"""Names and short texts of the report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DRIFT = re.compile(r"gnss_drift_(.+)_(east|north|height)_m_per_(?:min|exposure)
 
 
 def adjustment_title(name: str) -> str:
-    """Return what a reader sees for ``stage/method`` or ``heads/bundle/CAM1``."""
+    """Return the title for readers of ``stage/method`` or ``heads/bundle/CAM1``."""
     stage, method, *camera = name.split("/", 2)
     if stage == "heads":
         return f"head {camera[0]}" if camera else method.replace("_", " ")
@@ -24,17 +24,17 @@ def adjustment_title(name: str) -> str:
 
 
 def heading(name: str) -> str:
-    """Return the same as the beginning of a line."""
+    """Return the title of an adjustment for the beginning of a line."""
     return begun(adjustment_title(name))
 
 
 def begun(text: str) -> str:
-    """Return a text with a capital at its beginning, the rest as it is."""
+    """Return a text with a capital at its beginning; the rest does not change."""
     return text[:1].upper() + text[1:]
 
 
 def parameter_title(name: str) -> str:
-    """Return what a reader sees for ``camera/parameter``, or for a parameter alone."""
+    """Return the title for readers of ``camera/parameter``, or of a parameter alone."""
     if drift := _DRIFT.fullmatch(name):
         return f"GNSS drift of strip {drift[1]}, {drift[2]}"
     return LABELS.get(name.rpartition("/")[2], name)
@@ -47,10 +47,10 @@ def pair_text(pair: Pair) -> Markup:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names as a sentence has them: a, b and c."""
+    """Return names as part of a sentence: a, b and c."""
     return " and ".join([part for part in (", ".join(names[:-1]), *names[-1:]) if part])
 
 
 def plural(n: int, noun: str) -> str:
-    """Return a number with its noun; none in words."""
+    """Return a number with its noun; zero as a word."""
     return f"{n:,} {noun}{'' if n == 1 else 's'}" if n else f"no {noun}s"

@@ -1,4 +1,4 @@
-"""Mean residual vectors over the image plane, for every figure that draws them."""
+"""Mean residual vectors over the image plane, for all figures that draw them."""
 
 from __future__ import annotations
 
@@ -11,25 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acx4book.typesetting.style import (
-    INK,
-    LONGEST,
-    ORANGE,
-    WIDTH,
-    heading,
-    legend_below,
-    plain,
-    round_length,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
 
 CELLS = 12
-"""Cells along the longer side of an image."""
+"""Number of cells along the longer side of an image."""
 
 FAR = 3.44
-"""Noise alone makes a plane vector longer than this many sigma as rarely as a number exceeds 3."""
+"""Length in sigma that a vector of pure noise exceeds as rarely as a single number exceeds 3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,9 +30,9 @@ class Residuals:
     ----------
     camera : Camera
     colrow : ndarray, shape (n, 2)
-        Where they were measured, px.
+        Positions of the measurements, px.
     v : ndarray, shape (n, 2)
-        px.
+        Residuals, px.
     sigma_px : ndarray, shape (n,)
     """
 
@@ -58,29 +48,31 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     Parameters
     ----------
     fields : mapping of str to Residuals
-        By the title of the panel; one at least.
+        By the title of the panel; at least one.
     """
     means = {name: cell_means(field) for name, field in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in means.values())
-    key = round_length(max(longest, 1e-6))
+    key = style.round_length(max(longest, 1e-6))
     n_columns = min(2, len(fields))
     n_rows = -(-len(fields) // n_columns)
     height = 2.75 * n_rows + 0.5 if n_columns == 2 else 4.2
-    with style():
-        fig, grid = plt.subplots(n_rows, n_columns, figsize=(WIDTH, height), squeeze=False)
+    with style.applied():
+        fig, grid = plt.subplots(n_rows, n_columns, figsize=(style.WIDTH, height), squeeze=False)
         for ax in grid.flat[len(fields) :]:
             ax.remove()
         for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):
             _draw_field(ax, field.camera, means[name], key=key)
             rms = np.sqrt(np.mean(field.v**2))
-            heading(
-                ax, plain(name, longest=2 * LONGEST), f"{len(field.v)} points, rms {rms:.2f} px"
+            style.heading(
+                ax,
+                style.plain(name, longest=2 * style.LONGEST),
+                f"{len(field.v)} points, rms {rms:.2f} px",
             )
         handles = [
-            Line2D([], [], color=INK, label=r"mean of a cell, within 3$\sigma$"),
-            Line2D([], [], color=ORANGE, lw=2, label=r"beyond 3$\sigma$"),
+            Line2D([], [], color=style.INK, label=r"mean of a cell, within 3$\sigma$"),
+            Line2D([], [], color=style.ORANGE, lw=2, label=r"beyond 3$\sigma$"),
         ]
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -109,7 +101,7 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
     arrows = ax.quiver(
         *middle.T,
         *(scale * d.T),
-        color=list(np.where(in_sigma > FAR, ORANGE, INK)),
+        color=list(np.where(in_sigma > FAR, style.ORANGE, style.INK)),
         angles="xy",
         scale_units="xy",
         scale=1,

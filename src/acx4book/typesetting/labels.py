@@ -1,4 +1,4 @@
-"""What a reader sees for the names of methods, parameters and units, and a value with its sigma."""
+"""Labels for readers of methods, parameters and units, and values with their sigma."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TITLES = {
 """Names of the methods in headings."""
 
 UNITS = {"deg": "°", "um": "µm"}
-"""Units as a reader sees them, where results files spell them out."""
+"""Signs of units that are spelt out in results files."""
 
 UNIT = re.compile(r"[\w/^.-]{1,20}")
-"""What a unit looks like; other text, of results that somebody else wrote, is shown as it is."""
+"""Form of a unit; any other text, from foreign results, is shown as it is."""
 
 _LABELS = {
     "sigma0_squared": "variance of unit weight",
@@ -72,16 +72,16 @@ _LABELS = {
 }
 
 LABELS = {name: Markup(label) for name, label in _LABELS.items()}
-"""What a reader sees for the names of parameters and statistics."""
+"""Labels for readers of parameters and statistics, by name."""
 
 
 def inside(title: str) -> str:
-    """Return a title as it stands inside a sentence, such as that of a method."""
+    """Return a title, such as that of a method, for use inside a sentence."""
     return title[:1].lower() + title[1:]
 
 
 def value_and_sigma(value: float, sigma: float) -> Markup:
-    """Return a value with its standard deviation, both to two digits of the latter."""
+    """Return a value and its standard deviation, both to two digits of the standard deviation."""
     return Markup(_value_and_sigma(value, sigma))
 
 
@@ -97,7 +97,7 @@ def _value_and_sigma(value: float, sigma: float) -> str:
 
 
 def with_unit(label: str, unit: str) -> Markup:
-    """Return a label with its unit in brackets; a number without a unit has none."""
+    """Return a label with its unit in brackets; without brackets if there is no unit."""
     text = shown(label)
     if unit in ("", "1"):
         return Markup(text)

@@ -14,29 +14,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 
-from acx4book.typesetting.style import (
-    BLUE,
-    BRICK,
-    INK,
-    ORANGE,
-    SEQUENCE,
-    SOFT,
-    WIDTH,
-    heading,
-    legend_below,
-    north_arrow,
-    nothing,
-    padded,
-    plain,
-    scale_bar,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.flight import design
 from acx4lib.flight.block import Block, SurveyedPoints
 
-LEVEL_COLOURS = (BLUE, ORANGE)
-"""Of the flying heights, from the highest down, from the beginning again."""
+LEVEL_COLOURS = (style.BLUE, style.ORANGE)
+"""Colours of the flying heights, from the highest down; repeated if there are more heights."""
 
 
 def block_maps(*blocks: Block | None) -> Figure:
@@ -45,23 +29,23 @@ def block_maps(*blocks: Block | None) -> Figure:
     Parameters
     ----------
     *blocks : Block or None
-        Those that a flight does not have are left out.
+        None stands for a block that the flight does not have.
 
     Returns
     -------
     Figure
-        The ground that images cover is tinted, darker where more of them do; one exposure of
-        every flying height has its footprints outlined.
+        The ground in images is tinted, darker where more images overlap. At every flying height
+        the footprints of one exposure are outlined.
     """
     present = [block for block in blocks if block is not None]
     if not present:
-        return nothing("The flight has no such block.")
-    with style():
+        return style.nothing("The flight has no such block.")
+    with style.applied():
         fig, axes = _maps([_extent(block) for block in present])
         handles: dict[str, Any] = {}
         for ax, block in zip(axes, present, strict=True):
             handles |= _draw_block(ax, block)
-        legend_below(fig, list(handles.values()))
+        style.legend_below(fig, list(handles.values()))
     return fig
 
 
@@ -71,8 +55,8 @@ def control_maps(*blocks: Block | None) -> Figure:
     Parameters
     ----------
     *blocks : Block or None
-        Blocks that share their points get one map; those that a flight does not have are left
-        out.
+        Blocks with the same points share one map; None stands for a block that the flight does
+        not have.
 
     Returns
     -------
@@ -80,8 +64,8 @@ def control_maps(*blocks: Block | None) -> Figure:
     """
     fields = _fields([block for block in blocks if block is not None])
     if not fields:
-        return nothing("No surveyed point is measured in any image.")
-    with style():
+        return style.nothing("No surveyed point is measured in any image.")
+    with style.applied():
         fig, axes = _maps([_km(block, _surveyed(block).x_m) for block in fields.values()])
         for ax, (title, block) in zip(axes, fields.items(), strict=True):
             _draw_points(fig, ax, title, block)
@@ -89,17 +73,17 @@ def control_maps(*blocks: Block | None) -> Figure:
 
 
 def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
-    """Return axes for maps beside each other, as tall as what they have to show."""
+    """Return axes for maps beside each other, with heights that fit their content."""
     size = np.array([np.nanmax(at, axis=0) - np.nanmin(at, axis=0) for at in extents])
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
-    width = WIDTH / len(extents) - 0.7
+    width = style.WIDTH / len(extents) - 0.7
     height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
-    fig, axes = plt.subplots(1, len(extents), figsize=(WIDTH, height), squeeze=False)
+    fig, axes = plt.subplots(1, len(extents), figsize=(style.WIDTH, height), squeeze=False)
     return fig, list(axes[0])
 
 
 def _extent(block: Block) -> Array:
-    """Return what the map of a block has to show, km."""
+    """Return the positions that the map of a block must show, km."""
     corners = design.footprints(block).reshape(-1, 3)
     seen = corners[np.isfinite(corners).all(axis=1)]
     return _km(block, np.concatenate([block.trajectory.T_m_b.r, seen]))
@@ -112,12 +96,14 @@ def _km(block: Block, x_m: Array) -> Array:
 
 
 def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
-    """Draw one map and return legend handles by what they say."""
+    """Draw one map and return legend handles by their labels."""
     levels = design.levels(block)
     corners = design.footprints(block)
     at = _km(block, block.trajectory.T_m_b.r)
     outlines = _km(block, corners[np.isfinite(corners).all(axis=(1, 2))])
-    ax.add_collection(PolyCollection(list(outlines), facecolor=SOFT, alpha=_tint(outlines), lw=0))
+    ax.add_collection(
+        PolyCollection(list(outlines), facecolor=style.SOFT, alpha=_tint(outlines), lw=0)
+    )
     handles: dict[str, Any] = {}
     for i, level in enumerate(levels):
         colour = LEVEL_COLOURS[i % len(LEVEL_COLOURS)]
@@ -130,17 +116,17 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
     heights = " and ".join(f"{level.height_m:.0f}" for level in levels)
     known = np.isfinite(design.ground_height(block))
     above = f" from {heights} m above ground" if known else ""
-    heading(ax, block.name, f"{len(block.images)} images{above}")
+    style.heading(ax, block.name, f"{len(block.images)} images{above}")
     return handles
 
 
 def _tint(outlines: Array) -> float:
-    """Return an opacity at which the mean overlap of footprints is a light grey."""
+    """Return an opacity with which the mean overlap of footprints becomes a light grey."""
     if not len(outlines):
         return 0.0
     x, y = outlines[..., 0], outlines[..., 1]
     areas = np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)) / 2
-    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions the area
+    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions this is the area
     return float(np.clip(0.28 * covered / areas.sum(), 0.006, 0.15))
 
 
@@ -172,11 +158,11 @@ def _draw_level(ax: Axes, block: Block, level: design.Level, at: Array, *, colou
 def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
     handles = {}
     for name, points, marker, fill in (
-        ("control points", block.control, "^", BRICK),
+        ("control points", block.control, "^", style.BRICK),
         ("check points", block.check, "o", "white"),
     ):
         if len(points):
-            marks: dict[str, Any] = {"marker": marker, "mfc": fill, "mec": INK, "mew": 0.5}
+            marks: dict[str, Any] = {"marker": marker, "mfc": fill, "mec": style.INK, "mew": 0.5}
             ax.plot(*_km(block, points.x_m).T, ls="", ms=3.0, zorder=5, **marks)
             handles[name] = Line2D([], [], ls="", ms=4.5, label=name, **marks)
     return handles
@@ -184,22 +170,22 @@ def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
 
 def _finish_map(ax: Axes, shown: Array) -> None:
     """Set limits, labels, scale bar and north arrow of a map in km."""
-    low, high = padded(np.nanmin(shown, axis=0), np.nanmax(shown, axis=0))
+    low, high = style.padded(np.nanmin(shown, axis=0), np.nanmax(shown, axis=0))
     low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="N")
     ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
     ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     unit = ("km", 1.0) if high[0] - low[0] > 4 else ("m", 1000.0)
-    scale_bar(ax, per_axis_unit=unit[1], unit=unit[0], at=(0.05, 0.04))
-    north_arrow(ax, at=(0.06, 0.98))
+    style.scale_bar(ax, per_axis_unit=unit[1], unit=unit[0], at=(0.05, 0.04))
+    style.north_arrow(ax, at=(0.06, 0.98))
 
 
 # --- surveyed points -------------------------------------------------------------------------
 
 
 def _fields(blocks: Sequence[Block]) -> dict[str, Block]:
-    """Return blocks with different sets of surveyed points, by what the map is to be called."""
+    """Return blocks with different sets of surveyed points, by the titles of their maps."""
     fields: dict[frozenset[str], list[Block]] = {}
     for block in blocks:
         names = frozenset(block.points[i] for i in _surveyed(block).point_idx)
@@ -223,28 +209,30 @@ def _surveyed(block: Block) -> SurveyedPoints:
 
 
 def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
-    """Draw points with the colour of their height and the size of their number of images."""
+    """Draw points; their colour shows the height, their size the number of images."""
     points = _surveyed(block)
     at = _km(block, points.x_m)
     height = block.frame.to_grid(points.x_m)[:, 2]
     n_images = block.rays[points.point_idx]
     area = 8 + 70 * n_images / n_images.max()
     x, y = at.T
-    marks = ax.scatter(x, y, c=height, s=area, cmap=SEQUENCE, edgecolor=INK, lw=0.5, zorder=3)
+    marks = ax.scatter(
+        x, y, c=height, s=area, cmap=style.SEQUENCE, edgecolor=style.INK, lw=0.5, zorder=3
+    )
     for place, idx, size in zip(at, points.point_idx, area, strict=True):
         ax.annotate(
-            plain(block.points[idx]),
+            style.plain(block.points[idx]),
             xy=tuple(place),
             xytext=(0, -4.5 - 0.55 * np.sqrt(size)),
             textcoords="offset points",
             fontsize=5.2,
-            color=SOFT,
+            color=style.SOFT,
             ha="center",
             va="center",
         )
     _finish_map(ax, at)
     few, many = int(n_images.min()), int(n_images.max())
-    heading(ax, title, f"{len(points)} points, each in {few} to {many} images (size)")
+    style.heading(ax, title, f"{len(points)} points, each in {few} to {many} images (size)")
     fig.colorbar(
         marks, ax=ax, label="height (m)", location="bottom", shrink=0.7, aspect=35, pad=0.02
     )

@@ -1,4 +1,4 @@
-"""A correlation matrix, for every page that draws one."""
+"""The figure of a correlation matrix."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.style import DIVERGING, INK, WIDTH, bare, nothing, plain, style
 
 
 def correlation_matrix(correlations: pd.DataFrame) -> Figure:
-    """Draw a correlation matrix, with the numbers where they are 0.3 and more.
+    """Draw a correlation matrix, with numbers where they are 0.3 or more.
 
     Parameters
     ----------
     correlations : DataFrame
-        Square; rows and columns by ``parameter`` or ``camera/parameter``.
+        Square; rows and columns are named ``parameter`` or ``camera/parameter``.
     """
     if correlations.empty:
-        return nothing("The single step gave no result.")
+        return style.nothing("The single step gave no result.")
     values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
     n = len(names)
-    with style():
-        side = min(WIDTH, 2.2 + 0.34 * n)
+    with style.applied():
+        side = min(style.WIDTH, 2.2 + 0.34 * n)
         fig, ax = plt.subplots(figsize=(side + 0.6, side))
-        image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
-        bare(ax)
+        image = ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
+        style.bare(ax)
         ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")
         ax.set_yticks(range(n), names)
         ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
@@ -42,7 +42,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
                     ha="center",
                     va="center",
                     fontsize=6.8,
-                    color="white" if dark else INK,
+                    color="white" if dark else style.INK,
                 )
         bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
         bar.set_label("correlation (no unit)")
@@ -51,8 +51,8 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
 
 
 def _label(name: str) -> str:
-    """Return what a reader sees for a parameter's name, or for ``camera/parameter``."""
+    """Return the label for readers of ``parameter`` or ``camera/parameter``."""
     camera, _, parameter = name.rpartition("/")
     if parameter not in LABELS:
-        return plain(name)
-    return f"{plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]
+        return style.plain(name)
+    return f"{style.plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]

@@ -1,4 +1,4 @@
-"""Tables and numbers of a notebook as the book shows them."""
+"""Tables and numbers of a notebook as MyST text."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pandas.api.types import is_numeric_dtype
 from acx4book.typesetting.plain_text import Markup, shown
 
 MISSING = "\N{EN DASH}"
-"""What stands in a cell without a value."""
+"""Text of a cell without a value."""
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 SIGMA = "\N{PLUS-MINUS SIGN}"
 
 POWER = re.compile(r"(?<=mm)\^(-\d)")
-"""Exponent of a unit, as results files write it."""
+"""Exponent of a unit, in the notation of results files."""
 
 
 def myst_table(
@@ -31,14 +31,14 @@ def myst_table(
 ) -> str:
     """Return a table as a numbered, captioned MyST table.
 
-    As the last line of a cell: ``Markdown(myst_table(...))``. The index is left out.
+    Use it in the last line of a cell: ``Markdown(myst_table(...))``. The index is left out.
 
     Parameters
     ----------
     table : DataFrame
-        Text in cells and headings is shown as it is. `Markup` is taken as Markdown: line breaks
-        in it become spaces, a ``|`` is escaped, and no line ends after a ``±``. Columns of
-        numbers are set right-aligned.
+        Text in cells and headings is shown as it is. `Markup` is Markdown; in it line breaks
+        become spaces, ``|`` is escaped, and no line ends after ``±``. Columns of numbers are
+        right-aligned.
     caption : str
         Text, or `Markup`.
     name : str
@@ -74,23 +74,23 @@ def scientific(value: float, *, digits: int = 0) -> str:
     Parameters
     ----------
     value : float
-        Finite.
+        A finite number.
     digits : int
-        After the decimal point.
+        Digits after the decimal point.
     """
     mantissa, exponent = f"{value:.{digits}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
 def marked(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table all of whose texts and headings are Markdown; none may be of a flight."""
+    """Return a table with all texts and headings as Markdown; none may come from a flight."""
     texts = table.astype(object).map(lambda cell: Markup(cell) if isinstance(cell, str) else cell)
     columns = {name: own if is_numeric_dtype(own) else texts[name] for name, own in table.items()}
     return pd.DataFrame(columns).rename(columns=Markup)
 
 
 def _cell(value: object, spec: str) -> str:
-    """Return one cell; what is missing or not a number is a dash."""
+    """Return the text of a cell; a missing value or NaN is a dash."""
     if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
         return MISSING
     if isinstance(value, Number):
@@ -99,7 +99,7 @@ def _cell(value: object, spec: str) -> str:
 
 
 def _text(text: object) -> str:
-    """Return text as it is, or Markdown in one line."""
+    """Return text that is shown as it is; `Markup` becomes one line."""
     if not isinstance(text, Markup):
         return shown(text)
     line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))

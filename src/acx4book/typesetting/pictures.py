@@ -1,6 +1,6 @@
-"""Pictures in figures: 16 bit to what a screen shows, many pixels to as many as a figure has.
+"""Pictures in figures: 16 bit converted for a screen, reduced to the pixels of a figure.
 
-Nothing here goes into a file of pixels: the stretch and the gamma are for looking at.
+No file of pixels is made with it: stretch and gamma are only for viewing.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ DPI = 150
 NO_PICTURES = "heads/images.csv names no files with pixels."
 
 HALO = (withStroke(linewidth=2.4, foreground="white"),)
-"""Round what is written on a picture."""
+"""Outline of text on a picture."""
 
 OUTLINED = (withStroke(linewidth=3.6, foreground=INK),)
-"""Round white marks on a picture."""
+"""Outline of white marks on a picture."""
 
 GAMMA = 1.6
-"""Ground is darker than a screen's middle grey."""
+"""The ground is darker than the middle grey of a screen."""
 
 LEVELS = 40
-"""Grey values of a band in a figure: more are hardly told apart in texture, and weigh more."""
+"""Grey values of a band in a figure; more can hardly be distinguished and need larger files."""
 
 ALL_LEVELS = 256
-"""Where pixels are enlarged, which weighs little."""
+"""Grey values of a band where pixels are enlarged; such files are small."""
 
 Window = tuple[int, int, int, int]
-"""First row, row behind the last, first column, column behind the last."""
+"""First row, row after the last, first column, column after the last."""
 
 
 # --- pixels ----------------------------------------------------------------------------------
@@ -51,34 +51,34 @@ def smaller(image: Raster, k: int) -> Array:
     rows, cols = image.shape[0] // k, image.shape[1] // k
     top, left = (image.shape[0] - k * rows) // 2, (image.shape[1] - k * cols) // 2
     out = np.empty((rows, cols, *image.shape[2:]), dtype=np.float32)
-    for i in range(rows):  # a line at a time: the image may lie on a disk
+    for i in range(rows):  # a line at a time: the image may be on a disk
         line = image[top + i * k : top + (i + 1) * k, left : left + k * cols]
         out[i] = line.reshape(k, cols, k, -1).mean(axis=(0, 2), dtype=np.float32)
     return out
 
 
 def factor_for(size_px: int, inches: float) -> int:
-    """Return by which an image is reduced so that it has about a figure's pixels."""
+    """Return the factor of reduction with which an image has about the pixels of a figure."""
     return max(1, round(size_px / (DPI * inches)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Grey values that are shown black and white."""
+    """The grey values that are shown as black and as white."""
 
     low: float
     high: float
 
 
 def common_stretch(images: Sequence[Array | Raster], *, share: float = 0.4) -> Stretch:
-    """Return one stretch for all bands of all images, so that their differences stay.
+    """Return one stretch for all bands of all images, so that differences stay visible.
 
     Parameters
     ----------
     images : sequence of ndarray, shape (rows, cols, bands)
-        Zero in all bands is no data.
+        Zero in all bands means no data.
     share : float
-        Per cent of the grey values that are shown black, and white.
+        Percentage of the grey values shown as black, and of those shown as white.
     """
     values = np.concatenate([image[image.any(axis=-1)].ravel() for image in images])
     if not len(values):
@@ -88,9 +88,9 @@ def common_stretch(images: Sequence[Array | Raster], *, share: float = 0.4) -> S
 
 
 def displayed(image: Array | Raster, stretch: Stretch, *, levels: int = LEVELS) -> Array:
-    """Return an image as a screen shows it, shape (rows, cols, 3), 0 to 1.
+    """Return an image for a screen, shape (rows, cols, 3), 0 to 1.
 
-    Of four bands the first three, of two the first; white where there is no data.
+    Of three or four bands it shows the first three, of others the first; no data is white.
     """
     bands = image[..., :3] if image.shape[-1] >= 3 else image[..., [0, 0, 0]]
     part = np.clip((bands - stretch.low) / (stretch.high - stretch.low), 0, 1) ** (1 / GAMMA)
@@ -108,14 +108,14 @@ def greyed(image: Array) -> Array:
 
 
 def frameless(ax: Axes) -> None:
-    """Leave a picture with a thin border and nothing else."""
+    """Remove everything around a picture except a thin border."""
     ax.set(xticks=[], yticks=[])
     ax.grid(visible=False)
     ax.spines[:].set(visible=True, color=SOFT, linewidth=0.4)
 
 
 def extent_mm(synthetic: Camera, window: Window | None = None) -> tuple[float, ...]:
-    """Return left, right, bottom, top of a part of the synthetic image, outer edges, mm."""
+    """Return the outer edges of a part of the synthetic image: left, right, bottom, top, mm."""
     top, bottom, left, right = window or (0, synthetic.height_px, 0, synthetic.width_px)
     corners = np.array([[left, top], [right, bottom]]) - 0.5
     (x0, y1), (x1, y0) = xy_from_colrow(synthetic, corners)
@@ -123,7 +123,7 @@ def extent_mm(synthetic: Camera, window: Window | None = None) -> tuple[float, .
 
 
 def in_mm(ax: Axes, image: Array, synthetic: Camera, window: Window | None = None) -> Any:
-    """Draw a displayed part of the synthetic image at its place, mm."""
+    """Draw a displayed part of the synthetic image at its position, mm."""
     extent: Any = extent_mm(synthetic, window)
     return ax.imshow(image, extent=extent, origin="upper", interpolation="nearest", zorder=1)
 
@@ -132,13 +132,13 @@ def in_mm(ax: Axes, image: Array, synthetic: Camera, window: Window | None = Non
 
 
 def border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
-    """Return how far inside their borders heads see points, shape (n_heads, n), px.
+    """Return the distances of points from the borders of the heads, shape (n_heads, n), px.
 
     Parameters
     ----------
     orientation : RelativeOrientation
     xy : ndarray, shape (n, 2)
-        Synthetic image, mm.
+        Points of the synthetic image, mm.
 
     Returns
     -------
@@ -154,13 +154,13 @@ def border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
 
 
 def window_xy(synthetic: Camera, window: Window) -> Array:
-    """Return the pixels of a part of the synthetic image, shape (rows, cols, 2), mm."""
+    """Return the positions of a synthetic image part's pixels, shape (rows, cols, 2), mm."""
     cols, rows = np.arange(window[2], window[3]), np.arange(window[0], window[1])
     return xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).astype(float))
 
 
 def middle_xy(orientation: RelativeOrientation, k: int) -> Array:
-    """Return where the middle of a head lies in the synthetic image, mm."""
+    """Return the position of a head's middle in the synthetic image, mm."""
     camera = orientation.heads[k]
     middle = 0.5 * np.array([[camera.width_px - 1, camera.height_px - 1]])
     return synthetic_from_head(orientation, k, middle)[0]

@@ -1,7 +1,7 @@
-"""Text of a flight on its way to a reader: shown character for character, never interpreted.
+"""Text of a flight, shown to readers character for character, never interpreted.
 
-Names, notes and paths are data. Whatever is made for a reader calls `shown` for the medium that
-it writes; `Markup` is the only text that a medium may take as its own language.
+Names, notes and paths are data. All output for readers passes through `shown` for its medium;
+only `Markup` is interpreted in the language of the medium.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ Medium = Literal["myst", "html", "tex", "terminal"]
 ISOLATE, POP = "\N{FIRST STRONG ISOLATE}", "\N{POP DIRECTIONAL ISOLATE}"
 
 RIGHT_TO_LEFT = {"R", "AL"}
-"""Bidirectional classes of letters that turn the text beside a name around."""
+"""Bidirectional classes of letters that change the direction of the text beside a name."""
 
 INERT, BETWEEN = frozenset(",;'"), frozenset(".-_/")
-"""Signs that mean nothing in Markdown: anywhere, and between two letters or digits."""
+"""Signs without meaning in Markdown: anywhere, and only between two letters or digits."""
 
 PATH = re.compile(r"[\w./-]+")
-"""Text that may stand between two backticks, in a table as well."""
+"""Text that is allowed between two backticks, also in a table."""
 
 
 class Markup(str):
-    """Text in the language of its medium, on purpose; text of a flight in it is `shown`."""
+    """Text in the language of its medium; text of a flight in it has passed through `shown`."""
 
     __slots__ = ()
 
@@ -37,19 +37,19 @@ class Markup(str):
 def shown(text: object, medium: Medium = "myst") -> str:
     """Return text so that the medium shows exactly its characters.
 
-    What is no text, as a control character, becomes an escape as in Python.
+    A character that is no text, such as a control character, is escaped as in Python.
 
     Parameters
     ----------
     text : object
-        Shown as `str` has it; `Markup` is returned as it is.
+        It is converted by `str`; `Markup` is returned unchanged.
     medium : str
         One of `Medium`.
 
     Returns
     -------
     str
-        For MyST it is `Markup`, safe anywhere in a line: a sentence, a table's cell, a caption.
+        For MyST it is `Markup`, safe anywhere in a line: in a sentence, a cell or a caption.
     """
     if isinstance(text, Markup):
         return text
@@ -63,19 +63,19 @@ def shown(text: object, medium: Medium = "myst") -> str:
 
 
 def code(text: str) -> str:
-    """Return a path or a checksum in MyST as code, or as `shown` where code would not hold it."""
+    """Return a path or a checksum as code in MyST, or as `shown` where code is not possible."""
     return Markup(f"`{text}`") if PATH.fullmatch(text) else shown(text)
 
 
 def _isolated(text: str) -> str:
-    """Return text that runs from right to left so that its neighbours do not."""
+    """Return text isolated, so that right-to-left text does not change its neighbours."""
     if not any(unicodedata.bidirectional(c) in RIGHT_TO_LEFT for c in text):
         return text
     return ISOLATE + text + POP
 
 
 def _myst(text: str) -> Markup:
-    """Return text with a character reference for all that may mean something in Markdown."""
+    """Return text with character references for all signs that may have a meaning in Markdown."""
     around = zip(f"\n{text}", text, f"{text}\n"[1:], strict=False)
     return Markup("".join(c if _inert(b, c, a) else f"&#{ord(c)};" for b, c, a in around))
 
@@ -90,6 +90,6 @@ def _inert(before: str, c: str, after: str) -> bool:
 
 
 def _tex(text: str) -> str:
-    """Return a label in which no dollar opens mathematics, and which no legend leaves out."""
+    """Return a label in which a dollar does not open mathematics, and that legends show."""
     quiet = text.replace("$", r"\$")
     return rf"$\_${quiet[1:]}" if quiet.startswith("_") else quiet

@@ -1,8 +1,8 @@
-"""The one style of all figures: palette, lines, type, and the small parts that they share.
+"""The common style of all figures: palette, lines, type, and small parts that they share.
 
-Every figure is made inside `style`, which leaves pyplot as it found it::
+Every figure is made inside `applied`, which leaves pyplot as it found it::
 
-    with style():
+    with applied():
         fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
         ...
     return fig
@@ -33,7 +33,7 @@ WIDTH = 7.0
 INK = "#1f2933"
 SOFT = "#67737f"
 PAPER = "#fbfcfd"
-"""Text and marks that matter, what explains them, and the ground of axes."""
+"""Colours of important text and marks, of explanations, and of the background of axes."""
 
 BLUE = "#2158a0"
 ORANGE = "#e58a1f"
@@ -42,23 +42,23 @@ PLUM = "#741f5a"
 SKY = "#9cc6ef"
 BRICK = "#bf4630"
 PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
-"""Colours in order; every pair stays apart for readers who do not see all colours."""
+"""Colours in order; readers who do not see all colours can distinguish every pair."""
 
 PRINTED = INK
-"""The paper's values, in every figure: dark, dashed or as open diamonds."""
+"""Colour of the paper's values in every figure; they are dashed or open diamonds."""
 
 SEQUENCE = LinearSegmentedColormap.from_list(
     "acx4 sequence", ["#f3f6f9", "#b9d3ea", "#6a9fd0", "#2660a4", "#142f57"]
 )
-"""From nothing (light) to much (dark)."""
+"""From zero (light) to large (dark)."""
 
 DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )
-"""From negative (orange) through nothing (light) to positive (blue)."""
+"""From negative (orange) through zero (light) to positive (blue)."""
 
 LONGEST = 24
-"""Characters of a name in a figure."""
+"""Largest number of characters of a name in a figure."""
 
 RC: Any = {
     "figure.dpi": 150,
@@ -107,8 +107,8 @@ RC: Any = {
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Draw in the book's style; afterwards pyplot has no figure and no setting that is new."""
+def applied() -> Iterator[None]:
+    """Draw in the book's style; afterwards pyplot has no new figure and no new setting."""
     before = set(plt.get_fignums())
     try:
         with mpl.rc_context(RC):
@@ -119,25 +119,25 @@ def style() -> Iterator[None]:
 
 
 def colour(i: int) -> str:
-    """Return the i-th colour of the palette, from the beginning again where it ends."""
+    """Return the i-th colour of the palette, which repeats."""
     return PALETTE[i % len(PALETTE)]
 
 
 def plain(name: str, *, longest: int = LONGEST) -> str:
-    """Return a name of the flight as a label, a very long one without its middle."""
+    """Return a name of the flight as a label; the middle of a very long one is left out."""
     half = longest // 2
     return _drawn(name if len(name) <= longest else f"{name[:half]}…{name[-half:]}")
 
 
 def _drawn(text: str) -> str:
-    """Return text that matplotlib draws as it is; what the font does not have is an escape."""
+    """Return text that matplotlib draws unchanged; characters missing in the font are escaped."""
     known = _shapes()
     return shown("".join(c if ord(c) in known else ascii(c)[1:-1] for c in text), "tex")
 
 
 @cache
 def _shapes() -> frozenset[int]:
-    """Return the characters that labels and titles can be drawn with."""
+    """Return the characters that the fonts of labels and titles have."""
     fonts = [FontProperties(family=RC["font.family"], weight=w) for w in ("normal", "bold")]
     regular, bold = (get_font(findfont(font)).get_charmap() for font in fonts)
     return frozenset(regular) & frozenset(bold)
@@ -150,7 +150,7 @@ def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None
     ----------
     fig : Figure
     handles : sequence of Artist
-        With labels.
+        Artists with labels.
     ncols : int
     """
     fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
@@ -171,21 +171,21 @@ def heading(ax: Axes, title: str, subtitle: str) -> None:
 
 
 def bare(ax: Axes) -> None:
-    """Take spines, ticks and grid off axes that hold a matrix or a drawing."""
+    """Remove spines, ticks and grid from the axes of a matrix or a drawing."""
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
 
 
 def nothing(text: str) -> Figure:
-    """Return a figure that says why there is none.
+    """Return a figure that only has a sentence: why there is no figure.
 
     Parameters
     ----------
     text : str
-        A sentence.
+        The sentence.
     """
-    with style():
+    with applied():
         fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
         bare(ax)
         ax.set(xticks=[], yticks=[])
@@ -199,7 +199,7 @@ def round_length(longest: float) -> float:
     """Return the largest of 1, 2, 5, 10, 20, ... that is not longer than a positive length."""
     power = 10.0 ** np.floor(np.log10(longest))
     steps = np.array([1.0, 2.0, 5.0])
-    # a whisker, so that 10 is not taken for 9.999...
+    # a small tolerance, so that rounding does not make 10 smaller than 10
     return float(power * steps[steps <= longest / power * (1 + 1e-9)][-1])
 
 
@@ -209,13 +209,13 @@ def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, flo
     Parameters
     ----------
     ax : Axes
-        With its limits set, both axes to one scale.
+        Axes with limits, and with the same scale in both directions.
     per_axis_unit : float
-        How many of `unit` are one unit of the axis.
+        Number of `unit` in one unit of the axis.
     unit : str
-        Of the label.
+        Unit of the label.
     at : tuple of float
-        Left end, in fractions of the axes.
+        Position of the left end, in fractions of the axes.
     """
     low, high = ax.get_xlim()
     length = round_length(0.25 * abs(high - low) * per_axis_unit)

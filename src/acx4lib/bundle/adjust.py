@@ -1,4 +1,4 @@
-"""The bundle block adjustment of a network, and what it says of cameras and poses."""
+"""The bundle block adjustment of a network: adjusted cameras and poses, with covariances."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""What a calibration estimates and says (Tables 1 and 3).
+"""What a calibration estimates, and how well it is determined (sections 2.1, 2.2, Tables 1 and 3).
 
-Heads by themselves and their relative orientation (sections 2.1 and 4.1), boresight, lever arm and
-interior orientation by two steps or a single one (sections 2.2, 4.2, eqs 12-14), all heads as
-one rig, a GNSS shift, weights from the residuals, and how well all of it is determined. Begin
-with `heads` and `mounting`; `estimates` is what both come to.
+`heads` are calibrated one by one and oriented to each other (section 4.1, Table 1). `mounting`
+gives interior orientation, boresight and lever arm by a single step, eq. (14), or by two, the
+second of which is `averaged_mountings`, eqs (12) and (13) (section 4.2, Table 3); `rig` adjusts all
+heads at once. Each comes to `estimates`. `weights`, `gnss_shift`, `correlations`, `determination`
+and `lens` say what the estimates rest on and what they mean. Begin with `mounting`.
 """

@@ -27,7 +27,7 @@ def averaged(
     Parameters
     ----------
     bundle : Bundle
-        With free exterior orientations.
+        An adjustment with free exterior orientations.
     free, estimated : sequence of str
         Interior parameters that the bundle estimated, and parts of the mounting to estimate.
 
@@ -35,14 +35,14 @@ def averaged(
     -------
     calibration : Calibration
     per_image : Pose
-        T_b_c that every image shows.
+        The mounting T_b_c of every image.
     entering : ndarray, shape (n_images,)
         Which images entered the mean.
 
     Raises
     ------
     AdjustmentError
-        Where a camera has no image that bundle and trajectory both orient.
+        Where a camera has no image that both bundle and trajectory orient.
     """
     block = bundle.network.block
     T_b_c = mountings_per_image(bundle)

@@ -63,6 +63,12 @@ class Flight(Setup):
     image_files: dict[str, tuple[Path | None, ...]]
     notes: tuple[str, ...]
 
+    def block(self, name: str) -> Block:
+        """Return one of the blocks; a FlightError says so where it is not there."""
+        if name not in self.blocks:
+            raise FlightError([f"{self.path}: the flight has no block {name}"])
+        return self.blocks[name]
+
     @property
     def heads(self) -> Block | None:
         """Block 1, the images of the camera heads; None without this block."""

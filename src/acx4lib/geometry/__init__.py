@@ -1,7 +1,7 @@
-"""Frames, the camera and the image equations.
+"""Frames, the camera and the image equations (section 2.1, eqs 1-11, and eq. 14).
 
-Rotations and poses (eq. 6), pixels and lens distortion (eqs 1-2, 7-11), collinearity and a camera
-mounted on an observed body (eqs 3-5, 14), rays that meet, and the way from a grid's coordinates
-to the mapping frame. Every convention of axes and signs has its one place here. Begin with
-`frames`, then `camera` and `collinearity`.
+Rotations and poses are eq. (6); lens distortion is eqs (7)-(11); the collinearity equations (1)-(5)
+and eq. (14), a camera mounted on an observed body, are chains of poses. Every convention of axes
+and signs has its one place here. Begin with `frames`, then `camera`, `collinearity`,
+`intersection`; `geodesy` and `geoid` lead from the coordinates of a map to the mapping frame.
 """

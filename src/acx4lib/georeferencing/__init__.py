@@ -1,5 +1,7 @@
-"""Direct georeferencing, tested (sections 2.3 and 4.3, Table 4).
+"""Direct georeferencing, tested (section 4.3, Table 4).
 
-`direct` applies eq. (14) to observed positions and attitudes and intersects rays; `validation`
-holds the points against surveyed ones; `accuracy` and `standards` say what the differences mean.
+`direct` gives the pose of every image by eq. (14) and intersects rays without any ground control.
+`validation` holds the points against surveyed ones, pair by pair as the paper and from all rays.
+`accuracy` says what the differences mean, and `standards` which map scale they allow. Begin with
+`direct`.
 """

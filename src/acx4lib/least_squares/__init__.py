@@ -1,6 +1,7 @@
 """Least squares that know no camera.
 
-Gauss-Newton on any problem that gives normal equations, the plain way to assemble and solve them,
-dense or banded, covariances propagated, and Baarda's w-test. It is tested on certified regression
-problems. Begin with `adjustment`.
+`adjustment` is Gauss-Newton on any problem that gives normal equations. `normal_equations`
+assembles them the plain way and eliminates points; `dense` and `banded` solve what remains.
+`covariance` propagates covariance matrices, and `w_test` is Baarda's test of single observations.
+The paper takes all this as known. Begin with `adjustment`.
 """

@@ -1,6 +1,7 @@
-"""The synthetic images of a whole flight, from files to files.
+"""The synthetic images of a whole flight, from files to files (section 2.1, Figure 5).
 
-Pictures of the heads are read and checked, an exposure is rendered stripe by stripe into a TIFF
-with overviews, one after the other, on several processes or on a cluster. Begin with
-`flight_images`, then `exposure`.
+`flight_images` goes through the exposures. `head_images` and `image_files` read and check the
+pictures of the heads, `flight_response` makes all exposures alike, and `exposure` renders one of
+them stripe by stripe into a `tiff` with its `pyramid` of overviews; `workers` are processes or a
+cluster. Begin with `flight_images`, then `exposure`.
 """

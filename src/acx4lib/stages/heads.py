@@ -66,7 +66,7 @@ def calibrate(flight: Flight) -> Heads:
         With a block heads.
     """
     return calibrate_heads(
-        flight.blocks["heads"],
+        flight.block("heads"),
         flight.head_names,
         free=flight.estimate_heads,
         refraction=flight.refraction,

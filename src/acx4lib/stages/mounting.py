@@ -10,7 +10,6 @@ from typing import TypedDict
 from acx4lib import expected
 from acx4lib.calibration import mounting, weights
 from acx4lib.calibration.mounting import Mounting, Mountings
-from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
@@ -67,15 +66,14 @@ def calibrate(flight: Flight) -> MountingStage:
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
     expected.instance("flight", flight, Flight)
-    if flight.calibration is None:
-        raise FlightError([f"{flight.path}: has no block calibration; nothing to calibrate"])
+    given = flight.block("calibration")
     settings = Settings(
         free=flight.estimate_mounting,
         fix=flight.fix,
         refraction=flight.refraction,
         gnss=flight.gnss,
     )
-    block, factors = weights.weighted(flight.calibration, weights=flight.weights, **settings)
+    block, factors = weights.weighted(given, weights=flight.weights, **settings)
     mountings = mounting.calibrate(block, **settings)
     return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
 

@@ -55,7 +55,7 @@ def calibrate(flight: Flight) -> RigStage:
     flight : Flight
         With a block heads.
     """
-    block = select_cameras(flight.blocks["heads"], flight.head_names)
+    block = select_cameras(flight.block("heads"), flight.head_names)
     try:
         found = rig.calibrate(block, free=flight.estimate_heads, refraction=flight.refraction)
     except AdjustmentError as error:

@@ -179,7 +179,7 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
     found : FoundTies or None
         From pixels; None takes the points that two heads measured at one exposure.
     """
-    ties = shared_points(flight.blocks["heads"], orientation) if found is None else found.ties
+    ties = shared_points(flight.block("heads"), orientation) if found is None else found.ties
     orientations, fits, reasons = {"before": orientation}, {}, {}
     for way in FREE:
         try:

@@ -46,7 +46,7 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
     FlightError
         Where the results of stage mounting are missing.
     """
-    block = flight.blocks["validation"]
+    block = flight.block("validation")
     calibrations = read_back.calibrations_for(flight, folder.read(results_path))
     validations = [
         validate(block, calibration, method=method, refraction=flight.refraction)

@@ -1,5 +1,8 @@
 """Points that two heads share, and the heads refined by them (section 2.1, Figure 1).
 
-Found in pixels by Harris corners, correlation and least-squares matching, or measured in the
-flight; `refinement` turns the heads until their overlaps agree. Begin with `ties`, then `search`.
+`ties` are tie points measured in the flight's files, with the paper's refinement by mean
+differences. `search` finds others in the pixels: in each of the `overlaps`, `matching` takes a
+`harris` corner per cell, correlates it, and fits it by `least_squares_matching`. `refinement` turns
+the heads by three angles each until they agree; `differences` tell how far they do. Begin with
+`ties`, then `search`.
 """

@@ -18,9 +18,8 @@ from myst_parser.parsers.mdit import create_md_parser
 
 from acx4book.command import terminal
 from acx4book.report.page.markdown import Document, to_html
-from acx4book.typesetting import myst
+from acx4book.typesetting import myst, style
 from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
-from acx4book.typesetting.style import LONGEST, plain, style
 from support.flights import payloads
 from support.helpers import ROOT
 
@@ -113,29 +112,29 @@ def labels(fig) -> list[str]:
 
 @every_name
 def test_a_name_is_drawn_as_it_is(name):
-    with style():
+    with style.applied():
         fig, ax = plt.subplots()
         ax.set(xticks=[], yticks=[])
-        ax.set_title(f"{plain(name)} and {plain(name)}")
-        ax.plot([0, 1], label=plain(name))
+        ax.set_title(f"{style.plain(name)} and {style.plain(name)}")
+        ax.plot([0, 1], label=style.plain(name))
         ax.legend()
         title, label = labels(fig)
-    if name.isprintable() and name.isascii() and len(name) <= LONGEST and name[0] != "_":
+    if name.isprintable() and name.isascii() and len(name) <= style.LONGEST and name[0] != "_":
         assert " ".join(title.split()) == " ".join(f"{name} and {name}".split())
         assert " ".join(label.split()) == " ".join(name.split())
     assert "\n" not in title or name[0] == "_"  # one piece: no mathematics
 
 
 def test_labels_keep_their_own_mathematics_beside_a_name():
-    with style():
+    with style.applied():
         fig, ax = plt.subplots()
-        ax.set(xticks=[], yticks=[], title=f"{plain('a $x_p$ b')} $x_p$")
+        ax.set(xticks=[], yticks=[], title=f"{style.plain('a $x_p$ b')} $x_p$")
         assert "".join(labels(fig)[0].split()) == "a$x_p$bxp"
 
 
 def test_a_long_name_and_one_without_shapes_fit_a_figure():
-    assert plain(50 * "a" + 50 * "b") == 12 * "a" + "…" + 12 * "b"
-    assert plain("\u6771 1") == r"\u6771 1"
+    assert style.plain(50 * "a" + 50 * "b") == 12 * "a" + "…" + 12 * "b"
+    assert style.plain("\u6771 1") == r"\u6771 1"
 
 
 @every_name

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from acx4book.chapters.heads.figures import NO_HEADS
 from acx4book.chapters.heads.held_focal_length import HeldFocalLength
-from acx4book.typesetting.style import BRICK, WIDTH, colour, legend_below, nothing, plain, style
+from acx4book.typesetting import style
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import log
@@ -31,16 +31,16 @@ def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
     """
     names = [name for name in held[0].bundles if all(name in h.bundles for h in held)]
     if not names:
-        return nothing(NO_HEADS)
+        return style.nothing(NO_HEADS)
     change = np.array([h.change_mm[0] for h in held])
     start = int(np.argmin(np.abs(change)))
-    with style():
-        fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 4.6), sharex=True)
+    with style.applied():
+        fig, axes = plt.subplots(2, 3, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, name in enumerate(names):
             curves = _reactions([h.bundles[name] for h in held], start)
             curves.insert(2, np.array([h.above_gnss_m[name] for h in held]))
             for ax, values in zip(axes.flat, curves, strict=True):
-                ax.plot(change, values, "o-", color=colour(i), label=plain(name))
+                ax.plot(change, values, "o-", color=style.colour(i), label=style.plain(name))
         labels = (
             "variance factor (1)",
             "rms at control points (mm)",
@@ -54,10 +54,10 @@ def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
             ax.set_xticks(change, [f"{c:+g}" if c else "0" for c in change])
         axes[0, 0].set_ylim(0, 1.35 * max(h.sigma0_sq for h in held))
         axes[0, 1].set_ylim(0, 1600 * max(h.control_rms_m for h in held))
-        axes[0, 2].axhline(0.0, color=BRICK, lw=0.9, zorder=1)
+        axes[0, 2].axhline(0.0, color=style.BRICK, lw=0.9, zorder=1)
         for ax in axes[1]:
             ax.set_xlabel("change of the held $f$ (mm)")
-        legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
+        style.legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
     return fig
 
 

@@ -12,21 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.chapters.heads.tables import SYMBOLS
+from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
-from acx4book.typesetting.style import (
-    INK,
-    PRINTED,
-    SEQUENCE,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    legend_below,
-    nothing,
-    plain,
-    style,
-)
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import EXTERIOR, interior_exterior
 from acx4lib.calibration.lens import radial_profile
@@ -51,7 +38,7 @@ def mean_residuals(fits: Mapping[str, Bundle]) -> Figure:
         distortion that the model does not have.
     """
     if not fits:
-        return nothing(NO_HEADS)
+        return style.nothing(NO_HEADS)
     return field_figure(
         {
             name: Residuals(
@@ -89,32 +76,32 @@ def radial_distortion(
     Figure
     """
     if not fits:
-        return nothing(NO_HEADS)
+        return style.nothing(NO_HEADS)
     printed_px = printed_px or {}
-    with style():
-        fig, (wide, near) = plt.subplots(1, 2, figsize=(WIDTH, 3.3), width_ratios=[1.5, 1])
+    with style.applied():
+        fig, (wide, near) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.3), width_ratios=[1.5, 1])
         lowest, highest, corner = np.inf, -np.inf, 0.0
         for i, (name, fit) in enumerate(fits.items()):
             r, px, sigma = radial_profile(fit)
             for ax in (wide, near):
-                ax.plot(r, px, color=colour(i), label=plain(name))
-                ax.fill_between(r, px - sigma, px + sigma, color=colour(i), alpha=0.25, lw=0)
+                ax.plot(r, px, color=style.colour(i), label=style.plain(name))
+                ax.fill_between(r, px - sigma, px + sigma, color=style.colour(i), alpha=0.25, lw=0)
             ends = [px[-1], printed_px.get(name, px[-1])]
             if name in printed_px:
-                near.plot(r[-1], ends[1], "D", ms=4.5, mfc="white", mec=colour(i), mew=1.3)
+                near.plot(r[-1], ends[1], "D", ms=4.5, mfc="white", mec=style.colour(i), mew=1.3)
             lowest, highest = min(lowest, 0.93 * min(ends)), max(highest, 1.05 * max(ends))
             corner = max(corner, r[-1])
         highest = max(highest, 1.04 * (claim_px or 0.0))
         near.set(xlim=(0.955 * corner, 1.008 * corner), ylim=(lowest, highest))
         wide.yaxis.set_major_locator(MaxNLocator(7, integer=True))
         wide.set(xlim=(0, 1.02 * corner))
-        heading(wide, "radial distortion", "from the principal point to the corner")
-        heading(near, "at the corner", r"bands: $\pm 1\sigma$")
+        style.heading(wide, "radial distortion", "from the principal point to the corner")
+        style.heading(near, "at the corner", r"bands: $\pm 1\sigma$")
         handles = wide.get_legend_handles_labels()[0]
         handles += _claims((wide, near), claim_px, some=bool(printed_px))
         for ax in (wide, near):
             ax.set(xlabel="radius (mm)", ylabel="distortion (px)")
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -123,12 +110,12 @@ def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list
     handles = []
     if some:
         label = "Table 1 of the paper"
-        handles.append(Line2D([], [], ls="", marker="D", mfc="white", mec=SOFT, label=label))
+        handles.append(Line2D([], [], ls="", marker="D", mfc="white", mec=style.SOFT, label=label))
     if claim_px is not None:
         for ax in axes:
-            ax.axhline(claim_px, color=PRINTED, ls=(0, (4, 2)), lw=1)
+            ax.axhline(claim_px, color=style.PRINTED, ls=(0, (4, 2)), lw=1)
         label = f"its text: about {claim_px:g} px"
-        handles.append(Line2D([], [], color=PRINTED, ls=(0, (4, 2)), lw=1, label=label))
+        handles.append(Line2D([], [], color=style.PRINTED, ls=(0, (4, 2)), lw=1, label=label))
     return handles
 
 
@@ -151,10 +138,12 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
         correlations stay below a value.
     """
     if not fits:
-        return nothing(NO_HEADS)
+        return style.nothing(NO_HEADS)
     found = {name: interior_exterior(fit) for name, fit in fits.items()}
-    with style():
-        fig, (pairs, shares) = plt.subplots(1, 2, figsize=(WIDTH, 3.2), width_ratios=[1.15, 1])
+    with style.applied():
+        fig, (pairs, shares) = plt.subplots(
+            1, 2, figsize=(style.WIDTH, 3.2), width_ratios=[1.15, 1]
+        )
         _draw_pairs(
             pairs,
             next(iter(found.values())).interior,
@@ -163,23 +152,23 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
         for i, (name, c) in enumerate(found.items()):
             values = np.sort(np.abs(c.values), axis=None)
             share = np.arange(1, len(values) + 1) / len(values)
-            shares.plot(values, 100 * share, color=colour(i), label=plain(name))
+            shares.plot(values, 100 * share, color=style.colour(i), label=style.plain(name))
         shares.set(xlim=(0, 1), ylim=(0, 100), xlabel="absolute correlation (1)")
         shares.set_ylabel("share of all below (%)")
         handles = shares.get_legend_handles_labels()[0]
         if claim is not None:
-            line = shares.axvline(claim, color=PRINTED, ls=(0, (4, 2)), lw=1)
+            line = shares.axvline(claim, color=style.PRINTED, ls=(0, (4, 2)), lw=1)
             line.set_label(f"the paper: all below {claim:g}")
             handles.append(line)
-        heading(pairs, "largest correlations", "of all heads and images")
-        heading(shares, "all correlations", "interior with exterior orientation")
-        legend_below(fig, handles)
+        style.heading(pairs, "largest correlations", "of all heads and images")
+        style.heading(shares, "all correlations", "interior with exterior orientation")
+        style.legend_below(fig, handles)
     return fig
 
 
 def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
-    ax.imshow(largest, cmap=SEQUENCE, vmin=0, vmax=1, aspect="auto")
-    bare(ax)
+    ax.imshow(largest, cmap=style.SEQUENCE, vmin=0, vmax=1, aspect="auto")
+    style.bare(ax)
     ax.set_xticks(range(len(EXTERIOR)), [SYMBOLS[name] for name in EXTERIOR], size=9)
     ax.set_yticks(range(len(interior)), [SYMBOLS[name] for name in interior], size=9)
     ax.set(xlabel="exterior orientation", ylabel="interior orientation")
@@ -188,5 +177,5 @@ def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
     ax.tick_params(which="minor", length=0)
     ax.grid(visible=True, which="minor", color="white", lw=1.5)
     for i, j in np.ndindex(*largest.shape):
-        tint = "white" if largest[i, j] > 0.55 else INK
+        tint = "white" if largest[i, j] > 0.55 else style.INK
         ax.text(j, i, f"{largest[i, j]:.2f}", ha="center", va="center", size=7.5, color=tint)

@@ -7,13 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acx4book.chapters.heads.held_focal_length import HeldFocalLength, asked_by_gnss
-from acx4book.chapters.heads.tables import (
-    SYMBOLS,
-    apart,
-    claim,
-    oriented,
-    printed_border_px,
-)
+from acx4book.chapters.heads.tables import SYMBOLS, apart, claim, oriented, printed_border_px
 from acx4book.paper import printed as paper
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import shown

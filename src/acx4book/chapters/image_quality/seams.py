@@ -6,11 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4book.chapters.image_quality.known_exposure import (
-    KnownExposure,
-    border_depth,
-    render_known,
-)
+from acx4book.chapters.image_quality.known_exposure import KnownExposure, border_depth, render_known
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import xy_from_colrow

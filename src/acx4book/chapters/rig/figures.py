@@ -16,22 +16,8 @@ from matplotlib.patches import Rectangle
 
 from acx4book.chapters.rig.deformations import Deformation
 from acx4book.chapters.rig.one_by_one import ONE_BY_ONE, REFINED, RIG, UNSHARED, WITH_F, gains
+from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.style import (
-    DIVERGING,
-    INK,
-    SEQUENCE,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    legend_below,
-    nothing,
-    plain,
-    round_length,
-    style,
-)
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.flight.reader import Flight
@@ -53,28 +39,30 @@ def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
     """
     others = [title for title in (ONE_BY_ONE, WITH_F, UNSHARED) if title in ways]
     if RIG not in ways or not others:
-        return nothing(NO_RIG)
+        return style.nothing(NO_RIG)
     heads = ways[RIG].heads
-    with style():
-        fig, axes = plt.subplots(1, len(others), figsize=(WIDTH, 3.1), sharey=True, squeeze=False)
+    with style.applied():
+        fig, axes = plt.subplots(
+            1, len(others), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
+        )
         for ax, title in zip(axes[0], others, strict=True):
             _draw_gains(ax, gains(ways[title], ways[RIG]))
-            heading(ax, title, "standard deviations over the rig's")
+            style.heading(ax, title, "standard deviations over the rig's")
         axes[0, 0].set_ylabel("ratio (1)")
         handles = [
-            Line2D([], [], ls="", marker="o", color=colour(k), label=plain(head.name))
+            Line2D([], [], ls="", marker="o", color=style.colour(k), label=style.plain(head.name))
             for k, head in enumerate(heads)
         ]
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
 def _draw_gains(ax: Axes, found: Array) -> None:
     """Draw a row of dots for each parameter, one per head, on a logarithmic axis."""
-    ax.axhline(1.0, color=SOFT, lw=0.9, zorder=1)
+    ax.axhline(1.0, color=style.SOFT, lw=0.9, zorder=1)
     spread = 0.09 * (np.arange(len(found)) - (len(found) - 1) / 2)
     for k, ratios in enumerate(found):
-        ax.plot(np.arange(len(RELATIVE)) + spread[k], ratios, "o", color=colour(k), ms=4.5)
+        ax.plot(np.arange(len(RELATIVE)) + spread[k], ratios, "o", color=style.colour(k), ms=4.5)
     ax.set_xticks(range(len(RELATIVE)), [LABELS[name] for name in RELATIVE])
     known = found[np.isfinite(found)]
     highest = 1.3 * known.max(initial=2.0)
@@ -98,9 +86,9 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
     """
     shown = [title for title in (ONE_BY_ONE, WITH_F, RIG) if title in ways]
     if RIG not in ways:
-        return nothing(NO_RIG)
-    with style():
-        fig, axes = plt.subplots(1, len(shown), figsize=(WIDTH, 2.55), squeeze=False)
+        return style.nothing(NO_RIG)
+    with style.applied():
+        fig, axes = plt.subplots(1, len(shown), figsize=(style.WIDTH, 2.55), squeeze=False)
         for ax, title in zip(axes[0], shown, strict=True):
             image = _draw_correlations(ax, ways[title], title)
         bar = fig.colorbar(image, ax=axes[0].tolist(), shrink=0.75, aspect=28)
@@ -111,17 +99,17 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
 
 def _draw_correlations(ax: Axes, orientation: RelativeOrientation, title: str) -> AxesImage:
     values, n = correlation(orientation.cov), len(RELATIVE)
-    image = ax.imshow(values, cmap=DIVERGING, vmin=-1, vmax=1)
-    bare(ax)
-    names = [plain(head.name) for head in orientation.heads]
+    image = ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
+    style.bare(ax)
+    names = [style.plain(head.name) for head in orientation.heads]
     middle = n * np.arange(len(names)) + (n - 1) / 2
     ax.set_xticks(middle, names, size=7)
     ax.set_yticks(middle, names, size=7, rotation=90, va="center")
     for edge in n * np.arange(1, len(names)) - 0.5:
-        ax.axhline(edge, color=INK, lw=0.6)
-        ax.axvline(edge, color=INK, lw=0.6)
+        ax.axhline(edge, color=style.INK, lw=0.6)
+        ax.axvline(edge, color=style.INK, lw=0.6)
     off = np.abs(values - np.diag(np.diag(values)))
-    heading(ax, title, f"largest {off.max():.2f}")
+    style.heading(ax, title, f"largest {off.max():.2f}")
     return image
 
 
@@ -143,20 +131,22 @@ def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure
     shown = [title for title in (REFINED, RIG) if title in found]
     synthetic = flight.synthetic_camera
     if RIG not in found or synthetic is None:
-        return nothing(NO_RIG)
+        return style.nothing(NO_RIG)
     pixel = synthetic.pixel_mm
     most = max(found[title].sigma.max() for title in shown) / pixel
     lengths = [np.hypot(*found[title].d.T) for title in shown]
     longest = max(float(np.nanmax(d, initial=0.0)) for d in lengths) / pixel
-    key = round_length(longest) if longest > 0 else 0.0
-    with style():
-        fig, axes = plt.subplots(1, len(shown), figsize=(WIDTH, 4.9), sharey=True, squeeze=False)
+    key = style.round_length(longest) if longest > 0 else 0.0
+    with style.applied():
+        fig, axes = plt.subplots(
+            1, len(shown), figsize=(style.WIDTH, 4.9), sharey=True, squeeze=False
+        )
         for ax, title in zip(axes[0], shown, strict=True):
             one = found[title]
             marks = _draw_sigma(ax, one, synthetic, most)
             if key > 0:
                 _draw_errors(ax, one, key=key, pixel=pixel)
-            heading(ax, title, f"overlaps misfit by {one.gap_sigma_mm / pixel:.2f} px")
+            style.heading(ax, title, f"overlaps misfit by {one.gap_sigma_mm / pixel:.2f} px")
             ax.set_xlabel("$x$ (mm)")
         axes[0, 0].set_ylabel("$y$ (mm)")
         bar = fig.colorbar(marks, ax=axes[0].tolist(), location="bottom", shrink=0.5, aspect=40)
@@ -172,11 +162,11 @@ def _draw_sigma(ax: Axes, one: Deformation, synthetic: Camera, most: float) -> Q
     np.fmax.at(largest, (row, column), one.sigma / synthetic.pixel_mm)
     shading: Any = "gouraud" if np.isfinite(largest).all() else "nearest"
     mesh = ax.pcolormesh(
-        x, y, largest, cmap=SEQUENCE, vmin=0, vmax=most, shading=shading, rasterized=True
+        x, y, largest, cmap=style.SEQUENCE, vmin=0, vmax=most, shading=shading, rasterized=True
     )
     w, h = synthetic.width_px, synthetic.height_px
     upper, lower = xy_from_colrow(synthetic, np.array([[-0.5, -0.5], [w - 0.5, h - 0.5]]))
-    ax.add_patch(Rectangle(tuple(upper), *(lower - upper), fc="none", ec=INK, lw=1.2))
+    ax.add_patch(Rectangle(tuple(upper), *(lower - upper), fc="none", ec=style.INK, lw=1.2))
     ax.set(aspect="equal")
     ax.margins(0.07)
     ax.grid(visible=False)
@@ -197,7 +187,7 @@ def _draw_errors(ax: Axes, one: Deformation, *, key: float, pixel: float) -> Non
     arrows = ax.quiver(
         *one.xy[some].T,
         *(one.d[some].T * gap / (key * pixel)),
-        color=[colour(k) for k in one.head[some]],
+        color=[style.colour(k) for k in one.head[some]],
         angles="xy",
         scale_units="xy",
         scale=1,

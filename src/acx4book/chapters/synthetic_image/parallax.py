@@ -72,14 +72,6 @@ class FlightParallax:
     shift_px: Array
     change_px: Array
 
-    @property
-    def between_heights_px(self) -> Array:
-        """Change of the shift from the highest to the lowest exposure, shape (n,).
-
-        Heads that are refined at one height are wrong by it at the other.
-        """
-        return np.nanmax(self.shift_px, axis=1) - np.nanmin(self.shift_px, axis=1)
-
 
 def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array) -> Parallax:
     """Return the shifts of bases at flying heights, and what relief changes in them.

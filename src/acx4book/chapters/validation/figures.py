@@ -11,21 +11,8 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from acx4book.chapters.validation.sentences import NOTHING
+from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES
-from acx4book.typesetting.style import (
-    BLUE,
-    DIVERGING,
-    INK,
-    ORANGE,
-    SOFT,
-    WIDTH,
-    colour,
-    legend_below,
-    north_arrow,
-    nothing,
-    scale_bar,
-    style,
-)
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.validation import Validation
 
@@ -39,33 +26,35 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
         All-ray differences of the last one are drawn.
     """
     if not validations:
-        return nothing(NOTHING)
+        return style.nothing(NOTHING)
     block, points = validations[-1].block, validations[-1].points
     enh = block.frame.to_grid(block.check.x_m[points.point_idx])
     cameras = block.frame.to_grid(block.T_m_b_images.r)
     km = 1e-3
     limit = max(float(np.abs(points.d[:, 2]).max(initial=0.0)), 1e-3)
-    with style():
+    with style.applied():
         fig, ax = plt.subplots(figsize=(5.6, 5.2))
-        ax.plot(*(km * cameras[:, :2].T), ".", ms=1.6, color=SOFT, alpha=0.6, label="exposures")
+        ax.plot(
+            *(km * cameras[:, :2].T), ".", ms=1.6, color=style.SOFT, alpha=0.6, label="exposures"
+        )
         east, north = km * enh[:, :2].T
         dots = ax.scatter(
             east,
             north,
             s=34,
             c=points.d[:, 2],
-            cmap=DIVERGING,
+            cmap=style.DIVERGING,
             vmin=-limit,
             vmax=limit,
             zorder=3,
-            edgecolors=INK,
+            edgecolors=style.INK,
             linewidths=0.5,
         )
         arrows = ax.quiver(
             *(km * enh[:, :2].T),
             *points.d[:, :2].T,
             angles="xy",
-            color=INK,
+            color=style.INK,
             width=0.0028,
             zorder=4,
         )
@@ -78,8 +67,8 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
         bar = fig.colorbar(dots, ax=ax, shrink=0.7, aspect=28)
         bar.set_label("difference in height (m)")
         bar.outline.set_visible(False)
-        north_arrow(ax, at=(0.03, 0.98))
-        scale_bar(ax, per_axis_unit=1.0, unit="km", at=(0.04, 0.03))
+        style.north_arrow(ax, at=(0.03, 0.98))
+        style.scale_bar(ax, per_axis_unit=1.0, unit="km", at=(0.04, 0.03))
     return fig
 
 
@@ -92,9 +81,9 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
         One per method.
     """
     if not validations:
-        return nothing(NOTHING)
-    with style():
-        fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.7), sharey=True)
+        return style.nothing(NOTHING)
+    with style.applied():
+        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
             z = np.sort(validation.points.d / validation.points.sigma, axis=0)
             expected = stats.norm.ppf((np.arange(len(z)) + 0.5) / max(len(z), 1))
@@ -102,16 +91,16 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
                 ax.plot(
                     *(expected, z[:, axis], "o"),
                     ms=3,
-                    color=colour(i),
+                    color=style.colour(i),
                     alpha=0.8,
                     label=TITLES[validation.method],
                 )
         for name, ax in zip(AXES, axes, strict=True):
-            ax.axline((0, 0), slope=1, color=INK, lw=0.8)
+            ax.axline((0, 0), slope=1, color=style.INK, lw=0.8)
             ax.set_title(name)
             ax.set_xlabel("expected, normal (σ)")
         axes[0].set_ylabel("difference / predicted σ")
-        legend_below(fig, axes[0].get_legend_handles_labels()[0])
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig
 
 
@@ -124,23 +113,28 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
         The last one is drawn.
     """
     if not validations:
-        return nothing(NOTHING)
+        return style.nothing(NOTHING)
     pairs = validations[-1].pairs
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
-    with style():
-        fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.5), sharey=True)
+    with style.applied():
+        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
         for axis, ax in enumerate(axes):
             bins = np.linspace(-limit, limit, 41)
             ax.hist(
-                pairs.d[:, axis], bins, color=BLUE, alpha=0.75, density=True, label="pairs found"
+                pairs.d[:, axis],
+                bins,
+                color=style.BLUE,
+                alpha=0.75,
+                density=True,
+                label="pairs found",
             )
             predicted = stats.norm.pdf(grid[:, None], scale=pairs.sigma[:, axis]).mean(axis=1)
-            ax.plot(grid, predicted, color=ORANGE, label="predicted by their σ")
+            ax.plot(grid, predicted, color=style.ORANGE, label="predicted by their σ")
             ax.set_title(AXES[axis])
             ax.set_xlabel("estimated less surveyed (m)")
         axes[0].set_ylabel("density (1/m)")
-        legend_below(fig, axes[0].get_legend_handles_labels()[0])
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig
 
 
@@ -153,15 +147,15 @@ def mistakes(table: pd.DataFrame) -> Figure:
         As `forgotten_steps.validations` returns it.
     """
     if table.empty:
-        return nothing(NOTHING)
+        return style.nothing(NOTHING)
     rows = np.arange(len(table))
-    with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * len(table)))
+    with style.applied():
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
         for axis, name in enumerate(AXES):
             ax.barh(
                 *(rows + 0.26 * (axis - 1), table[f"rms_{name}_m"]),
                 height=0.24,
-                color=colour(axis),
+                color=style.colour(axis),
                 label=name,
             )
         ax.set_xscale("log")
@@ -169,5 +163,5 @@ def mistakes(table: pd.DataFrame) -> Figure:
         ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set_xlabel("RMS of the check points' differences (m, logarithmic)")
-        legend_below(fig, ax.get_legend_handles_labels()[0])
+        style.legend_below(fig, ax.get_legend_handles_labels()[0])
     return fig

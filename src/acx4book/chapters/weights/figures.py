@@ -9,20 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acx4book.paper import printed as paper
+from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.style import (
-    BLUE,
-    INK,
-    ORANGE,
-    PRINTED,
-    SOFT,
-    WIDTH,
-    heading,
-    legend_below,
-    style,
-)
 
-TINTS = {"white": BLUE, "slow": ORANGE}
+TINTS = {"white": style.BLUE, "slow": style.ORANGE}
 NAMES = {"white": "independent errors", "slow": "slowly changing errors, as large"}
 
 
@@ -38,13 +28,13 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
     """
     shown = [name for name in dict.fromkeys(scatter["parameter"]) if name in LABELS]
     shown = [name for name in shown if name[0] not in "kp"]  # distortion is the images' alone
-    with style():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.5), width_ratios=(1, 1.15))
+    with style.applied():
+        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1, 1.15))
         for kind, own in heights.groupby("kind", sort=False):
             _draw_by_strip(left, own, TINTS[str(kind)])
-        left.axhline(0, color=INK, lw=0.7)
+        left.axhline(0, color=style.INK, lw=0.7)
         left.set(xlabel="exposure number", ylabel="error in height (cm)")
-        heading(left, "The same size, another course", "one flight; lines join a strip")
+        style.heading(left, "The same size, another course", "one flight; lines join a strip")
         rows = np.arange(len(shown))
         for offset, (kind, own) in zip(
             (-0.14, 0.14), scatter.groupby("kind", sort=False), strict=True
@@ -60,12 +50,12 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
                 color=TINTS[str(kind)],
                 label=NAMES[str(kind)],
             )
-        right.axvline(1, color=INK, lw=0.7)
+        right.axvline(1, color=style.INK, lw=0.7)
         right.set_yticks(rows, [LABELS[name] for name in shown])
         right.set(ylim=(len(rows) - 0.5, -0.5), xlabel="RMS of the error over stated σ (1)")
         right.set_xlim(left=0)
-        heading(right, "What σ then says", "one: σ is right; bars ±2σ of the ratio")
-        legend_below(fig, right.get_legend_handles_labels()[0], ncols=2)
+        style.heading(right, "What σ then says", "one: σ is right; bars ±2σ of the ratio")
+        style.legend_below(fig, right.get_legend_handles_labels()[0], ncols=2)
     return fig
 
 
@@ -83,15 +73,15 @@ def height_noise(table: pd.DataFrame) -> Figure:
         As `simulated.height_noise` returns it.
     """
     noise_cm = 100 * table["gnss_height_m"]
-    with style():
-        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, 2.7), sharex=True)
+    with style.applied():
+        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 2.7), sharex=True)
         for ax, name, scale, unit in (
             (axes[0], "f_mm", 1000.0, "µm"),
             (axes[1], "lever_z_m", 100.0, "cm"),
         ):
-            ax.plot(noise_cm, scale * table[f"sigma_{name}"], "o-", color=BLUE)
+            ax.plot(noise_cm, scale * table[f"sigma_{name}"], "o-", color=style.BLUE)
             printed = scale * paper.sigma(3, name, "single_step")
-            ax.axhline(printed, color=PRINTED, lw=1.0, ls="--")
+            ax.axhline(printed, color=style.PRINTED, lw=1.0, ls="--")
             ax.annotate(
                 "printed in the paper",
                 xy=(1.0, printed),
@@ -100,7 +90,7 @@ def height_noise(table: pd.DataFrame) -> Figure:
                 textcoords="offset points",
                 ha="right",
                 fontsize=7.5,
-                color=SOFT,
+                color=style.SOFT,
             )
             ax.set(xlabel="white noise of GNSS heights (cm)", ylabel=f"σ ({unit})")
             ax.set_title(LABELS[name])

@@ -9,13 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.style import BLUE, INK, SKY, SOFT, TEAL, WIDTH, style
 from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
 
 COLUMNS = 6
 LIMIT = 4.0
-AXES = ("east", "north", "height")
+
 MINT = "#a9dccb"
 
 
@@ -31,20 +32,22 @@ def normalised_errors(parameters: pd.DataFrame, points: pd.DataFrame) -> Figure:
     """
     names = list(dict.fromkeys(parameters["parameter"]))
     n_rows = -(-(len(names) + 1 + len(AXES)) // COLUMNS)
-    with style():
-        fig, grid = plt.subplots(n_rows, COLUMNS, figsize=(WIDTH, 1.45 * n_rows))
+    with style.applied():
+        fig, grid = plt.subplots(n_rows, COLUMNS, figsize=(style.WIDTH, 1.45 * n_rows))
         axes = list(grid.ravel())
         for name in names:
             own = parameters[parameters["parameter"] == name]
-            _against_normal(axes.pop(0), own["error"] / own["sigma"], LABELS[name], (SKY, BLUE))
+            _against_normal(
+                axes.pop(0), own["error"] / own["sigma"], LABELS[name], (style.SKY, style.BLUE)
+            )
         squares = (parameters["decorrelated"] ** 2).groupby(parameters["seed"]).sum()
         _against_chi_square(axes.pop(0), squares.to_numpy(), len(names))
         for axis in AXES:
             z = points[f"d_{axis}_m"] / points[f"sigma_{axis}_m"]
-            _against_normal(axes.pop(0), z, f"validation, {axis}", (MINT, TEAL))
+            _against_normal(axes.pop(0), z, f"validation, {axis}", (MINT, style.TEAL))
         for ax in axes:
             ax.set_visible(False)
-        fig.supxlabel("error over its standard deviation (1)", fontsize=8.5, color=INK)
+        fig.supxlabel("error over its standard deviation (1)", fontsize=8.5, color=style.INK)
     return fig
 
 
@@ -52,7 +55,7 @@ def _against_normal(ax: Axes, z: pd.Series, title: str, tints: tuple[str, str]) 
     bins = np.linspace(-LIMIT, LIMIT, 17)
     x = np.linspace(-LIMIT, LIMIT, 200)
     _histogram(ax, np.clip(z.to_numpy(), -LIMIT, LIMIT), bins, tints)
-    ax.plot(x, stats.norm.pdf(x), color=INK, lw=1.1)
+    ax.plot(x, stats.norm.pdf(x), color=style.INK, lw=1.1)
     ax.set(xlim=(-LIMIT, LIMIT), ylim=(0, 0.62), xticks=[-3, 0, 3])
     _titled(ax, title, f"{z.mean():+.2f} ± {z.std():.2f}".replace("-", "−"))
 
@@ -60,9 +63,9 @@ def _against_normal(ax: Axes, z: pd.Series, title: str, tints: tuple[str, str]) 
 def _against_chi_square(ax: Axes, squares: Array, dof: int) -> None:
     top = float(stats.chi2.ppf(0.9999, dof))
     x = np.linspace(0, top, 200)
-    _histogram(ax, np.clip(squares, 0, top), np.linspace(0, top, 17), (SKY, BLUE))
+    _histogram(ax, np.clip(squares, 0, top), np.linspace(0, top, 17), (style.SKY, style.BLUE))
     density = stats.chi2.pdf(x, dof)
-    ax.plot(x, density, color=INK, lw=1.1)
+    ax.plot(x, density, color=style.INK, lw=1.1)
     ax.set(xlim=(0, top), ylim=(0, 1.55 * density.max()), xticks=[0, dof, 2 * dof])
     _titled(ax, f"all {dof}: χ²", f"mean {squares.mean():.1f}")
 
@@ -87,5 +90,5 @@ def _titled(ax: Axes, title: str, note: str) -> None:
         ha="center",
         va="top",
         fontsize=6.8,
-        color=SOFT,
+        color=style.SOFT,
     )

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from acx4book.typesetting.style import BLUE, ORANGE, WIDTH, legend_below, nothing, style
+from acx4book.typesetting import style
 
 SOLVERS = {
-    "ours": ("acx4lib, with covariance", BLUE, "o-"),
-    "ceres_automatic_dense_1": ("Ceres, automatic derivatives", ORANGE, "s-"),
+    "ours": ("acx4lib, with covariance", style.BLUE, "o-"),
+    "ceres_automatic_dense_1": ("Ceres, automatic derivatives", style.ORANGE, "s-"),
 }
 
 
@@ -24,9 +24,9 @@ def seconds_by_points(medians: pd.DataFrame) -> Figure:
         Indexed by problem and solver, columns ``points``, ``image_points`` and ``cpu_s``.
     """
     if medians.empty:
-        return nothing("No numbers of tie points were compared.")
-    with style():
-        fig, (total, each) = plt.subplots(1, 2, figsize=(WIDTH, 2.9))
+        return style.nothing("No numbers of tie points were compared.")
+    with style.applied():
+        fig, (total, each) = plt.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for solver, (label, colour, line) in SOLVERS.items():
             own = medians[medians.index.get_level_values("solver") == solver]
             own = own.sort_values("points")
@@ -42,5 +42,5 @@ def seconds_by_points(medians: pd.DataFrame) -> Figure:
         ticks = np.unique(medians["points"]) / 1000
         each.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
         each.set_xticks([], minor=True)
-        legend_below(fig, total.get_legend_handles_labels()[0])
+        style.legend_below(fig, total.get_legend_handles_labels()[0])
     return fig

@@ -19,14 +19,13 @@ from acx4book.pages.benchmarks.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
 
 ALPHA = 0.01
 """Probability that any of all tests fails by chance."""
 
 MAIN = "single_step"
 """The method whose errors are shown one by one."""
-
-AXES = ("east", "north", "height")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,6 +31,6 @@ def read(
     tables = [folder / f"{name}_{part}.csv" for part in parts] or [folder / f"{name}.csv"]
     about = folder / f"{name}.json"
     if not all(path.is_file() for path in (about, *tables)):
-        msg = f"no benchmark {name} in {folder}: make {make}"
+        msg = f"no benchmark of {name} in {folder}: make {make}"
         raise FileNotFoundError(msg)
     return json.loads(about.read_text(encoding="utf-8")), [pd.read_csv(path) for path in tables]

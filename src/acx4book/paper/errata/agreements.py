@@ -1,4 +1,4 @@
-"""What was checked in the paper and agrees: an audit lists that too."""
+"""Checks of the paper that agree; the audit lists these too."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from acx4book.paper import printed as paper
 from acx4lib.geometry.frames import rotation_from_opk
 
 Agreement = tuple[str, str, str]
-"""Place, printed, computed."""
+"""Place in the paper, printed value, computed value."""
 
 
 def images_of_blocks() -> Agreement:

@@ -26,9 +26,9 @@ class Finding:
     number : int
         1 to 22.
     place : str
-        Where in the paper.
+        Place in the paper.
     printed, computed, verdict : str
-        What stands there, what follows from the paper's own numbers, what we make of it.
+        What is printed, what follows from the paper's own numbers, and our conclusion.
     """
 
     number: int
@@ -63,7 +63,7 @@ CHECKS: dict[int, tuple[str, Check]] = {
     21: ("3.1, Table 4", validation.error_budget),
     22: ("throughout", text.wording),
 }
-"""Place and check by number; 11 needs a run and is put in by `audit`."""
+"""Place and check by number; `audit` adds number 11, which needs a run."""
 
 
 def audit(largest_correlations: Mapping[str, float] | None = None) -> list[Finding]:
@@ -100,7 +100,7 @@ def table(findings: Sequence[Finding]) -> pd.DataFrame:
 
 
 def agreements() -> pd.DataFrame:
-    """Return what was checked and agrees: place, printed, computed."""
+    """Return the checks that agree: place, printed, computed."""
     rows = [check() for check in agreeing.CHECKS]
     return marked(pd.DataFrame(rows, columns=["place", "printed", "computed"]))
 
@@ -116,8 +116,8 @@ def largest_correlations(results_path: str | Path) -> dict[str, float]:
     Returns
     -------
     dict
-        ``CAM1 xp_mm/omega_deg`` and the like, from the optional object ``largest_correlations``
-        of ``heads/bundle/...`` in summary.json. Empty where the run has none.
+        By names such as ``CAM1 xp_mm/omega_deg``, from the optional object
+        ``largest_correlations`` of ``heads/bundle/...`` in summary.json. Empty without any.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from acx4book.paper import printed
 from acx4book.paper.errata.mounting import lever_arm_in_interior
 from acx4book.paper.errata.validation import implied_sample_sizes
-from acx4book.typesetting.style import BLUE, INK, ORANGE, WIDTH, colour, style
+from acx4book.typesetting import style
 from acx4lib.geometry.parameters import AXES
 
 LABELS = {"two_step": "two-step", "single_step": "single-step"}
@@ -26,17 +26,19 @@ def sample_sizes() -> Figure:
     Returns
     -------
     Figure
-        Bars: what rounding leaves open. Line: the number of points that the paper gives.
+        Bars: numbers that rounding allows. Line: the number of points given by the paper.
     """
     sizes = implied_sample_sizes()
     n_points = printed.value(4, "n_points", "two_step")
-    with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 2.7))
+    with style.applied():
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.7))
         for i, (method, rows) in enumerate(sizes.groupby("method", sort=False)):
             height = np.arange(len(rows)) + 0.16 * (2 * i - 1)
-            ax.hlines(height, rows["n_low"], rows["n_high"], color=colour(i), lw=6, alpha=0.35)
-            ax.plot(rows["n"], height, "o", ms=5, color=colour(i), label=LABELS[str(method)])
-        ax.axvline(n_points, color=INK, lw=1, linestyle="--", label="points in Table 4")
+            ax.hlines(
+                height, rows["n_low"], rows["n_high"], color=style.colour(i), lw=6, alpha=0.35
+            )
+            ax.plot(rows["n"], height, "o", ms=5, color=style.colour(i), label=LABELS[str(method)])
+        ax.axvline(n_points, color=style.INK, lw=1, linestyle="--", label="points in Table 4")
         ax.set(xscale="log", xlim=(2, 60), xlabel="number of errors n")
         ax.set_xticks([2, 3, 4, 5, 10, 20, int(n_points)], minor=False)
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -58,21 +60,21 @@ def lever_arm() -> Figure:
     """
     table = lever_arm_in_interior()
     place = np.arange(len(table))
-    with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 2.7))
+    with style.applied():
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.7))
         ax.barh(
             *(place - 0.18, table["at_ground_m"], 0.32),
-            color=ORANGE,
+            color=style.ORANGE,
             label="two-step minus single-step, at the ground",
         )
         ax.barh(
             *(place + 0.18, -table["lever_m"], 0.32),
-            color=BLUE,
+            color=style.BLUE,
             xerr=table["sigma_sum_m"],
-            error_kw={"ecolor": INK, "capsize": 3, "lw": 1},
+            error_kw={"ecolor": style.INK, "capsize": 3, "lw": 1},
             label="lever arm of the single step, sign changed",
         )
-        ax.axvline(0.0, color=INK, linewidth=0.8)
+        ax.axvline(0.0, color=style.INK, linewidth=0.8)
         ax.set(xlabel="metres at the mean flying height", xlim=(-0.5, 0.5))
         ax.set_yticks(place, [INTERIOR_LABELS[name] for name in table.index])
         ax.grid(visible=False, axis="y")

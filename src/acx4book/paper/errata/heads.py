@@ -48,7 +48,7 @@ def border_distortion_px() -> Array:
 
 
 def total_distortion_px() -> Array:
-    """Compute the distortion at the worst corner of each head with all of Table 1, shape (4,)."""
+    """Compute each head's distortion at its worst corner with all of Table 1, shape (4,), px."""
     dxy = [distortion(paper.interior(1, head), paper.corners(head)) for head in paper.HEADS]
     px: Array = np.linalg.norm(dxy, axis=-1).max(axis=1) / paper.pixel_mm("CAM1")
     return px
@@ -87,7 +87,7 @@ def correlations(largest: Mapping[str, float] | None) -> tuple[str, str, str]:
     Parameters
     ----------
     largest : mapping or None
-        Largest absolute correlations of a run by the names of their pairs; none: not computed.
+        Largest absolute correlations of a run by the names of their pairs; None if not computed.
     """
     claim = paper.statement("max_correlation")
     printed = f"correlations between IOP and EOP below {100 * claim:.0f} %"
@@ -109,7 +109,7 @@ def correlations(largest: Mapping[str, float] | None) -> tuple[str, str, str]:
 
 
 def mean_phi_deg() -> float:
-    """Compute the mean phi of the four heads: the tilt of the plane they share."""
+    """Compute the mean phi of the four heads: the tilt of their common plane, degrees."""
     return float(np.mean([paper.value(1, "phi_deg", head) for head in paper.HEADS]))
 
 
@@ -141,7 +141,7 @@ def footprint(head: str) -> Array:
     Returns
     -------
     ndarray, shape (4, 2)
-        mm. Table 1's angles turn the synthetic axes to the head's, as eq. (6) does.
+        mm. The angles of Table 1 are those of eq. (6) from the synthetic axes to the head's.
     """
     interior = paper.interior(1, head)
     ideal = correct(interior, paper.corners(head))
@@ -152,7 +152,7 @@ def footprint(head: str) -> Array:
 
 
 def sees(head: str, xy: Array, R_s_h: Array) -> Mask:
-    """Tell which points of the synthetic image a head with these axes has on its sensor.
+    """Tell which points of the synthetic image lie on the sensor of a head with given axes.
 
     Parameters
     ----------
@@ -181,12 +181,13 @@ def uncovered(*, samples: int = 121) -> tuple[float, float]:
     Parameters
     ----------
     samples : int
-        Along each side of the synthetic image.
+        Number of samples along each side of the synthetic image.
 
     Returns
     -------
     as_read, transposed : float
-        For Table 1's angles from the synthetic axes to the head's, and the other way round.
+        With the angles of Table 1 from the synthetic axes to the head's, and in the other
+        direction.
     """
     half = paper.corners("SYN")[0]
     x, y = (np.linspace(-side, side, samples) for side in half)

@@ -15,7 +15,7 @@ from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES
 
 LEVER_ARM = {"f_mm": "lever_z_m", "xp_mm": "lever_x_m", "yp_mm": "lever_y_m"}
-"""Which component of the lever arm an interior parameter takes over at one flying height."""
+"""The component of the lever arm that an interior parameter absorbs at one flying height."""
 
 
 def corner_radius() -> float:
@@ -30,12 +30,12 @@ def radial_mm(interior: Interior, r: float) -> float:
 
 
 def literal(as_printed: str) -> float:
-    """Read a printed coefficient with the sign that its exponent has in print.
+    """Return a printed coefficient with the sign of its exponent as printed.
 
     Parameters
     ----------
     as_printed : str
-        Such as ``2.57^07 +/- 2.14^08``.
+        For example ``2.57^07 +/- 2.14^08``.
     """
     found = re.match(r"(-?[\d.]+)\^(-?\d+)", as_printed)
     if found is None:
@@ -61,20 +61,6 @@ def exponents() -> tuple[str, str, str]:
     )
 
 
-def radial_absorbed_px(interior: Interior, df: float) -> float:
-    """Compute the largest radial distortion over the format after a change of f, px.
-
-    Parameters
-    ----------
-    interior : Interior
-    df : float
-        Change of the focal length, mm; it takes df/f r off the distortion at r.
-    """
-    radii = np.linspace(0.0, corner_radius(), 400)
-    left = [radial_mm(interior, r) + df / interior.f * r for r in radii]
-    return float(np.abs(left).max() / printed.pixel_mm("SYN"))
-
-
 def decentring_px(interior: Interior) -> tuple[float, float]:
     """Compute the decentring distortion at the worst corner, px.
 
@@ -85,7 +71,7 @@ def decentring_px(interior: Interior) -> tuple[float, float]:
     Returns
     -------
     component, length : float
-        Of its largest component, and of the vector.
+        Largest component, and length of the vector.
     """
     only = Interior(f=interior.f, p1=interior.p1, p2=interior.p2)
     dxy = distortion(only, printed.corners("SYN")) / printed.pixel_mm("SYN")
@@ -93,7 +79,7 @@ def decentring_px(interior: Interior) -> tuple[float, float]:
 
 
 def significance(parameter: str, method: str) -> float:
-    """Return a value of Table 3 in units of its standard deviation."""
+    """Return a value of Table 3 divided by its standard deviation."""
     return abs(printed.value(3, parameter, method)) / printed.sigma(3, parameter, method)
 
 
@@ -116,7 +102,7 @@ def synthetic_distortion() -> tuple[str, str, str]:
 
 
 def scatter_ratios() -> tuple[float, float, float]:
-    """Compute the two-step's over the single-step's standard deviations of the boresight."""
+    """Compute ratios of boresight standard deviations: two-step over single-step."""
     two, one = (
         [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
     )
@@ -169,15 +155,15 @@ def mean_height() -> float:
 def lever_arm_in_interior() -> pd.DataFrame:
     """Compare the two methods' interior orientation with the lever arm.
 
-    At one flying height H a lever arm (x, y, z) looks like (-x, -y) f/H in the principal point
-    and -z f/H in the focal length: body and image axes nearly agree in this mounting.
+    At one flying height H a lever arm (x, y, z) has the effect of (-x, -y) f/H in the principal
+    point and of -z f/H in the focal length, because body and image axes are nearly parallel.
 
     Returns
     -------
     DataFrame
         By interior parameter: shift_mm (two-step minus single-step), shift_in_sigma (of the
         single-step), at_ground_m (shift at the mean flying height), lever (name), lever_m, sum_m
-        (zero where the shift is the lever arm with its sign changed), sigma_sum_m.
+        (zero if the shift is the lever arm with opposite sign), sigma_sum_m.
     """
     scale = mean_height() / printed.value(3, "f_mm", "single_step")
     rows = []
@@ -203,7 +189,7 @@ def lever_arm_in_interior() -> pd.DataFrame:
 
 
 def lever_arm_table() -> pd.DataFrame:
-    """Return the same as a reader sees it."""
+    """Return the comparison of `lever_arm_in_interior` as a table for readers."""
     found = lever_arm_in_interior()
     labels = [(LABELS[name], LABELS[lever]) for name, lever in LEVER_ARM.items()]
     return pd.DataFrame(

@@ -1,7 +1,7 @@
 """Misprints of the paper: equations, exponents, units, wording.
 
-Here and in the other modules of `errata` a function that returns three strings (printed,
-computed, verdict) is one item of `acx4book.paper.errata.audit`; the others compute its numbers.
+In all modules of `errata`, a function that returns three strings (printed, computed, verdict) is
+one item of `acx4book.paper.errata.audit`. The other functions compute the numbers of the items.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def one_direction() -> tuple[str, str, str]:
 
 
 def images_per_point() -> float:
-    """Compute from the pairs per check point in how many images each was measured."""
+    """Compute the number of images per check point from the number of pairs."""
     pairs = printed.value(4, "n_pairs", "two_step") / printed.value(4, "n_points", "two_step")
     return float((1 + np.sqrt(1 + 8 * pairs)) / 2)
 

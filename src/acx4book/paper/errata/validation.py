@@ -21,7 +21,7 @@ ROUNDING_M = 0.005
 
 
 def printed_accuracy(method: str) -> Accuracy:
-    """Return a column of Table 4 as the accuracy it states.
+    """Return the accuracy in a column of Table 4.
 
     Parameters
     ----------
@@ -43,22 +43,22 @@ def least_rms(accuracy: Accuracy) -> Triple:
 
 
 def sample_size(mean: float, std: float, rms: float) -> float:
-    """Compute the number of errors that have this mean, standard deviation and RMS.
+    """Compute the number of errors with the given mean, standard deviation and RMS.
 
-    From rms^2 = mean^2 + (1 - 1/n) std^2; infinite where the RMS is as large as the two allow.
+    From rms^2 = mean^2 + (1 - 1/n) std^2; infinite where the RMS is at its upper limit.
     """
     rest = 1 - (rms**2 - mean**2) / std**2
     return 1 / rest if rest > 0 else np.inf
 
 
 def implied_sample_sizes() -> pd.DataFrame:
-    """Compute for every axis of Table 4 how many errors its three numbers belong to.
+    """Compute for every axis of Table 4 the number of errors that its three numbers imply.
 
     Returns
     -------
     DataFrame
-        method, axis, n, n_low, n_high: the limits are what the rounding of the printed numbers
-        leaves open.
+        method, axis, n, n_low, n_high; the limits follow from the rounding of the printed
+        numbers.
     """
     rows = []
     for method in paper.METHODS:
@@ -100,9 +100,9 @@ def within_probability(rms: float, *, axes: int = 3) -> float:
     Parameters
     ----------
     rms : float
-        Per axis, m.
+        RMS of each axis, m.
     axes : int
-        Of how many axes the resultant is counted.
+        Number of axes of the resultant.
     """
     return float(stats.chi2.cdf((_limit_m() / rms) ** 2, axes))
 
@@ -115,7 +115,7 @@ def count_probability(rms: float) -> float:
 
 
 def rms_of_count() -> float:
-    """Compute the RMS per axis of normal errors that the printed share needs, m."""
+    """Compute the RMS per axis of normal errors with the printed share, m."""
     share = paper.value(4, "within_3_gsd_percent", "two_step") / 100
     return float(_limit_m() / np.sqrt(stats.chi2.ppf(share, 3)))
 
@@ -173,7 +173,7 @@ def map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.D
 
 
 def map_scale_table() -> pd.DataFrame:
-    """Return the classes of `map_scale_classes` as a reader sees them."""
+    """Return the classes of `map_scale_classes` as a table for readers."""
     classes = map_scale_classes()
     classes["scale"] = [f"1:{scale}" for scale in classes["scale"]]
     classes["method"] = [TITLES[method] for method in classes["method"]]
@@ -203,7 +203,7 @@ def map_scales() -> tuple[str, str, str]:
 
 
 def attitude_budget_m(side: str) -> tuple[float, float, float]:
-    """Compute what the attitude noise alone predicts in block 3.
+    """Compute the errors that the attitude noise alone causes in block 3.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def attitude_budget_m(side: str) -> tuple[float, float, float]:
 
 
 def error_budget() -> tuple[str, str, str]:
-    """Item 21: what the trajectory's accuracy predicts."""
+    """Item 21: errors predicted from the accuracy of the trajectory."""
     plan, ratio_w, height_w = attitude_budget_m("width_mm")
     _, ratio_h, height_h = attitude_budget_m("height_mm")
     width, height = paper.value(2, "width_mm", "SYN"), paper.value(2, "height_mm", "SYN")

@@ -1,4 +1,4 @@
-"""DBAT's two projects as blocks, with approximations computed from the measurements alone."""
+"""DBAT's two projects as blocks; approximate values come from the measurements only."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
-"""What the project `camcal` estimates: all nine."""
+"""Interior parameters that the project `camcal` estimates: all nine."""
 
 CHECK_POINTS = (351, 410)
-"""Points of the project `sxb` that its author held back."""
+"""Points of the project `sxb` that its author used as check points."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,12 +33,12 @@ class Project:
     ----------
     bundle : Bundle
     report : Path
-        What DBAT printed.
+        Report that DBAT printed.
     surveyed : Surveyed
         Control and check points as given.
     is_check : ndarray, shape (n_surveyed,)
     origin : ndarray, shape (3,)
-        Taken off the coordinates before the adjustment.
+        Subtracted from the coordinates before the adjustment.
     free : tuple of str
         Interior parameters that were estimated.
     """
@@ -52,7 +52,7 @@ class Project:
 
 
 def camcal() -> Project:
-    """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points error-free."""
+    """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points without error."""
     measured = dbat.read_image_points(data.path("dbat-camcal/image_points.txt"))
     # the height of the format is given in mm
     camera = dbat.camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
@@ -60,9 +60,9 @@ def camcal() -> Project:
 
 
 def sxb() -> Project:
-    """Adjust `sxb`: five aerial images with weighted control and a camera that is known.
+    """Adjust `sxb`: five aerial images with weighted control and a known camera.
 
-    Map coordinates are used as if they were Cartesian, as the reference does.
+    Map coordinates are used as if they were Cartesian, as in the reference.
     """
     files = (("image_points_marked.txt", 0.5), ("image_points_tie.txt", 1.0))
     measured = dbat.joined(
@@ -105,7 +105,7 @@ def _block(
     is_check: np.ndarray,
     origin: Array,
 ) -> Block:
-    """Put measurements, control and resected images together."""
+    """Return the block of measurements, control and resected images."""
     numbers, point_idx = np.unique(measured.point, return_inverse=True)
     given = SurveyedPoints(
         point_idx=np.searchsorted(numbers, surveyed.point),
@@ -141,7 +141,7 @@ def _block(
 def _resected(
     camera: Camera, points: ImagePoints, control: SurveyedPoints, names: tuple[str, ...]
 ) -> Trajectory:
-    """Return every image's pose by resection from the control points that it shows."""
+    """Return the pose of every image by resection from its control points."""
     where = np.full(int(points.point_idx.max()) + 1, -1)
     where[control.point_idx] = np.arange(len(control))
     poses = []

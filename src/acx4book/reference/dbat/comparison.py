@@ -1,4 +1,4 @@
-"""Printed numbers against ours, in units of the last printed digit."""
+"""Comparison of printed numbers with ours, in units of the last printed digit."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ COLUMNS = ("quantity", "kind", "printed", "ours", "difference", "unit", "units",
 
 
 class Angle(float):
-    """An angle in degrees, equal to itself after any number of full turns."""
+    """An angle in degrees; full turns do not matter."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """What we would have printed.
+    """Our version of a printed statement.
 
     Attributes
     ----------
     text : str
-        With ``{}`` in the place of every number.
+        Text with ``{}`` in the place of every number.
     values : tuple of float or int
-        An int is a count or a name and must agree exactly, a float to one unit.
+        An int is a count or a name and must agree exactly; a float must agree to one unit.
     """
 
     text: str
@@ -53,12 +53,12 @@ def last_digit(printed: str) -> float:
 def compare(
     printed: Mapping[tuple[str, ...], Line], ours: Mapping[tuple[str, ...], Statement]
 ) -> pd.DataFrame:
-    """Compare everything that a report says with our statements.
+    """Compare all lines of a report with our statements.
 
     Parameters
     ----------
     printed : mapping
-        Lines of a report by their places; headings and what is no result left out.
+        Lines of a report by their places, without headings and lines that are no results.
     ours : mapping
         Our statements for the same places.
 
@@ -66,8 +66,8 @@ def compare(
     -------
     DataFrame
         One row per printed number, and one per statement without numbers. `units` is the
-        difference in units of the last printed digit. A place that only one side has, or a
-        statement that reads differently, has a row that does not agree.
+        difference in units of the last printed digit. A place that exists on one side only, or a
+        statement with another text, has a row that does not agree.
     """
     rows: list[tuple[object, ...]] = []
     for path in (*printed, *(path for path in ours if path not in printed)):
@@ -119,7 +119,7 @@ KINDS = (
     (("Point Angles",), "angle of rays"),
     (("measurements",), "object point"),
 )
-"""Words in a quantity's place and the kind of quantity that they mean; the first that fits."""
+"""Words in the place of a quantity, and its kind; the first entry that fits is used."""
 
 
 def _kind(path: tuple[str, ...], number: int = 1) -> str:
@@ -133,7 +133,7 @@ def _kind(path: tuple[str, ...], number: int = 1) -> str:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return numbers of values and the largest difference by kind.
+    """Return the numbers of values and the largest difference by kind.
 
     Parameters
     ----------
@@ -143,8 +143,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        kind, values, agree, largest (difference in units of the last digit); the last row
-        holds all.
+        kind, values, agree, largest (difference in units of the last digit); the last row is
+        for all kinds together.
     """
     total = table.assign(kind="all")
     groups = pd.concat([table, total]).groupby("kind", sort=False)

@@ -1,9 +1,9 @@
 """The Damped Bundle Adjustment Toolbox (DBAT): its measurement files and its conventions.
 
-DBAT counts image coordinates from the upper left corner of the image, subtracts the principal
-point (px, py from that corner), *adds* the distortion, so that every K and P has the opposite
-sign, and states px and the width of the format for pixels that are 1 + as times wider than high.
-`dbat_report` reads its reports.
+DBAT counts image coordinates from the upper left corner of the image and subtracts the principal
+point (px, py from that corner). It *adds* the distortion, so every K and P has the opposite sign.
+It gives px and the width of the format for pixels that are 1 + as times wider than high. The
+module `printed` reads its reports.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 
 INTERIOR_NAMES = ("cc", "px", "py", "as", "K1", "K2", "K3", "P1", "P2")
-"""DBAT's parameters in the order in which `interior_to_dbat` returns them."""
+"""DBAT's interior parameters, in the order of `interior_to_dbat`."""
 
 _OURS = ("f", "xp", "yp", "b1", "k1", "k2", "k3", "p1", "p2")
 _HALF_PIXEL = 0.5
-"""Our pixel (0, 0) is a centre, theirs a corner."""
+"""Our coordinates (0, 0) are the centre of a pixel, theirs are its corner."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurements:
-    """Image points as a file has them.
+    """Image points of a file.
 
     Attributes
     ----------
     image, point : ndarray, shape (n,)
         DBAT's numbers of images, from 1, and of points.
     xy_px : ndarray, shape (n, 2)
-        From the upper left corner, y down.
+        Coordinates from the upper left corner, y down.
     sigma_px : ndarray, shape (n,)
     """
 
@@ -57,7 +57,7 @@ class Surveyed:
     point : ndarray, shape (n,)
     labels : tuple of str
     x, sigma : ndarray, shape (n, 3)
-        Object units; a sigma of zero where the file has none.
+        Object units; sigma is zero where the file has none.
     """
 
     point: Index
@@ -88,7 +88,7 @@ def read_image_points(path: Path) -> Measurements:
 
 
 def read_marked_points(path: Path, *, sigma_px: float) -> Measurements:
-    """Read "point, image, x, y", all measured equally well."""
+    """Read "point, image, x, y"; all measurements get the same sigma."""
     table = np.array(_rows(path), dtype=float)
     return Measurements(
         image=table[:, 1].astype(np.intp),
@@ -99,7 +99,7 @@ def read_marked_points(path: Path, *, sigma_px: float) -> Measurements:
 
 
 def joined(parts: tuple[Measurements, ...]) -> Measurements:
-    """Return several files' measurements as one."""
+    """Return the measurements of several files together."""
     return Measurements(
         image=np.concatenate([part.image for part in parts]),
         point=np.concatenate([part.point for part in parts]),
@@ -139,7 +139,7 @@ def camera_from_dbat(
     cc : float
         Camera constant, mm.
     pp : tuple of float, optional
-        px and py, mm; the middle of the image where left out.
+        px and py, mm; by default the middle of the image.
     size_px : tuple of int
         Width and height.
     pixel_mm : float
@@ -156,7 +156,7 @@ def camera_from_dbat(
 
 
 def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
-    """Return an interior orientation and its covariance as DBAT reports them.
+    """Return an interior orientation and its covariance in DBAT's parameters.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
 
     Notes
     -----
-    x (1 + b1) - xp is (1 + b1) times x - xp / (1 + b1), hence px and the derivatives of it.
+    x (1 + b1) - xp equals (1 + b1) (x - xp / (1 + b1)). From this follow px and its derivatives.
     """
     interior = camera.interior
     order = [INTERIOR.index(name) for name in _OURS]
@@ -187,16 +187,16 @@ def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
 
 
 def sensor_size_mm(camera: Camera) -> Array:
-    """Return width and height of the format as DBAT reports them, shape (2,)."""
+    """Return width and height of the format as in DBAT's report, mm, shape (2,)."""
     size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     return size * np.array([1 + camera.interior.b1, 1.0])
 
 
 def largest_distortion_mm(camera: Camera) -> float:
-    """Return DBAT's figure for the distortion in the corners of the image, mm.
+    """Return DBAT's value of the distortion in the corners of the image, mm.
 
-    As its report computes it: pixels as high as wide, ``|dx| + |dy|`` instead of their root sum of
-    squares, and P1 in the place of P2 in dx, P2 in the place of P1 in dy.
+    Computed as in its report: with square pixels, with ``|dx| + |dy|`` instead of their root sum
+    of squares, and with P1 and P2 exchanged in dx and in dy.
     """
     values, _ = interior_to_dbat(camera, np.zeros((9, 9)))
     _, px, py, _, k1, k2, k3, p1, p2 = values

@@ -1,4 +1,4 @@
-"""What DBAT's report says of quality, said by our adjustment: coverage, residuals, points."""
+"""Quality in DBAT's report, from our adjustment: coverage, residuals, points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUALITY = "Quality"
 
 
 def statements(project: Project) -> Statements:
-    """Return what we say of photographs, measurements, residuals, precision and angles."""
+    """Return our statements on photographs, measurements, residuals, precision and angles."""
     return {
         **_photographs(project),
         **_ray_counts(project),
@@ -26,7 +26,7 @@ def statements(project: Project) -> Statements:
 
 
 def numbers(project: Project) -> Index:
-    """Return DBAT's numbers of the block's points."""
+    """Return the numbers of the block's points in DBAT."""
     return np.array([int(name) for name in project.bundle.network.block.points])
 
 
@@ -97,7 +97,7 @@ def _ray_counts(project: Project) -> Statements:
         (*path, "Number of check pts"): say("{}", int((kind == "CCP").sum())),
         (*path, "Number of object pts"): say("{}", int((kind == "OP").sum())),
     }
-    for name, own in groups.items():  # their OP count has the check points
+    for name, own in groups.items():  # their OP count includes the check points
         place = (*path, f"{name} ray count")
         if not own.any():
             out[place] = say("-")
@@ -175,7 +175,7 @@ def _precision(project: Project) -> Statements:
 
 
 def angles(project: Project) -> Array:
-    """Return for every point the angle between two of its rays nearest to a right one, deg."""
+    """Return for every point the angle of two of its rays that is nearest to 90 degrees, deg."""
     network = project.bundle.network
     points = network.image_points
     x_m, poses = project.bundle.state.x_m, project.bundle.T_m_c
@@ -211,10 +211,10 @@ def _angles(project: Project) -> Statements:
 
 
 def _smallest_angles(project: Project, angle: Array, number: Index) -> Statements:
-    """Return the object points with the smallest angles, as the report chooses them.
+    """Return the object points with the smallest angles, chosen as in the report.
 
-    The report takes the photos from the same row of the table of *all* points, which are those
-    of another point where control points come first; so do we.
+    The report takes their photos from the same row of the table of *all* points. If control
+    points come first there, these are the photos of another point; we do the same.
     """
     path = (QUALITY, "Point Angles", "OP", "Smallest angles (ID, angle [deg], vis in cameras)")
     points = project.bundle.network.image_points

@@ -1,7 +1,7 @@
-"""DBAT's report: every printed number with the place where it stands.
+"""DBAT's report: every printed number with its place.
 
-The report is a tree drawn by indentation. A line's place is the path of headings above it and
-its own label; its statement is the rest, with the numbers taken out of it.
+The report is a tree with indentation. The place of a line is the path of headings above it and its
+own label. Its statement is the rest, without the numbers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 NUMBER = re.compile(r"(?<![\w.%])(?<!\^\()(?<!\^\(-)-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w|\.\w)")
-"""A number that stands alone: not the 3 of K3, the 4.13 of the label B4.13 or a unit's power."""
+"""A separate number: not the 3 of K3, the 4.13 of the label B4.13 or the power of a unit."""
 
 _COUNTED = re.compile(r"^(\d+) (points with \d+ rays)\.$")
 _RAYS = re.compile(r"^(\d+): (\d+\.\d+ \([\d ]*\))$")
@@ -27,11 +27,11 @@ class Line:
     Attributes
     ----------
     path : tuple of str
-        Headings from the outermost on, then the line's own label.
+        Headings, the outermost first, then the line's own label.
     statement : str
-        What follows the label, with ``{}`` in the place of every number.
+        Text after the label, with ``{}`` in the place of every number.
     numbers : tuple of str
-        As they are printed.
+        The numbers as printed.
     """
 
     path: tuple[str, ...]
@@ -49,13 +49,12 @@ def read(path: Path) -> dict[tuple[str, ...], Line]:
     Returns
     -------
     dict
-        Its lines by their path, in their order; headings that state nothing themselves are
-        left out.
+        Its lines by their path, in their order, without headings that have no statement.
 
     Raises
     ------
     ValueError
-        Where two lines stand in the same place.
+        Where two lines have the same place.
     """
     lines: dict[tuple[str, ...], Line] = {}
     for line in _lines(path.read_text(encoding="utf-8")):
@@ -75,7 +74,7 @@ def _lines(text: str) -> Iterator[Line]:
         if content.startswith("id,"):
             continue
         if _ROW.match(content) or _RAYS.match(content):
-            depth = _table_depth(headings)  # its right-aligned numbers are indented at random
+            depth = _table_depth(headings)  # the indentation of right-aligned numbers varies
         while headings and headings[-1][0] >= depth:
             headings.pop()
         label, statement = _split(content)
@@ -99,12 +98,12 @@ def _split(content: str) -> tuple[str, str]:
     if _ROW.match(content):
         label, _, statement = content.partition(",")
         return label, statement
-    if content.startswith("Redundancy "):  # the only label without a colon
+    if content.startswith("Redundancy "):  # this is the only label without a colon
         return "Redundancy", content.removeprefix("Redundancy")
     label, _, statement = content.partition(":")
     return label.strip(), statement.strip()
 
 
 def _plain(statement: str) -> str:
-    """Return a statement with single spaces, none inside parentheses."""
+    """Return a statement with single spaces, and none after an opening parenthesis."""
     return " ".join(statement.split()).replace("( ", "(")

@@ -1,4 +1,4 @@
-"""What DBAT's report says, said by our adjustment: orientation, camera and status."""
+"""Statements of DBAT's report, from our adjustment: status, camera and orientation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from acx4lib.expected import Array
 from acx4lib.geometry.frames import opk_jacobian
 
 HIGH = 0.95
-"""Correlations above this are reported."""
+"""Correlation above which the report lists a pair."""
 
 LAST = "Information from last bundle"
 EXTERIOR = ("Xc", "Yc", "Zc", "Omega", "Phi", "Kappa")
@@ -30,7 +30,7 @@ _NO_RESULT = {
     (LAST, "Total error", "First error"): "depends on its own start values",
     (LAST, "Execution times (s)"): "course of its computation",
 }
-"""Lines of a report that are no results of the adjustment, and why."""
+"""Lines of a report that are no results of the adjustment, with the reasons."""
 
 
 def is_result(path: tuple[str, ...]) -> bool:
@@ -39,7 +39,7 @@ def is_result(path: tuple[str, ...]) -> bool:
 
 
 def statements(project: Project) -> Statements:
-    """Return what we say of status, camera and exterior orientation."""
+    """Return our statements on status, camera and exterior orientation."""
     return {
         **_status(project),
         **_camera(project),
@@ -54,7 +54,7 @@ def interior(project: Project) -> tuple[Array, Array]:
     """Return DBAT's nine interior values and their a posteriori covariance."""
     adjusted = project.bundle
     columns = adjusted.network.layout.interior[0]
-    padded = np.pad(adjusted.solution.cov, (0, 1))  # a held parameter's column is -1
+    padded = np.pad(adjusted.solution.cov, (0, 1))  # the column of a held parameter is -1
     cov = padded[np.ix_(columns, columns)]
     return files.interior_to_dbat(adjusted.cameras[0], cov * adjusted.solution.sigma0_sq)
 
@@ -80,14 +80,14 @@ def exterior(project: Project) -> tuple[Array, Array]:
 
 
 def correlations(cov: Array) -> Array:
-    """Return the correlations below the diagonal of a covariance, zero where there are none."""
+    """Return the correlations below the diagonal of a covariance; zero for a variance of zero."""
     sigma = np.sqrt(np.diag(cov))
     sigma = np.where(sigma > 0, sigma, np.inf)
     return np.asarray(np.tril(cov / sigma / sigma[:, None], -1))
 
 
 def _high(cov: Array, names: tuple[str, ...]) -> dict[str, list[tuple[str, float]]]:
-    """Return for every parameter the others that it is highly correlated with, in percent."""
+    """Return for every parameter the others with high correlations, and these in percent."""
     lower = correlations(cov)
     found: dict[str, list[tuple[str, float]]] = {}
     for i, j in np.argwhere(np.abs(lower) > HIGH):

@@ -1,4 +1,4 @@
-"""What DBAT's report says of control and check points, said by our adjustment."""
+"""Control and check points in DBAT's report, from our adjustment."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from acx4book.reference.dbat.misfits import QUALITY, numbers, point_covariances
 from acx4lib.expected import Array, Index
 
 EPS = np.finfo(float).eps
-"""Keeps their relative change of sigma finite where a point is error-free."""
+"""It keeps the relative change of sigma finite for a point without error."""
 
 
 def statements(project: Project) -> Statements:
-    """Return what we say of control points and of check points."""
+    """Return our statements on control points and check points."""
     return {
         **_table(project, "Ctrl", np.flatnonzero(~project.is_check)),
         **_table(project, "Check", np.flatnonzero(project.is_check)),

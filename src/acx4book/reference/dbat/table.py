@@ -1,4 +1,4 @@
-"""Two adjustments of another program, compared with its reports line by line."""
+"""The comparison of DBAT's reports with our adjustments, line by line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acx4book.reference.dbat.blocks import Project
 
 
 def results(project: Project) -> pd.DataFrame:
-    """Return every number and statement of a report's results beside ours.
+    """Return every number and statement of a report's results with ours.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """IGN's Borea: orientations (OPK), image measurements (mes), ground points (app), cameras.
 
-Borea counts columns and rows from the pixel that it calls (0, 0), rows downwards, and gives the
-principal point and the focal length in pixels. Its image heights may be altered: Z' = z0 +
-k (Z - z0), with the ground height z0 below the image and the scale k of the map there, so that
-the map can be used as if it were Cartesian; `unaltered` takes that out.
+Borea counts columns and rows from the pixel that it calls (0, 0), rows downwards. It gives the
+principal point and the focal length in pixels. Its image heights may be altered, so that the map
+can be used as if it were Cartesian: Z' = z0 + k (Z - z0), with the ground height z0 below the
+image and the scale k of the map there. `unaltered` removes this.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Orientations:
     enh : ndarray, shape (n, 3)
         Easting, northing and height of the perspective centres, m.
     opk : ndarray, shape (n, 3)
-        Of the camera against the grid, radians.
+        Attitudes of the camera relative to the grid, radians.
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class Measurements:
     Attributes
     ----------
     points, images : tuple of str
-        One each per measurement.
+        The point and the image of each measurement.
     colrow : ndarray, shape (n, 2)
         Pixels.
     """
@@ -82,14 +82,14 @@ def read_points(path: Path) -> dict[str, Array]:
 
 
 def read_camera(path: Path, *, pixel_mm: float) -> Camera:
-    """Read a camera; the file counts in pixels, so that any size of them will do.
+    """Read a camera; the unit of the file is the pixel, so any pixel size can be given.
 
     Parameters
     ----------
     path : Path
     pixel_mm : float
     """
-    words = {row[0]: row[-1] for row in _rows(path)}  # name = value
+    words = {row[0]: row[-1] for row in _rows(path)}  # rows are "name = value"
     width, height = int(words["width"]), int(words["height"])
     return Camera(
         name=words["Name"],
@@ -110,6 +110,6 @@ def unaltered(heights: Array, *, ground: Array | float, scale: Array | float) ->
 
 
 def indices(names: tuple[str, ...], within: tuple[str, ...]) -> Index:
-    """Return where names stand within others."""
+    """Return the indices of names among others."""
     where = {name: k for k, name in enumerate(within)}
     return np.array([where[name] for name in names], dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Points intersected from seven UltraCam images, and what each forgotten step costs."""
+"""Points intersected from seven UltraCam images, and the error of each forgotten step."""
 
 from __future__ import annotations
 
@@ -76,16 +76,16 @@ class Intersected:
     Attributes
     ----------
     rays : Rays
-        Sorted by point; group = point.
+        Sorted by point; a group is a point.
     found : Intersections
     d : ndarray, shape (n_points, 3)
-        East, north, height less IGN's, m.
+        East, north, height minus IGN's, m.
     sigma : ndarray, shape (n_points, 3)
-        From the pointing alone, m.
+        Standard deviations from the pointing only, m.
     misfit : ndarray, shape (n, 2)
         Residuals of IGN's coordinates, px.
     d_nearest : ndarray, shape (n_points, 3)
-        As `d`, of the points nearest to their rays in space.
+        As `d`, for the points with the smallest distances from their rays in space.
     """
 
     rays: Rays
@@ -125,7 +125,7 @@ def intersected(flight: Flight, reading: Reading) -> Intersected:
 
 
 def ground_pixel_m(flight: Flight) -> float:
-    """Return the size of a pixel on the ground."""
+    """Return the size of a pixel on the ground, m."""
     above = flight.orientations.enh[:, 2].mean()
     return float(above * flight.camera.pixel_mm / flight.camera.interior.f)
 
@@ -134,14 +134,14 @@ def ground_pixel_m(flight: Flight) -> float:
 
 
 def results() -> pd.DataFrame:
-    """Return every intersected point beside IGN's coordinates.
+    """Return every intersected point with IGN's coordinates.
 
     Returns
     -------
     DataFrame
-        point, kind (surveyed or tie point), rays, d_*_m (ours less theirs), sigma_*_m,
-        ground_pixels: the distance in space in pixels on the ground; nearest_ground_pixels: the
-        same of the point nearest to the rays in space.
+        point, kind (surveyed or tie point), rays, d_*_m (ours minus theirs), sigma_*_m;
+        ground_pixels: the distance in space, in pixels on the ground; nearest_ground_pixels: the
+        same for the point nearest to the rays in space.
     """
     flight = load()
     got = intersected(flight, complete(flight))
@@ -181,13 +181,13 @@ def residuals() -> pd.DataFrame:
 
 
 def forgotten_steps() -> pd.DataFrame:
-    """Return what each step costs where it is left out, on the tie points.
+    """Return the errors of the tie points if a step is left out, for each step.
 
     Returns
     -------
     DataFrame
-        reading, rms of the intersections' residuals (px), rms of the residuals that IGN's
-        coordinates have (px), mean differences along east, north and height, and the standard
+        reading, RMS of the intersections' residuals (px), RMS of the residuals of IGN's
+        coordinates (px), mean differences along east, north and height, and the standard
         deviation of the height (m).
     """
     flight = load()
@@ -225,7 +225,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         point, rays, differences (m), their predicted sigma (m) and the distance in pixels on
-        the ground; empty where there is none.
+        the ground; NaN where not known.
     """
     tie = table[table["kind"] == "tie point"]
     names = [f"d_{axis}_m" for axis in AXES]

@@ -1,4 +1,4 @@
-"""Seven UltraCam images over the Camargue, and the ways to read their orientations."""
+"""Seven UltraCam images of the Camargue, and ways to interpret their orientations."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ CRS = "EPSG:2154"
 PIXEL_MM = 0.004
 
 SCALE = 1.000283
-"""Scale of the map here, as the data set states it."""
+"""Scale of the map here, given by the data set."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flight:
-    """The data set as it is.
+    """The data set without any interpretation.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Flight:
     orientations : Orientations
         Heights are altitudes above the geoid, linearly altered.
     measurements : Measurements
-        Of tie points and surveyed points.
+        Measurements of tie points and surveyed points.
     points : tuple of str
     is_surveyed : ndarray, shape (n_points,)
     enh : ndarray, shape (n_points, 3)
@@ -65,14 +65,14 @@ class Flight:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """One way to read the data set.
+    """One way to interpret the data set.
 
     Attributes
     ----------
     T_m_c : Pose
         Camera poses.
     to_enh, from_enh : callable
-        Between the Cartesian frame of the poses and the map with ellipsoidal heights.
+        Conversions between the Cartesian frame of the poses and the map with ellipsoidal heights.
     """
 
     T_m_c: Pose
@@ -111,7 +111,7 @@ def load() -> Flight:
 def true_altitudes(flight: Flight, scale: Array | float) -> Array:
     """Return the images' altitudes above the geoid without the linear alteration, m.
 
-    The ground below is taken at the mean altitude of the points.
+    The ground below is assumed at the mean altitude of the points.
     """
     lonlat = flight.grid.lonlat_from_grid(flight.enh[:, :2])
     ground = float(np.mean(flight.enh[:, 2] - flight.altitudes.undulation(lonlat)))
@@ -125,12 +125,12 @@ def map_scale(flight: Flight) -> Array:
 
 
 def complete(flight: Flight) -> Reading:
-    """Read the data as they are meant."""
+    """Return the correct reading of the data."""
     return _topocentric(flight, flight.altitudes, true_altitudes(flight, SCALE))
 
 
 def _topocentric(flight: Flight, heights: GridSystem, height: Array) -> Reading:
-    """Place images by the height system that their heights are said to be in."""
+    """Return the reading with the images' heights in a given height system."""
     frame = flight.frame
     seen = MappingFrame(grid=heights, origin=frame.origin)
     enh = np.column_stack([flight.orientations.enh[:, :2], height])
@@ -151,7 +151,7 @@ def _without_geoid(flight: Flight) -> Reading:
 
 
 def _without_convergence(flight: Flight) -> Reading:
-    """Take kappa against true north."""
+    """Return the reading with kappa relative to true north."""
     reading = complete(flight)
     R_g_t = turn(2, flight.grid.convergence(flight.lonlat))
     R_m_g = np.swapaxes(flight.frame.grid_axes(reading.T_m_c.r), -1, -2)
@@ -160,7 +160,7 @@ def _without_convergence(flight: Flight) -> Reading:
 
 
 def _one_vertical(flight: Flight) -> Reading:
-    """Take the angles against the axes in the middle of the images."""
+    """Return the reading with angles relative to the axes in the middle of the images."""
     reading = complete(flight)
     R_g_m = flight.frame.grid_axes(np.zeros((1, 3)))[0]
     R_m_c = R_g_m.T @ rotation_from_opk(flight.orientations.opk)
@@ -196,4 +196,4 @@ READINGS: dict[str, Callable[[Flight], Reading]] = {
     "map as Cartesian, altered heights": _map_with_altered_heights,
     "map as Cartesian, true heights": _map_with_true_heights,
 }
-"""What is done, or left out, and the poses that follow."""
+"""Readings by the step that is done or left out."""

@@ -1,1 +1,1 @@
-"""Certified regression problems of NIST."""
+"""Certified `regressions` of NIST: the problems in `files`, our least squares on them."""

@@ -13,7 +13,7 @@ import numpy as np
 from acx4lib.expected import Array
 
 Model = Callable[[Any, Any], Any]
-"""Response of parameters b and predictors x; takes real, complex and exact decimal numbers."""
+"""Response for parameters b and predictors x; numbers may be real, complex or exact decimals."""
 
 _LINES = re.compile(r"\(lines +(\d+) to +(\d+)\)")
 _PARAMETER = re.compile(r"^ *b\d+ *= *(.+)$")
@@ -26,16 +26,16 @@ class Dataset:
     Attributes
     ----------
     name, level : str
-        Its level of difficulty: Lower, Average or Higher.
+        `level` is the level of difficulty: Lower, Average or Higher.
     starts : ndarray, shape (2, n_parameters)
     parameters, sigma : tuple of str
         Certified values and standard deviations, as printed.
     sum_of_squares, sigma0 : str
         Certified residual sum of squares and residual standard deviation, as printed.
     response : ndarray, shape (n,)
-        Of text: the exact decimal numbers of the file.
+        Texts: the exact decimal numbers of the file.
     predictors : ndarray, shape (n, n_predictors)
-        Likewise.
+        Texts, too.
     """
 
     name: str
@@ -149,7 +149,7 @@ def misra1d(b: Any, x: Any) -> Any:
 
 
 def nelson(b: Any, x: Any) -> Any:
-    """Degradation with time and temperature; of the logarithm of the response."""
+    """Degradation with time and temperature; a model of the logarithm of the response."""
     return b[0] - b[1] * x[0] * np.exp(-b[2] * x[1])
 
 
@@ -193,4 +193,4 @@ MODELS: Mapping[str, Model] = {
 """The twenty data sets and their models."""
 
 RESPONSES: Mapping[str, Callable[[Array], Array]] = {"Nelson": np.log}
-"""What is fitted, where it is not the response itself."""
+"""Function of the response that is fitted, if it is not the response itself."""

@@ -1,4 +1,4 @@
-"""The least-squares core alone, on certified regressions."""
+"""The least-squares core alone, tested on certified regressions."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.normal_equations import Equations
 
 State = NDArray[Any]
-"""Parameters, of floats or of decimal numbers."""
+"""Parameters, as floats or as decimal numbers."""
 
 EXACT = ("Lanczos1",)
-"""Its residuals, 1e-13 of a response with 14 digits, are what the rounding to double precision
-is: its parameters and residuals are decimal numbers of 30 digits."""
+"""Its residuals, 1e-13 of a response with 14 digits, are as small as the rounding errors of
+double precision. Therefore its parameters and residuals are decimal numbers of 30 digits."""
 
 STEP = 1e-30
-"""Imaginary step of the derivatives; nothing cancels, so that it can be this small."""
+"""Imaginary step of the derivatives; it can be so small because no digits cancel."""
 
 DIGITS = 8
-"""What must agree; the certified values have eleven."""
+"""Number of digits that must agree; the certified values have eleven."""
 
 CONVERGED = "converged"
 
@@ -44,9 +44,9 @@ class Regression:
     ----------
     dataset : Dataset
     number : callable
-        Makes a number of a text: ``float`` or ``Decimal``.
+        It converts a text to a number: ``float`` or ``Decimal``.
     n_points : int
-        None.
+        Zero.
     """
 
     dataset: Dataset
@@ -60,7 +60,7 @@ class Regression:
 
     @property
     def free_points(self) -> Mask:
-        """No points, no free ones."""
+        """Empty, as there are no points."""
         return np.zeros(0, dtype=bool)
 
     def column_names(self) -> list[str]:
@@ -68,7 +68,7 @@ class Regression:
         return [f"b{k + 1}" for k in range(self.n_columns)]
 
     def start(self, row: int) -> State:
-        """Return the file's first (0) or second (1) start."""
+        """Return the first (0) or second (1) approximate values of the file."""
         return self._numbers(self.dataset.starts[row])
 
     def moved(self, state: State, dx: Array, dp: Array) -> State:  # noqa: ARG002 (no points)
@@ -76,17 +76,17 @@ class Regression:
         return np.asarray(state + self._numbers(dx))
 
     def residuals(self, state: State) -> Sequence[tuple[Array, Array]]:
-        """Return curve less response; all weigh the same."""
+        """Return curve minus response; all have the same weight."""
         v = self._v(state)
         return [(v, np.ones_like(v))]
 
     def equations(self, state: State) -> Sequence[Equations]:
-        """Linearise at parameters, by complex steps."""
+        """Return the equations linearised at parameters, by complex steps."""
         b, x = state.astype(float), self.dataset.predictors.astype(float).T
         columns: Index = np.arange(len(b))
         shifted = b + 1j * STEP * np.eye(len(b))
         model = files.MODELS[self.dataset.name]
-        with np.errstate(all="ignore"):  # far-off parameters may overflow; their cost is infinite
+        with np.errstate(all="ignore"):  # bad parameters may overflow; their cost is infinite
             A = np.stack([model(row, x).imag / STEP for row in shifted], axis=-1)
         v = self._v(state)
         return [
@@ -101,7 +101,7 @@ class Regression:
         ]
 
     def _numbers(self, values: NDArray[Any]) -> State:
-        # str of a float has all its digits, and adds none
+        # str of a float has exactly its significant digits
         flat = [self.number(str(value)) for value in values.ravel()]
         return np.array(flat).reshape(values.shape)
 
@@ -115,14 +115,14 @@ class Regression:
 
 
 def results() -> pd.DataFrame:
-    """Return all certified values beside ours, from both starts.
+    """Return all certified values and ours, from both starts.
 
     Returns
     -------
     DataFrame
         dataset, level, start, iterations, quantity (parameters, their sigma, the residual
-        standard deviation), printed, ours, digits that agree (11 at most), and outcome: converged,
-        or why there is no result.
+        standard deviation), printed, ours, digits that agree (at most 11), and outcome: converged,
+        or the reason why there is no result.
     """
     tables = [
         _compared(files.read(reference.path(f"nist-strd/{name}.dat")), start)
@@ -174,7 +174,7 @@ def _values(state: State, solution: Solution) -> Array:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the digits that agree, at least, of every data set from both starts.
+    """Return for every data set the smallest number of digits that agree, from both starts.
 
     Parameters
     ----------
@@ -184,8 +184,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        data set, level, and for each start the iterations, the smallest number of digits that
-        agree, or the outcome where there is no result.
+        data set, level, and for each start the iterations and the smallest number of digits that
+        agree, or the outcome if there is no result.
     """
     rows = []
     for (dataset, level), own in table.groupby(["dataset", "level"], sort=False):

@@ -1,8 +1,8 @@
 """OSSIM's keyword lists: frames of the sensor model ``ossimApplanixUtmModel``.
 
-OSSIM counts pixels from the reference point of the image, takes the pixel (0, 0) as a corner of
-it, and multiplies measured points by 1 - (k0 + k1 r^2 + k2 r^4 + k3 r^6). It keeps the boresight
-beside omega, phi, kappa without applying it: these are the camera's own.
+OSSIM counts pixels from the reference point of the image; the pixel (0, 0) is a corner of the
+image. It multiplies measured points by 1 - (k0 + k1 r^2 + k2 r^4 + k3 r^6). It stores the boresight
+with omega, phi, kappa but does not apply it: these angles are those of the camera.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class Frame:
     crs : str
         UTM on WGS 84.
     enh : ndarray, shape (3,)
-        Of the perspective centre: easting, northing, ellipsoidal height, m.
+        Perspective centre: easting, northing, ellipsoidal height, m.
     opk : ndarray, shape (3,)
-        Of the camera against the grid, radians.
+        Attitude of the camera relative to the grid, radians.
     colrow : ndarray, shape (5, 2)
         The corners in the order of `CORNERS`, then the reference point.
     lonlat : ndarray, shape (5, 2)
-        Where OSSIM finds them on the ground, degrees.
+        OSSIM's positions of these points on the ground, degrees.
     ground_m : float
         Ellipsoidal height of the ground.
     """
@@ -86,7 +86,7 @@ def read(path: Path) -> Frame:
 
 
 def _camera(words: dict[str, str], *, size_px: tuple[int, int], centre: Array) -> Camera:
-    """Return the camera; a change of scale k0 goes into f and the other coefficients."""
+    """Return the camera; the scale factor k0 is included in f and the other coefficients."""
     pixel_mm = float(words["pixel_size"].split()[0])
     k0, k1, k2, k3 = (float(words[f"distortion.k{power}"]) for power in range(4))
     principal = np.array([float(word) for word in words["principal_point"].split()])

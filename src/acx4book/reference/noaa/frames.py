@@ -1,4 +1,4 @@
-"""Applanix orientations of NOAA's frames to the ground corners that another program found."""
+"""Ground corners from Applanix orientations of NOAA's frames, compared with another program."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FRAMES = ("C19748959", "C25959144")
 
 
 def results() -> pd.DataFrame:
-    """Return the ground corners and the reference point of all frames beside OSSIM's.
+    """Return the ground corners and the reference points of all frames, and OSSIM's.
 
     Returns
     -------
     DataFrame
-        frame, point, lon_deg, lat_deg (OSSIM's), d_east_m, d_north_m (ours less these),
+        frame, point, lon_deg, lat_deg (OSSIM's), d_east_m, d_north_m (ours minus OSSIM's),
         distance_m, ground_pixel_m.
     """
     frames = [files.read(data.path(f"noaa-dss-dg/{name}.geom")) for name in FRAMES]
@@ -46,7 +46,7 @@ def _compared(frame: Frame) -> pd.DataFrame:
 
 
 def differences(frame: Frame) -> tuple[Array, float]:
-    """Return our ground points less OSSIM's, and the size of a pixel on the ground.
+    """Return our ground points minus OSSIM's, and the size of a pixel on the ground.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def differences(frame: Frame) -> tuple[Array, float]:
 
 
 def on_ground(mapping: MappingFrame, T_m_c: Pose, directions: Array, height_m: float) -> Array:
-    """Return where rays meet the surface of one ellipsoidal height.
+    """Return the intersections of rays with the surface of one ellipsoidal height.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def on_ground(mapping: MappingFrame, T_m_c: Pose, directions: Array, height_m: f
     T_m_c : Pose
         One per ray, above the surface.
     directions : ndarray, shape (n, 3)
-        Downwards, mapping axes.
+        Directions downwards, mapping axes.
     height_m : float
 
     Returns
@@ -85,7 +85,7 @@ def on_ground(mapping: MappingFrame, T_m_c: Pose, directions: Array, height_m: f
         Mapping frame, m.
     """
     x_m = T_m_c.r
-    for _ in range(5):  # the first step leaves the Earth's curvature, d^2 / 2R, the next its slope
+    for _ in range(5):  # the steps correct the Earth's curvature, d^2 / 2R, then its slope
         above_m = mapping.to_geographic(x_m)[:, 2] - height_m
         x_m = x_m - (above_m / directions[:, 2])[:, None] * directions
     return x_m

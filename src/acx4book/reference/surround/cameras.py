@@ -1,4 +1,4 @@
-"""Four fisheye cameras over flat ground: pixels of the ground, of the images, and places."""
+"""Four fisheye cameras over flat ground: pixels of the ground and the images, and positions."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from acx4lib.expected import Array
 
 FRAME_PX = (1200, 1600)
-"""Width and height of the frame, which is the ground: a pixel is 1 cm, the car's front is up."""
+"""Width and height of the frame, an image of the ground: a pixel is 1 cm, the car's front up."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FisheyeCamera:
-    """One camera of the rig and its place over the ground.
+    """One camera of the rig and its position over the ground.
 
     Attributes
     ----------
     name : str
     width_px, height_px : int
-        Of the image, and of the undistorted one.
+        Size of the image, and of the undistorted image.
     K : ndarray, shape (3, 3)
         Camera matrix, px.
     theta_coefficients : ndarray, shape (4,)
-        Of theta^2, theta^4, theta^6, theta^8 in OpenCV's fisheye model.
+        Coefficients of theta^2, theta^4, theta^6, theta^8 in OpenCV's fisheye model.
     K_undistorted : ndarray, shape (3, 3)
         Camera matrix of the undistorted image, px.
     H_s_u : ndarray, shape (3, 3)
-        Homography that takes pixels of the undistorted image to pixels of the frame.
+        Homography from pixels of the undistorted image to pixels of the frame.
     """
 
     name: str
@@ -45,7 +45,7 @@ class FisheyeCamera:
 
 
 def undistorted_from_frame(camera: FisheyeCamera, colrow: Array) -> Array:
-    """Return where the undistorted image of a camera shows places of the ground.
+    """Return the positions of ground points in the undistorted image of a camera.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ def undistorted_from_frame(camera: FisheyeCamera, colrow: Array) -> Array:
 
 
 def fisheye_from_undistorted(camera: FisheyeCamera, colrow: Array) -> Array:
-    """Return where the camera itself shows pixels of its undistorted image, shape (n, 2).
+    """Return the positions of pixels of the undistorted image in the original image, (n, 2).
 
     Notes
     -----
-    OpenCV's fisheye model: a ray at the angle theta from the axis is seen at the distance
+    OpenCV's fisheye model: a ray at the angle theta from the axis has the image distance
     theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), in focal lengths.
     """
     K, K_u = camera.K, camera.K_undistorted
@@ -83,16 +83,16 @@ def fisheye_from_undistorted(camera: FisheyeCamera, colrow: Array) -> Array:
 
 
 def frame_from_undistorted(camera: FisheyeCamera, colrow: Array) -> Array:
-    """Return the places of the ground that pixels of the undistorted image show, shape (n, 2)."""
+    """Return the ground points of pixels of the undistorted image, frame pixels, shape (n, 2)."""
     h = np.column_stack([colrow, np.ones(len(colrow))]) @ camera.H_s_u.T
     return h[:, :2] / h[:, 2:]
 
 
 def image_from_frame(camera: FisheyeCamera, colrow: Array) -> Array:
-    """Return where a camera shows places of the ground.
+    """Return the positions of ground points in the image of a camera.
 
-    Valid inside the undistorted image, which is what the camera was calibrated for: beyond, the
-    polynomial of the lens goes astray.
+    Valid inside the undistorted image, for which the camera was calibrated. Outside, the
+    polynomial of the lens is wrong.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def image_from_frame(camera: FisheyeCamera, colrow: Array) -> Array:
     Returns
     -------
     ndarray, shape (n, 2)
-        Pixels of the image as it was taken; NaN where the camera is not valid.
+        Pixels of the original image; NaN where the camera is not valid.
     """
     undistorted = undistorted_from_frame(camera, colrow)
     seen = border_px(camera, undistorted) >= 0
@@ -111,30 +111,30 @@ def image_from_frame(camera: FisheyeCamera, colrow: Array) -> Array:
 
 
 def border_px(camera: FisheyeCamera, undistorted: Array) -> Array:
-    """Return how far pixels of the undistorted image are from its border, shape (n,), px.
+    """Return the distances of pixels of the undistorted image from its border, shape (n,), px.
 
-    Negative outside; NaN for a NaN.
+    Negative outside; NaN for NaN.
     """
     far = np.array([camera.width_px - 1, camera.height_px - 1])
     return np.minimum(undistorted, far - undistorted).min(axis=1)
 
 
-# --- places ----------------------------------------------------------------------------------
+# --- positions -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Place:
-    """Where a camera stands, as its homography says.
+    """The position of a camera, from its homography.
 
     Attributes
     ----------
     centre_cm : ndarray, shape (3,)
         Column and row in the frame, and height above the ground.
     ratio : float
-        Of the scales along the frame's two axes. A homography of a camera has 1, one that was
-        drawn through measured points has not.
+        Ratio of the scales along the frame's two axes. It is 1 for the homography of a camera, but
+        not for one fitted to measured points.
     angle : float
-        Between these axes, radians; a camera's has a right one.
+        Angle between these axes, radians; a right angle for a camera.
     """
 
     centre_cm: Array
@@ -143,12 +143,12 @@ class Place:
 
 
 def place(camera: FisheyeCamera) -> Place:
-    """Return where a camera stands.
+    """Return the position of a camera.
 
     Notes
     -----
-    The inverse homography, in the axes of the undistorted camera, is [r1 r2 t] up to a factor,
-    with the frame's two axes r1, r2 and its origin t.
+    Up to a factor, the inverse homography is [r1 r2 t] in the axes of the undistorted camera, with
+    the frame's two axes r1, r2 and its origin t.
     """
     r1, r2, t = (np.linalg.inv(camera.K_undistorted) @ np.linalg.inv(camera.H_s_u)).T
     lengths = np.linalg.norm([r1, r2], axis=1)
@@ -163,16 +163,16 @@ def place(camera: FisheyeCamera) -> Place:
 
 
 def ghost_cm(cameras: Sequence[FisheyeCamera], colrow: Array, *, height_cm: float) -> float:
-    """Return how far apart two cameras show the top of what stands on the ground.
+    """Return the distance, cm, between the top of an object in one camera and in another.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
-        Two.
+        Two cameras.
     colrow : ndarray, shape (2,)
-        Its foot, pixels of the frame.
+        Foot of the object, pixels of the frame.
     height_cm : float
-        Lower than the cameras.
+        Height of the object; it must be lower than the cameras.
     """
     shifts = []
     for camera in cameras:
@@ -182,9 +182,9 @@ def ghost_cm(cameras: Sequence[FisheyeCamera], colrow: Array, *, height_cm: floa
 
 
 def _ground_sign(camera: FisheyeCamera) -> float:
-    """Return the sign that a homography gives to what lies in front of the camera.
+    """Return the sign of a homography's third coordinate for points in front of the camera.
 
-    It is free; the middle of the lower edge looks at the ground.
+    The sign of a homography is arbitrary; the middle of the lower edge is on the ground.
     """
     lower_edge = np.array([camera.width_px / 2, camera.height_px, 1.0])
     return float(np.sign(camera.H_s_u[2] @ lower_edge))

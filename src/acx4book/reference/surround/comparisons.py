@@ -1,4 +1,4 @@
-"""A real rig of four cameras with a published calibration: one image, and how well it fits."""
+"""A real rig of four cameras with a published calibration: one image, and its misfits."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ REFINEMENTS: Mapping[str, Free | None] = {
     "homographies": "homographies",
     BEST: "in place",
 }
-"""What is refined, by its name in tables."""
+"""What a refinement estimates, by its name in tables."""
 
 GHOST_CM = 10.0
-"""Height of what casts the ghosts of the table."""
+"""Height of the objects that appear twice, for the table."""
 
 LABELS = {
     "col_cm": "to the right (cm)",
@@ -85,7 +85,7 @@ FORMATS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surround:
-    """The rig, its photographs, and all that was found from them.
+    """The rig, its photographs, and the results from them.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Surround:
         As published.
     images : tuple of ndarray, shape (rows, cols, 3)
     views : tuple of View
-        The ground as the cameras took it.
+        The ground as seen by the cameras.
     fit : ResponseFit
         Gains of the cameras.
     corners : tuple of Corners
@@ -109,12 +109,12 @@ class Surround:
     refinements: Mapping[str, tuple[FisheyeCamera, ...]]
 
     def equalised(self, refinement: str) -> tuple[View, ...]:
-        """Return the views of refined cameras, equally bright.
+        """Return the views of refined cameras with equal brightness.
 
-        None is made darker: a saturated grey value can only stay what it is.
+        No view is made darker, because saturated grey values must remain saturated.
         """
         gains = self.fit.response.coefficients
-        gains = gains - [gains.max(), 0, 0]  # the level is free; one for all bands keeps the colour
+        gains = gains - [gains.max(), 0, 0]  # a free level, the same in all bands for the colours
         cameras = self.refinements[refinement]
         return tuple(
             view(camera, image, coefficients=own)
@@ -128,7 +128,7 @@ def load() -> tuple[tuple[FisheyeCamera, ...], tuple[Raster, ...]]:
     Raises
     ------
     ReferenceDataError
-        Where a file is missing, or is not the one that was indexed.
+        Where a file is missing, or is not the indexed one.
     """
     cameras = tuple(
         files.read(data.path(f"{FILES}/{name}.yaml"), quarter_turns=turns)
@@ -139,13 +139,13 @@ def load() -> tuple[tuple[FisheyeCamera, ...], tuple[Raster, ...]]:
 
 
 def solved() -> Surround:
-    """Return the rig with all that is found from its photographs."""
+    """Return the rig with all results from its photographs."""
     return _solved(data.folder())
 
 
 @cache
 def _solved(_folder: Path) -> Surround:
-    """Do the work, once for every folder of reference data."""
+    """Compute the results, once for every folder of reference data."""
     cameras, images = load()
     views = tuple(view(c, image) for c, image in zip(cameras, images, strict=True))
     corners = tuple(find_corners(cameras, views))
@@ -167,13 +167,13 @@ def _solved(_folder: Path) -> Surround:
 
 
 def places() -> pd.DataFrame:
-    """Return where the published homographies place the cameras.
+    """Return the positions of the cameras from the published homographies.
 
     Returns
     -------
     DataFrame
         camera, col_cm, row_cm (in the frame), height_cm; ratio and angle_deg of the frame's axes
-        as the camera has them, which are 1 and 90 where a homography is that of a camera.
+        in the camera, which are 1 and 90 for the homography of a camera.
     """
     rows = []
     for camera in load()[0]:
@@ -198,15 +198,15 @@ def around(views: Sequence[View]) -> list[tuple[int, int]]:
 
 
 def overlaps() -> pd.DataFrame:
-    """Return how far neighbouring cameras agree, overlap by overlap.
+    """Return the differences between neighbouring cameras, overlap by overlap.
 
     Returns
     -------
     DataFrame
-        overlap, area_m2; before_percent, after_percent, floor_percent: robust rms ratio of grey
-        values as taken, equalised, and from one cell to the next, mean over the bands; corners:
-        their number; misfit_cm, largest_cm on the ground and image_misfit_px in the images;
-        ghost_cm of what stands in the middle of them.
+        overlap, area_m2; before_percent, after_percent, floor_percent: robust RMS ratio of grey
+        values before and after equalisation and from one cell to the next, mean over the bands;
+        corners: their number; misfit_cm, largest_cm on the ground and image_misfit_px in the
+        images; ghost_cm of an object in the middle of the corners.
     """
     found = solved()
     grey = {(o.head_a, o.head_b): o for o in found.fit.overlaps}
@@ -234,14 +234,14 @@ def overlaps() -> pd.DataFrame:
 
 
 def refinements() -> pd.DataFrame:
-    """Return what refinements make of the misfits, and of the frame.
+    """Return the effects of refinements on the misfits and on the frame.
 
     Returns
     -------
     DataFrame
         refinement; misfit_cm of all corners, image_misfit_px in the images, left_out_cm of corners
-        that the refinement did not know; moved_cm, moved_most_cm: how far it moved what the
-        cameras show of the target.
+        that the refinement did not use; moved_cm, moved_most_cm: movement of the target in the
+        frame.
     """
     found = solved()
     rows = []

@@ -1,4 +1,4 @@
-"""Corners of the printed target in neighbouring cameras, and how far apart these show them."""
+"""Corners of the printed target in neighbouring cameras, and their misfits."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from acx4book.reference.surround.views import View
 from acx4lib.expected import Array, Mask, Raster
 
 HALF_PX, SEARCH_PX = 15, 25
-"""Half of the side of what is compared around a corner, and how far off it is looked for."""
+"""Half of the side of the window around a corner, and largest distance of the search."""
 
 BLUR_PX, FAINT = 4.0, 0.3
-"""Smoothing before saddle points are looked for, and the least curvature over the largest."""
+"""Smoothing before the search for saddle points; smallest curvature relative to the largest."""
 
 ALIKE = 0.75
-"""Least correlation of a corner's surroundings."""
+"""Smallest correlation of the windows around a corner."""
 
 SAME_PX = 2.0
-"""From there and back again a corner is found within this distance, or it is another one."""
+"""Largest distance of a corner from itself after a search in the other view and back."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """Corners of the printed target that two cameras show.
+    """Corners of the printed target in two cameras.
 
     Attributes
     ----------
@@ -51,13 +51,13 @@ class Corners:
 def find_corners(cameras: Sequence[FisheyeCamera], views: Sequence[View]) -> list[Corners]:
     """Return the corners of all overlaps.
 
-    Four squares meet in a saddle point of the grey values, which no blur moves. Those of one view
-    are looked for in the other by correlation, and back.
+    Four squares meet in a saddle point of the grey values, which blur does not move. The saddle
+    points of one view are searched in the other by correlation, and back.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
-        By which the views were made.
+        The cameras of the views.
     views : sequence of View
     """
     grey = [np.asarray(cv2.cvtColor(v.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8) for v in views]
@@ -81,14 +81,14 @@ def find_corners(cameras: Sequence[FisheyeCamera], views: Sequence[View]) -> lis
 
 
 def _inner(seen: Mask) -> Mask:
-    """Return where a view has all that is compared around a corner."""
+    """Return where a view has the whole window around a corner."""
     side = 2 * HALF_PX + 3
     kernel = np.ones((side, side), dtype=np.uint8)
     return cv2.erode(seen.astype(np.uint8), kernel, borderValue=0).astype(bool)
 
 
 def _strongest_saddles(grey: Raster, where: Mask) -> Array:
-    """Return pixels where the grey values curve up one way and down the other, shape (n, 2)."""
+    """Return the strongest saddle points of the grey values, whole pixels, shape (n, 2)."""
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), BLUR_PX)
     xx, yy, xy = (np.asarray(cv2.Sobel(smooth, -1, *order)) for order in ((2, 0), (0, 2), (1, 1)))
     strength = np.where(where, xy**2 - xx * yy, 0)
@@ -98,7 +98,7 @@ def _strongest_saddles(grey: Raster, where: Mask) -> Array:
 
 
 def _saddles(grey: Raster, colrow: Array) -> Array:
-    """Return the saddle points next to given pixels, to parts of a pixel."""
+    """Return the saddle points next to given pixels, to fractions of a pixel."""
     if len(colrow) == 0:
         return colrow
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
@@ -107,7 +107,7 @@ def _saddles(grey: Raster, colrow: Array) -> Array:
 
 
 def _followed(grey_a: Raster, grey_b: Raster, colrow: Array) -> tuple[Array, Mask]:
-    """Return where points of one view are in another, and whether they are there."""
+    """Return the positions of one view's points in another, and whether they were found."""
     start, found = np.rint(colrow).astype(int), np.zeros(len(colrow), dtype=bool)
     place = start.copy()
     height, width = grey_a.shape
@@ -133,7 +133,7 @@ def _square(grey: Raster, col: int, row: int, half: int) -> Raster:
 
 
 def corner_misfits(cameras: Sequence[FisheyeCamera], corners: Corners) -> tuple[Array, Array]:
-    """Return how far two cameras show the same corners apart.
+    """Return the distances on the ground between the same corners in two cameras.
 
     Parameters
     ----------
@@ -143,9 +143,9 @@ def corner_misfits(cameras: Sequence[FisheyeCamera], corners: Corners) -> tuple[
     Returns
     -------
     colrow : ndarray, shape (n, 2)
-        Between the two places, pixels of the frame.
+        Midpoint of the two positions, pixels of the frame.
     d : ndarray, shape (n, 2)
-        The second camera's less the first one's, pixels of the frame.
+        Second camera's position minus the first one's, pixels of the frame.
     """
     a = frame_from_undistorted(cameras[corners.camera_a], corners.colrow_a)
     b = frame_from_undistorted(cameras[corners.camera_b], corners.colrow_b)
@@ -153,12 +153,12 @@ def corner_misfits(cameras: Sequence[FisheyeCamera], corners: Corners) -> tuple[
 
 
 def image_misfits(cameras: Sequence[FisheyeCamera], corners: Corners) -> Array:
-    """Return the same in the images as they were taken, px: in the first, then in the second.
+    """Return these misfits in the original images, px: in the first, then in the second.
 
     Returns
     -------
     ndarray, shape (2 n, 2)
-        Where one camera says that the other should see a corner, less where that one does.
+        Position of a corner predicted from the other camera, minus its measured position.
     """
     a, b = cameras[corners.camera_a], cameras[corners.camera_b]
     out = []

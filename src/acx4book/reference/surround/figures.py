@@ -23,37 +23,27 @@ from acx4book.reference.surround.cameras import (
 from acx4book.reference.surround.corners import Corners, corner_misfits, rms
 from acx4book.reference.surround.target_fit import TARGET_PX
 from acx4book.reference.surround.views import View, blended
-from acx4book.typesetting.style import (
-    INK,
-    ORANGE,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    legend_below,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.expected import Array, Raster
 
 FEATHER_PX = 60.0
-"""Width over which views go over into each other, cm on the ground."""
+"""Width of the transition between views, cm on the ground."""
 
 NOTHING = (224, 232, 240)
-"""Grey value of what no camera shows."""
+"""Colour of ground that no camera shows."""
 
 SHOWN_PX = 484
 """Width of a picture that fills half of a figure, in the figure's pixels."""
 
 LEVEL = 8
-"""Step of the grey values that are shown: smaller ones are not seen, and weigh more."""
+"""Step of the displayed grey values: smaller steps are not visible and need larger files."""
 
 CROP_PX = 150
 """Side of an enlarged piece of ground, cm."""
 
 
 def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Raster]) -> Figure:
-    """Draw the images as they were taken, and what of them shows the ground of the frame.
+    """Draw the original images, and the parts that show the ground of the frame.
 
     Parameters
     ----------
@@ -63,23 +53,23 @@ def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Rast
     Returns
     -------
     Figure
-        Outlined: the part that was calibrated. Cross: the principal point.
+        Outline: the calibrated part. Cross: the principal point.
     """
-    with style():
-        fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 4.95))
+    with style.applied():
+        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 4.95))
         for k, (ax, camera, image) in enumerate(zip(axes.flat, cameras, images, strict=True)):
             ax.imshow(_smaller(image, SHOWN_PX), extent=_extent(image), interpolation="nearest")
-            ax.plot(*_calibrated(camera).T, color=ORANGE, lw=1.3)
-            ax.plot(*camera.K[:2, 2], "+", color=ORANGE, ms=7, mew=1.2)
+            ax.plot(*_calibrated(camera).T, color=style.ORANGE, lw=1.3)
+            ax.plot(*camera.K[:2, 2], "+", color=style.ORANGE, ms=7, mew=1.2)
             ax.set(xlim=(-0.5, camera.width_px - 0.5), ylim=(camera.height_px - 0.5, -0.5))
             ax.set(xticks=[], yticks=[])
-            ax.set_title(camera.name, color=colour(k))
-            bare(ax)
+            ax.set_title(camera.name, color=style.colour(k))
+            style.bare(ax)
     return fig
 
 
 def _calibrated(camera: FisheyeCamera) -> Array:
-    """Return the border of the undistorted image, as it lies in the image, shape (n, 2)."""
+    """Return the border of the undistorted image in the original image, px, shape (n, 2)."""
     right, bottom = camera.width_px - 1, camera.height_px - 1
     corners = np.array([[0, 0], [right, 0], [right, bottom], [0, bottom], [0, 0]], dtype=float)
     steps = np.linspace(0, 1, 100)[:, None]
@@ -90,14 +80,14 @@ def _calibrated(camera: FisheyeCamera) -> Array:
 def surround_ground(
     cameras: Sequence[FisheyeCamera], taken: Sequence[View], equalised: Sequence[View]
 ) -> Figure:
-    """Draw the ground around the car: the views as taken side by side, and made one image.
+    """Draw the ground around the car: the original views side by side, and one image.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
-        For their places.
+        Cameras whose positions are drawn.
     taken, equalised : sequence of View
-        The first with hard seams, the second feathered.
+        The first are drawn with hard seams, the second blended.
 
     Returns
     -------
@@ -112,21 +102,21 @@ def surround_ground(
             FEATHER_PX,
         ),
     )
-    with style():
-        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.0))
+    with style.applied():
+        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 5.0))
         for ax, (title, subtitle, views, feather_px) in zip(axes, panels, strict=True):
             _draw_ground(ax, views, feather_px)
-            heading(ax, title, subtitle)
+            style.heading(ax, title, subtitle)
             for k, camera in enumerate(cameras):
                 col, row, _ = place(camera).centre_cm
-                ax.plot(col, row, "o", color=colour(k), mec="white", mew=0.8, ms=6, zorder=5)
+                ax.plot(col, row, "o", color=style.colour(k), mec="white", mew=0.8, ms=6, zorder=5)
         _draw_bar(axes[0])
         handles: list[Any] = [
-            Line2D([], [], marker="o", ls="", color=colour(k), label=f"{camera.name} camera")
+            Line2D([], [], marker="o", ls="", color=style.colour(k), label=f"{camera.name} camera")
             for k, camera in enumerate(cameras)
         ]
         handles.append(Patch(fc=np.array(NOTHING) / 255, label="no camera sees it (the car)"))
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -134,13 +124,13 @@ def _draw_ground(ax: Axes, views: Sequence[View], feather_px: float) -> None:
     image = _without_holes(blended(views, feather_px=feather_px), views)
     ax.imshow(_smaller(image, SHOWN_PX), extent=_extent(image), interpolation="nearest")
     ax.set(xlim=(-0.5, FRAME_PX[0] - 0.5), ylim=(FRAME_PX[1] - 0.5, -0.5), xticks=[], yticks=[])
-    bare(ax)
+    style.bare(ax)
 
 
 def _draw_bar(ax: Axes) -> None:
-    """Draw a metre under the car, where there is no picture."""
+    """Draw a bar of one metre under the car, where there is no picture."""
     middle, row = FRAME_PX[0] / 2, 770
-    ax.plot([middle - 50, middle + 50], [row, row], color=INK, lw=2, solid_capstyle="butt")
+    ax.plot([middle - 50, middle + 50], [row, row], color=style.INK, lw=2, solid_capstyle="butt")
     ax.text(middle, row - 12, "1 m", ha="center", va="bottom", fontsize=7.5)
 
 
@@ -150,23 +140,23 @@ def surround_misfits(
     *,
     exaggeration: float = 8.0,
 ) -> Figure:
-    """Draw how far neighbouring cameras show the corners of the target apart.
+    """Draw the distances between the corners of the target in neighbouring cameras.
 
     Parameters
     ----------
     refinements : mapping of str to sequence of FisheyeCamera
-        A panel each.
+        One panel for each.
     corners : sequence of Corners
     exaggeration : float
-        Of the vectors.
+        Exaggeration of the vectors.
 
     Returns
     -------
     Figure
     """
-    with style():
+    with style.applied():
         fig, axes = plt.subplots(
-            1, len(refinements), figsize=(WIDTH, 2.9), sharex=True, sharey=True, squeeze=False
+            1, len(refinements), figsize=(style.WIDTH, 2.9), sharex=True, sharey=True, squeeze=False
         )
         for ax, (name, cameras) in zip(axes.flat, refinements.items(), strict=True):
             _draw_target(ax, cameras)
@@ -174,7 +164,7 @@ def surround_misfits(
             at, d = (np.concatenate(part) for part in zip(*found, strict=True))
             arrows = ax.quiver(
                 *(*at.T, *(exaggeration * d.T)),
-                color=INK,
+                color=style.INK,
                 angles="xy",
                 scale_units="xy",
                 scale=1,
@@ -187,19 +177,21 @@ def surround_misfits(
                 labelsep=0.04,
                 fontproperties={"size": 7},
             )
-            heading(ax, name, f"rms {rms(d):.1f} cm")
+            style.heading(ax, name, f"rms {rms(d):.1f} cm")
     return fig
 
 
 def _draw_target(ax: Axes, cameras: Sequence[FisheyeCamera]) -> None:
     (left, top), (right, bottom) = TARGET_PX
-    ax.add_patch(Rectangle((left, top), right - left, bottom - top, fc="none", ec=SOFT, lw=0.8))
+    ax.add_patch(
+        Rectangle((left, top), right - left, bottom - top, fc="none", ec=style.SOFT, lw=0.8)
+    )
     for k, camera in enumerate(cameras):
         col, row, _ = place(camera).centre_cm
-        ax.plot(col, row, "o", color=colour(k), ms=5, zorder=5)
+        ax.plot(col, row, "o", color=style.colour(k), ms=5, zorder=5)
     ax.set(xlim=(left - 60, right + 60), ylim=(bottom + 60, top - 60), aspect="equal")
     ax.set(xticks=[], yticks=[])
-    bare(ax)
+    style.bare(ax)
 
 
 def surround_enlarged(
@@ -207,25 +199,27 @@ def surround_enlarged(
     corners: Sequence[Corners],
     stages: Mapping[str, Sequence[View]],
 ) -> Figure:
-    """Draw a piece of every overlap, as either camera shows it and as both together do.
+    """Draw a part of every overlap, from each camera alone and from both together.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
     corners : sequence of Corners
-        One of an overlap; the piece is drawn around their middle.
+        One per overlap; the part is drawn around their middle.
     stages : mapping of str to sequence of View
-        Name of a column to the views that are blended in it. The first are also shown one by one.
+        Views that are blended in a column, by its name. The first are also shown one by one.
 
     Returns
     -------
     Figure
     """
     alone = next(iter(stages.values()))
-    with style():
+    with style.applied():
         n_columns = 2 + len(stages)
         fig, axes = plt.subplots(
-            len(corners), n_columns, figsize=(WIDTH, WIDTH * len(corners) / n_columns + 0.3)
+            len(corners),
+            n_columns,
+            figsize=(style.WIDTH, style.WIDTH * len(corners) / n_columns + 0.3),
         )
         mixed = [blended(views, feather_px=FEATHER_PX) for views in stages.values()]
         for row, c in zip(axes, corners, strict=True):
@@ -235,9 +229,9 @@ def surround_enlarged(
             for ax, picture in zip(row, pictures, strict=True):
                 ax.imshow(_smaller(_square(picture, middle), 200), interpolation="nearest")
                 ax.set(xticks=[], yticks=[])
-                bare(ax)
+                style.bare(ax)
             for ax, k in zip(row, (c.camera_a, c.camera_b), strict=False):
-                ax.set_title(f"{cameras[k].name} camera", color=colour(k))
+                ax.set_title(f"{cameras[k].name} camera", color=style.colour(k))
             for ax, name in zip(row[2:], stages, strict=True):
                 ax.set_title(name)
     return fig
@@ -247,7 +241,7 @@ def surround_enlarged(
 
 
 def _without_holes(image: Raster, views: Sequence[View]) -> Raster:
-    """Return an image of the ground with a light grey where no camera shows any."""
+    """Return an image of the ground with a light grey where no camera sees it."""
     seen = np.any([v.seen for v in views], axis=0)
     return np.where(seen[:, :, None], image, np.array(NOTHING, dtype=np.uint8))
 
@@ -259,7 +253,7 @@ def _smaller(image: Raster, width: int) -> Raster:
 
 
 def _extent(image: Raster) -> tuple[float, float, float, float]:
-    """Return where an image lies in its pixels: left, right, bottom, top."""
+    """Return the outer edges of an image in pixels: left, right, bottom, top."""
     return -0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5
 
 

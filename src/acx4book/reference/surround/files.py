@@ -1,10 +1,11 @@
-"""Calibrations of a surround-view rig: fisheye cameras fixed to a car, as OpenCV writes them.
+"""Calibrations of a surround-view rig: fisheye cameras fixed to a car, in OpenCV's format.
 
-A file holds the camera matrix, the four coefficients of OpenCV's fisheye model, a scale and a shift
-of the undistorted image, and the homography from there to the camera's view of the ground. The
-undistorted image is a pinhole's whose focal lengths are those of the camera matrix times the scale,
-its principal point that of the camera matrix plus the shift. Each camera's view has its own
-direction up; turned by quarter turns, the four are one frame of 1200 x 1600 px, the car's front up.
+A file has the camera matrix, the four coefficients of OpenCV's fisheye model, a scale and a shift
+of the undistorted image, and the homography from this image to the camera's view of the ground. The
+undistorted image is that of a pinhole camera: its focal lengths are those of the camera matrix
+times the scale, its principal point is that of the camera matrix plus the shift. Each camera's view
+has its own direction up. After quarter turns, the four views lie in one frame of 1200 x 1600 px,
+with the car's front up.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from acx4book.reference.surround.cameras import FRAME_PX, FisheyeCamera
 from acx4lib.expected import Array, Raster
 
 QUARTER_TURNS = {"front": 0, "left": 1, "back": 2, "right": 3}
-"""How often a camera's view is turned, anticlockwise, to lie in the frame."""
+"""Number of anticlockwise quarter turns of a camera's view to the frame."""
 
 
 def read(path: Path, *, quarter_turns: int) -> FisheyeCamera:
@@ -27,9 +28,9 @@ def read(path: Path, *, quarter_turns: int) -> FisheyeCamera:
     Parameters
     ----------
     path : Path
-        Of the yaml file; the camera is called as the file is.
+        Path of the yaml file; the camera has the name of the file.
     quarter_turns : int
-        Of the camera's view into the frame, anticlockwise; see `QUARTER_TURNS`.
+        Anticlockwise quarter turns of the camera's view to the frame; see `QUARTER_TURNS`.
 
     Returns
     -------
@@ -57,12 +58,12 @@ def read(path: Path, *, quarter_turns: int) -> FisheyeCamera:
 
 
 def quarter_turn(n: int) -> Array:
-    """Return the 3 x 3 matrix that takes pixels of a view, turned n times, to the frame's.
+    """Return the 3 x 3 matrix from pixels of a view to the frame, for n quarter turns.
 
     Parameters
     ----------
     n : int
-        Anticlockwise; the pixel (0, 0) of the view becomes a corner of the frame.
+        Anticlockwise quarter turns; the pixel (0, 0) of the view becomes a corner of the frame.
     """
     right, bottom = FRAME_PX[0] - 1, FRAME_PX[1] - 1
     col, row = (
@@ -91,7 +92,7 @@ def read_image(path: Path) -> Raster:
 
 def _matrix(path: Path, name: str) -> Array:
     """Return one of the matrices in a file."""
-    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)  # its nodes live as long as it does
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)  # kept, as its nodes need it
     found = storage.getNode(name).mat()
     if found is None:
         msg = f"{path} has no matrix {name!r}"

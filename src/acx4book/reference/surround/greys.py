@@ -17,17 +17,17 @@ CELL_PX = 8
 """Side of the cells of ground whose mean grey values are compared."""
 
 EVEN = 0.1
-"""Scatter of the grey values in a cell, over their mean, up to which misfits do not matter."""
+"""Ratio of scatter and mean of the grey values in a cell up to which misfits do not matter."""
 
 
 def overlapping(views: Sequence[View]) -> list[tuple[int, int]]:
-    """Return the pairs of views that have ground in common."""
+    """Return the pairs of views that show common ground."""
     pairs = combinations(range(len(views)), 2)
     return [(a, b) for a, b in pairs if (views[a].seen & views[b].seen).any()]
 
 
 def grey_correlation(a: View, b: View) -> float:
-    """Return the correlation of the grey values of two views, NaN where they share no ground."""
+    """Return the correlation of the grey values of two views; NaN without common ground."""
     both = a.seen & b.seen
     if not both.any():
         return float("nan")
@@ -40,14 +40,14 @@ def grey_samples(views: Sequence[View]) -> list[Samples]:
     Parameters
     ----------
     views : sequence of View
-        As they were taken.
+        Original views, not equalised.
 
     Returns
     -------
     list of Samples
-        For `response.fit_response`; places are pixels of the frame. They are said to lie in the
-        middle of the images, which leaves gains alone: the overlaps are a belt of the lenses, too
-        narrow to tell how these fall off.
+        For `response.fit_response`; positions are pixels of the frame. All samples are given the
+        position of the image centre, so that only gains are estimated: the overlaps cover only a
+        narrow belt of the lenses, which cannot determine the falloff.
     """
     n_rows, n_cols = (n // CELL_PX for n in views[0].seen.shape)
     middle = np.stack(np.meshgrid(np.arange(n_cols), np.arange(n_rows)), axis=-1) + 0.5
@@ -83,7 +83,7 @@ def _cells(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _even_cells(view: View) -> tuple[Array, Mask]:
-    """Return mean grey values of cells, and whether the cell is seen and has one grey value."""
+    """Return mean grey values of cells, and whether a cell is seen and has even grey values."""
     pixels = _cells(view.image).astype(float)
     mean = pixels.mean(axis=2)
     scatter = pixels.std(axis=2) / np.maximum(mean, 1)

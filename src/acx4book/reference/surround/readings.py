@@ -1,4 +1,4 @@
-"""Ways to read the calibration of the surround-view rig, told apart by its photographs."""
+"""Ways to interpret the calibration of the surround-view rig, tested with its photographs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _unscaled(camera: FisheyeCamera) -> FisheyeCamera:
 
 
 def _scaled_as_a_whole(camera: FisheyeCamera) -> FisheyeCamera:
-    """Return the reading by which the scale goes for the principal point, too."""
+    """Return the reading in which the scale also applies to the principal point."""
     K, K_undistorted = camera.K, camera.K_undistorted.copy()
     scale = np.diag(K_undistorted)[:2] / np.diag(K)[:2]
     K_undistorted[:2, 2] += (scale - 1) * K[:2, 2]
@@ -37,13 +37,13 @@ def _unbent(camera: FisheyeCamera) -> FisheyeCamera:
 
 
 def _exchanged(camera: FisheyeCamera) -> FisheyeCamera:
-    """Return the reading by which the views of left and right lie on the other side."""
+    """Return the reading in which the left and right views are exchanged."""
     half_turn = quarter_turn(2 if camera.name in ("left", "right") else 0)
     return replace(camera, H_s_u=half_turn @ camera.H_s_u)
 
 
 def _mirrored(camera: FisheyeCamera) -> FisheyeCamera:
-    """Return the reading by which the views of left and right are mirrored, back to front."""
+    """Return the reading in which the left and right views are mirrored, back to front."""
     mirror = np.diag([1.0, -1.0, 1.0])
     mirror[1, 2] = FRAME_PX[1] - 1
     side = camera.name in ("left", "right")
@@ -58,11 +58,11 @@ READINGS: Mapping[str, Callable[[FisheyeCamera], FisheyeCamera]] = {
     "left and right exchanged": _exchanged,
     "left and right mirrored": _mirrored,
 }
-"""Ways to read the calibration."""
+"""Ways to interpret the calibration, by name."""
 
 
 def readings() -> pd.DataFrame:
-    """Return how alike neighbouring cameras show the ground under every reading.
+    """Return the correlations of neighbouring cameras' views of the ground for every reading.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the surround-view rig shows, in words with its numbers."""
+"""Results of the surround-view rig in words, with their numbers."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from acx4book.reference.surround.comparisons import AS_PUBLISHED, BEST
 
 
 def grey_values(overlaps: pd.DataFrame) -> str:
-    """Say what the gains make of the differences in grey values.
+    """Return sentences on the differences of grey values before and after equalisation.
 
     Parameters
     ----------
     overlaps : DataFrame
-        As `surround.overlaps` returns it.
+        As `comparisons.overlaps` returns it.
     """
     before, after, floor = (overlaps[f"{n}_percent"] for n in ("before", "after", "floor"))
     return (
@@ -26,12 +26,12 @@ def grey_values(overlaps: pd.DataFrame) -> str:
 
 
 def fit(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
-    """Say what the published calibration reaches, and what refinements do.
+    """Return sentences on the misfits of the published calibration and of refinements.
 
     Parameters
     ----------
     overlaps, refinements : DataFrame
-        As `surround.overlaps` and `surround.refinements` return them.
+        As `comparisons.overlaps` and `comparisons.refinements` return them.
     """
     rows = refinements.set_index("refinement")
     published, best = rows.loc[AS_PUBLISHED], rows.loc[BEST]
@@ -47,12 +47,12 @@ def fit(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
 
 
 def frame(refinements: pd.DataFrame) -> str:
-    """Say what the refinements with the first camera held cost in the frame.
+    """Return sentences on changes of the frame by refinements with the first camera held.
 
     Parameters
     ----------
     refinements : DataFrame
-        As `surround.refinements` returns it.
+        As `comparisons.refinements` returns it.
     """
     rows = refinements.set_index("refinement")
     angles, free = rows.loc["three angles"], rows.loc["homographies"]
@@ -64,12 +64,12 @@ def frame(refinements: pd.DataFrame) -> str:
 
 
 def ghosts(overlaps: pd.DataFrame) -> str:
-    """Say how far apart neighbouring cameras show what stands on the ground.
+    """Return sentences on objects that appear twice in the views of neighbouring cameras.
 
     Parameters
     ----------
     overlaps : DataFrame
-        As `surround.overlaps` returns it.
+        As `comparisons.overlaps` returns it.
     """
     ghost = overlaps["ghost_cm"]
     return (

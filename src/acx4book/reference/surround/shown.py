@@ -1,4 +1,4 @@
-"""Figures of the surround-view rig; where its photographs are missing, they say so."""
+"""Figures of the surround-view rig; if its photographs are missing, a sentence says so."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MISSING = "The photographs are not on this machine: `make reference-data` brings
 
 
 def photographs(*, folder: str = "") -> Figure:
-    """Draw the photographs; `folder` has the reference data, or is empty for where they are."""
+    """Draw the photographs; `folder` has the reference data, the usual folder if empty."""
     with data.at(folder):
         if not data.is_here(FILES):
             return nothing(MISSING)
@@ -26,7 +26,7 @@ def photographs(*, folder: str = "") -> Figure:
 
 
 def ground(*, folder: str = "") -> Figure:
-    """Draw the ground as taken, and as one image of refined cameras."""
+    """Draw the ground in the original views, and as one image of refined cameras."""
     with data.at(folder):
         if not data.is_here(FILES):
             return nothing(MISSING)
@@ -35,7 +35,7 @@ def ground(*, folder: str = "") -> Figure:
 
 
 def enlarged(*, folder: str = "") -> Figure:
-    """Draw a piece of every overlap, as published and refined."""
+    """Draw a part of every overlap, with published and with refined cameras."""
     with data.at(folder):
         if not data.is_here(FILES):
             return nothing(MISSING)
@@ -45,7 +45,7 @@ def enlarged(*, folder: str = "") -> Figure:
 
 
 def misfit_vectors(*, folder: str = "") -> Figure:
-    """Draw how far the cameras show the corners apart, for all refinements."""
+    """Draw the distances between corners in neighbouring cameras, for all refinements."""
     with data.at(folder):
         if not data.is_here(FILES):
             return nothing(MISSING)

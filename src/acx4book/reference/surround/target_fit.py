@@ -1,4 +1,4 @@
-"""Cameras whose views of the ground fit each other."""
+"""Refined cameras, whose views of the ground fit each other."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from acx4book.reference.surround.corners import Corners, corner_misfits
 from acx4lib.expected import Array
 
 ROBUST_PX = 2.0
-"""Misfit from which on it counts less than squared."""
+"""Misfit above which the loss grows more slowly than the square."""
 
 TARGET_PX = ((300, 300), (900, 1300))
 """Upper left and lower right corner of the printed target in the frame: 6 x 10 m."""
 
 IN_PLACE_CM = 5.0
-"""How well the calibration has put each camera's view in its place, by points of the target."""
+"""Sigma of the position of each camera's view of the target in the published calibration."""
 
 Free = Literal["rotations", "homographies", "in place"]
 """What a refinement estimates."""
@@ -35,16 +35,17 @@ Free = Literal["rotations", "homographies", "in place"]
 def refined(
     cameras: Sequence[FisheyeCamera], corners: Sequence[Corners], *, free: Free
 ) -> tuple[FisheyeCamera, ...]:
-    """Return the cameras after their views were made to fit.
+    """Return the cameras after an adjustment of their views to each other.
 
     Parameters
     ----------
     cameras : sequence of FisheyeCamera
     corners : sequence of Corners
-        Of overlaps that connect all cameras.
+        Corners of overlaps that connect all cameras.
     free : {"rotations", "homographies", "in place"}
-        Three angles of each camera but the first, as of heads; the eight numbers of each
-        homography but the first; or those of all, with the ground where it was to `IN_PLACE_CM`.
+        Three angles of each camera except the first, as for heads; the eight numbers of each
+        homography except the first; or those of all, with the target observed in its published
+        position with the sigma `IN_PLACE_CM`.
 
     Returns
     -------
@@ -76,12 +77,12 @@ def refined(
 
 
 def shift(before: FisheyeCamera, after: FisheyeCamera, colrow: Array) -> Array:
-    """Return how far a refinement moved what a camera shows at places of the frame, (n, 2), px."""
+    """Return the movement, by a refinement, of a camera's view at frame positions, (n, 2), px."""
     return frame_from_undistorted(after, undistorted_from_frame(before, colrow)) - colrow
 
 
 def target_seen(camera: FisheyeCamera) -> Array:
-    """Return places of the target that a camera shows, every half metre, shape (n, 2)."""
+    """Return positions on the target that a camera sees, every half metre, shape (n, 2)."""
     (left, top), (right, bottom) = TARGET_PX
     grid = np.meshgrid(np.arange(left, right + 1, 50.0), np.arange(top, bottom + 1, 50.0))
     colrow = np.stack(grid, axis=-1).reshape(-1, 2)
@@ -89,7 +90,7 @@ def target_seen(camera: FisheyeCamera) -> Array:
 
 
 def _changed(camera: FisheyeCamera, x: Array) -> FisheyeCamera:
-    """Return a camera after three angles, or eight numbers, were added in its own axes."""
+    """Return a camera changed by three angles, or by eight numbers, in its own axes."""
     if len(x) == 3:
         change = Rotation.from_rotvec(x).as_matrix()
     else:
@@ -101,10 +102,10 @@ def _changed(camera: FisheyeCamera, x: Array) -> FisheyeCamera:
 def left_out_misfits(
     cameras: Sequence[FisheyeCamera], corners: Sequence[Corners], *, free: Free
 ) -> list[Array]:
-    """Return the misfits of corners that the refinement did not know, overlap by overlap.
+    """Return the misfits of corners that the refinement did not use, overlap by overlap.
 
-    Every second corner is left out, then the others: what a refinement takes up of the errors of
-    single corners does not make these smaller.
+    Every second corner is left out, then the others. So these misfits do not become smaller by
+    adjusting to the errors of single corners.
     """
     out: list[list[Array]] = [[] for _ in corners]
     for part in (0, 1):

@@ -1,4 +1,4 @@
-"""The ground as each camera shows it, and as all of them do."""
+"""The ground as seen by each camera, and by all cameras together."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from acx4lib.synthetic_image.head_map import HeadMap
 from acx4lib.synthetic_image.rendering import RenderPlan, render
 
 STEP_PX = 2
-"""Pixels of the frame between exact positions; between them the error is rms 0.002 px, and 0.03 px
-at most, in the image."""
+"""Pixels of the frame between exact positions; errors between them, in the image, have an RMS of
+0.002 px and are at most 0.03 px."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """The ground as one camera shows it.
+    """The ground as seen by one camera.
 
     Attributes
     ----------
     image : ndarray, shape (rows, cols, 3)
-        In the frame.
+        Image of the frame.
     seen : ndarray, shape (rows, cols)
-        Where the camera is valid.
+        True where the camera is valid.
     """
 
     image: Raster
@@ -35,7 +35,7 @@ class View:
 
 
 def camera_map(camera: FisheyeCamera) -> HeadMap:
-    """Return where a camera shows the nodes of a grid over the frame."""
+    """Return the map from a grid over the frame to the image of a camera."""
     width, height = FRAME_PX
     cols, rows = (STEP_PX * np.arange(-(-(n - 1) // STEP_PX) + 1.0) for n in (width, height))
     grid = np.stack(np.meshgrid(cols, rows), axis=-1)
@@ -48,15 +48,15 @@ def camera_map(camera: FisheyeCamera) -> HeadMap:
 
 
 def view(camera: FisheyeCamera, image: Raster, *, coefficients: Array | None = None) -> View:
-    """Return the ground as a camera shows it, sampled once, by Catmull and Rom's cubics.
+    """Return the ground as seen by a camera, sampled once, by Catmull and Rom's cubics.
 
     Parameters
     ----------
     camera : FisheyeCamera
     image : ndarray, shape (rows, cols, 3)
-        As it was taken.
+        The original image.
     coefficients : ndarray, shape (3, 3), optional
-        Of the camera's response, per band; see `acx4lib.synthetic_image.response.Response`.
+        Response of the camera, per band; see `acx4lib.synthetic_image.response.Response`.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def view(camera: FisheyeCamera, image: Raster, *, coefficients: Array | None = N
 
 
 def _seen(nodes: HeadMap) -> Mask:
-    """Return the pixels of the frame in cells whose four nodes are seen."""
+    """Return the mask of pixels of the frame in cells whose four nodes are seen."""
     good = np.isfinite(nodes.nodes[:, :, 0])
     cells = good[:-1, :-1] & good[1:, :-1] & good[:-1, 1:] & good[1:, 1:]
     width, height = FRAME_PX
@@ -89,7 +89,7 @@ def blended(views: Sequence[View], *, feather_px: float) -> Raster:
     ----------
     views : sequence of View
     feather_px : float
-        Pixels of the frame over which one camera goes over into another; 0 is a hard seam.
+        Width of the transition between cameras, pixels of the frame; 0 is a hard seam.
 
     Returns
     -------
@@ -98,7 +98,8 @@ def blended(views: Sequence[View], *, feather_px: float) -> Raster:
 
     Notes
     -----
-    Weights as in `synthetic_image.rendering`, of the distance to where a camera's view ends.
+    Weights are those of `synthetic_image.rendering`, with the distance from the end of a camera's
+    view.
     """
     depth = np.stack([_depth(v.seen) for v in views])
     deepest = depth.max(axis=0)
@@ -113,7 +114,7 @@ def blended(views: Sequence[View], *, feather_px: float) -> Raster:
 
 
 def _depth(seen: Mask) -> Array:
-    """Return the distance to where a view ends, px; the frame's border is no end."""
+    """Return the distances from the end of a view, px; the frame's border does not count."""
     around = cv2.copyMakeBorder(seen.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     depth = cv2.distanceTransform(around, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return depth[1:-1, 1:-1].astype(np.float32)

@@ -1,1 +1,1 @@
-"""The report as one document to be printed."""
+"""The report as one document to be printed: `page`, whose text is `markdown` made HTML."""

@@ -1,6 +1,6 @@
-"""Markdown of the notebooks as HTML: what their cells use of MyST, and no more.
+"""Markdown of the notebooks as HTML, with only the part of MyST that their cells use.
 
-Tables and figures are numbered as they come; text of a user's flight is escaped.
+Tables and figures are numbered in their order; text of a user's flight is escaped.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ GREEK = {
 }
 STATE = re.compile(r"<td([^>]*)>(✓|✗|•) (\w+)</td>")
 VERDICT = "tab-report-verdict"
-"""The table whose answers are marked."""
+"""The table with marked answers."""
 
 STATES = {"✓": "holds", "✗": "fails", "•": "note"}
 
 
 @dataclass(kw_only=True)
 class Document:
-    """What is known of a document while it is written.
+    """The labels and counters of a document while it is written.
 
     Attributes
     ----------
     numbers : dict of str to str
         ``Table 3`` and ``Figure 2`` by label.
     n_tables, n_figures : int
-        How many there are so far.
+        Numbers of tables and figures so far.
     """
 
     numbers: dict[str, str] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class Document:
 
 
 def number_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Return what a reference to every label says, labels in the order of the document."""
+    """Return the text of a reference to each label; labels are in the order of the document."""
     tables = [label for label in labels if label.startswith("tab-")]
     figures = [label for label in labels if label.startswith("fig-")]
     return {
@@ -74,7 +74,7 @@ def to_html(text: str, document: Document) -> str:
         CommonMark with tables, the directive ``table``, the roles ``numref`` and ``eq``, and
         simple mathematics between dollars. Raw HTML is shown as text.
     document : Document
-        Its counters go on.
+        Its counters are increased.
     """
     rendered: str = _parser().render(text, {"document": document})
     return rendered
@@ -89,7 +89,7 @@ def _parser() -> MarkdownIt:
 
 
 def _inline(state: StateInline, silent: bool) -> bool:
-    """Take mathematics and roles out of the text."""
+    """Parse mathematics and roles in the text."""
     for pattern in (ROLE, MATH):
         found = pattern.match(state.src, state.pos)
         if found is None:
@@ -142,7 +142,7 @@ def _fence(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, env: Any)
     name = "".join(NAME.findall(token.content)[:1])
     inner = _parser().render(NAME.sub("", token.content), env)
     caption = _parser().renderInline(token.info.removeprefix("{table}").strip(), env)
-    if name == VERDICT:  # elsewhere a name may look like an answer
+    if name == VERDICT:  # in other tables a name may look like an answer
         inner = STATE.sub(
             lambda m: f'<td{m[1]} class="state {STATES[m[2]]}">{m[2]}&nbsp;{m[3]}</td>', inner
         )

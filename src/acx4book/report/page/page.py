@@ -1,4 +1,4 @@
-"""One HTML file of an executed notebook: light, printable on A4, nothing from elsewhere."""
+"""One HTML file of an executed notebook: small, printable on A4, without external files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from acx4lib.results.own_folder.places import check_file
 NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
 
 MARK = b'<meta name="generator" content="acx4'
-"""By which a report is known, to be replaced by a newer one."""
+"""Mark of a report, which may be replaced by a newer one."""
 
 STYLE = resources.files("acx4book.report.page") / "report.css"
 
@@ -65,17 +65,17 @@ def write(
     notebook: Path = NOTEBOOK,
     on_cell: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
-    """Write the calibration report of a run as one HTML file, whole or not at all.
+    """Write the calibration report of a run as one HTML file, completely or not at all.
 
     Parameters
     ----------
     folder : path
         Results of a run.
     out : path
-        The file; a report that is there is replaced, and nothing else is touched.
+        The file; an existing report is replaced, any other existing file is not.
     notebook : Path
     on_cell : callable
-        Called with the number of cells that are done, and of all.
+        Called with the number of finished cells, and of all cells.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def write(
     NotebookError
         Where the notebook fails.
     OutputError
-        Where the file is no place for a report.
+        Where the file must not be replaced by a report.
     OSError
         Where the file cannot be written.
     """
@@ -99,7 +99,7 @@ def write(
         execute.execute(notebook, executed, parameters=values, on_cell=on_cell)
         whole = Path(temporary) / "report.html"
         whole.write_text(page(nbformat.read(executed, as_version=4), material), encoding="utf-8")  # type: ignore[no-untyped-call] # untyped
-        check_file(out, mark=MARK, what="a report of acx4")  # some seconds have passed
+        check_file(out, mark=MARK, what="a report of acx4")  # again, as some seconds have passed
         whole.replace(out)
 
 
@@ -110,7 +110,7 @@ def page(notebook: nbformat.NotebookNode, material: Material) -> str:
     ----------
     notebook : NotebookNode
     material : Material
-        Of the same results; the heading of the page names them.
+        Material from the same results; the heading of the page has their name.
     """
     parts = [part for cell in notebook.cells for part in _parts(cell)]
     labels = [label for kind, content in parts for label in _labels(kind, content)]

@@ -94,7 +94,7 @@ def adjust_rejecting(
     bundle, search = _first(network, _nothing_out(len(observed.kind)), judge)
     verdict = judge(bundle, search.out)
     for _ in range(MOST_ROUNDS):
-        fits = ~_suspects(network, bundle.state)
+        fits = ~(_misfits(network, bundle.state) > SUSPECT)
         following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
@@ -118,7 +118,7 @@ def _first(
         state = robust_phase(
             network, bundle.state, [group.redundancy for group in bundle.solution.groups]
         )
-    search = replace(search, out=_suspects(network, state))
+    search = replace(search, out=_misfits(network, state) > SUSPECT)
     return _adjust_without(network, search.out, state), search
 
 
@@ -217,11 +217,6 @@ def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
     """Return one value per observation, the largest of its components."""
     largest = [np.max(value, axis=1) for value in values]
     return np.concatenate([largest[0], values[1].ravel(), *largest[2:]])
-
-
-def _suspects(network: Network, state: State) -> Mask:
-    """Return which observations do not fit a robust state."""
-    return _misfits(network, state) > SUSPECT
 
 
 def _misfits(network: Network, state: State) -> Array:

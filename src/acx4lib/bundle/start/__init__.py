@@ -1,1 +1,5 @@
-"""Where a bundle begins: orientations from few points, rays that miss, what most agree on."""
+"""Where an adjustment begins, and how it begins anew.
+
+`start_values` are orientations from few points, `robust` finds what most observations agree on,
+and `ray_misfits` tells how far rays pass their points.
+"""

@@ -1,5 +1,6 @@
 """What can be wrong with a flight, and what it looks like when it is.
 
-`settings` and `between_tables` say what contradicts itself; `fit` intersects rays and holds them
-against control points; `mistakes` tries the usual ones; `oddities` only become notes.
+`settings` and `between_tables` find what contradicts itself. `fit` intersects rays, holds them
+against control points, and lets `mistakes` try the usual errors of signs, orders and units.
+`oddities` become notes only.
 """

@@ -1,1 +1,1 @@
-"""Windows compared, fitted and interpolated, compiled."""
+"""Windows of two images compared, fitted and interpolated, compiled."""

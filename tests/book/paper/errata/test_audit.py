@@ -211,7 +211,6 @@ def test_distortion_left_in_the_synthetic_image():
     corner = np.hypot(67.20, 90.72) / 2
     assert mounting.corner_radius() == pytest.approx(corner)
     assert mounting.radial_mm(interior, corner) / pixel == pytest.approx(5.05, abs=0.005)
-    assert mounting.radial_absorbed_px(interior, -0.021) == pytest.approx(2.2, abs=0.05)
 
 
 def test_decentring_at_the_corner():

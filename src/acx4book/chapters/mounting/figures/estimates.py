@@ -10,18 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.typesetting.style import (
-    BLUE,
-    INK,
-    ORANGE,
-    SOFT,
-    WIDTH,
-    colour,
-    legend_below,
-    nothing,
-    plain,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose, log
@@ -46,27 +35,27 @@ def mounting_per_image(
         For a method that has no mounting per image.
     """
     if method not in mountings.methods:
-        return nothing(f"{method} was left out: {mountings.failures.get(method, '')}")
+        return style.nothing(f"{method} was left out: {mountings.failures.get(method, '')}")
     mounting = mountings[method]
     if mounting.per_image is None or mounting.averaged is None:
         msg = f"{method} has no mounting per image"
         raise ValueError(msg)
-    with style():
-        fig, axes = plt.subplots(2, 3, figsize=(WIDTH, 3.9), sharex=True, sharey="row")
+    with style.applied():
+        fig, axes = plt.subplots(2, 3, figsize=(style.WIDTH, 3.9), sharex=True, sharey="row")
         _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
         for axis, name in enumerate(("x", "y", "z")):
             axes[0, axis].set_title(f"about and along {name}")
             if boresight_sigma_deg is not None:
                 s = float(boresight_sigma_deg[axis])
-                axes[0, axis].axhspan(-s, s, color=SOFT, alpha=0.12, lw=0, zorder=0)
+                axes[0, axis].axhspan(-s, s, color=style.SOFT, alpha=0.12, lw=0, zorder=0)
             for ax in axes[:, axis]:
-                ax.axhline(0, color=INK, lw=0.7)
+                ax.axhline(0, color=style.INK, lw=0.7)
             axes[1, axis].set_xlabel("image number")
         axes[0, 0].set_ylabel("boresight less mean (°)")
         axes[1, 0].set_ylabel("lever arm less mean (m)")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         if any(labels):
-            legend_below(fig, handles, ncols=6)
+            style.legend_below(fig, handles, ncols=6)
     return fig
 
 
@@ -91,8 +80,8 @@ def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None
         ax.plot(
             *(number[own] + 1, values[own], "o"),
             ms=2.8,
-            color=colour(i),
-            label=f"strip {plain(strip)}" if strip else "",
+            color=style.colour(i),
+            label=f"strip {style.plain(strip)}" if strip else "",
         )
 
 
@@ -105,7 +94,7 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
         As `variants.lever_arm_seen` returns it.
     """
     if table.empty:
-        return nothing("One of the two methods gave no result.")
+        return style.nothing("One of the two methods gave no result.")
     labels = {
         "xp": "$x$: from the shift of $x_p$",
         "yp": "$y$: from the shift of $y_p$",
@@ -113,21 +102,27 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     }
     several = len(set(table["camera"])) > 1
     names = [
-        f"{plain(camera)} {labels[str(key)]}" if several else labels[str(key)]
+        f"{style.plain(camera)} {labels[str(key)]}" if several else labels[str(key)]
         for camera, key in zip(table["camera"], table["parameter"], strict=True)
     ]
     rows = np.arange(len(table))
-    with style():
-        fig, ax = plt.subplots(figsize=(WIDTH, 1.1 + 0.4 * len(table)))
+    with style.applied():
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
         for offset, value, sigma, name, tint in (
             (
                 -0.13,
                 "lever_seen_m",
                 "sigma_seen_m",
                 "from interior orientations",
-                ORANGE,
+                style.ORANGE,
             ),
-            (0.13, "lever_estimated_m", "sigma_estimated_m", "estimated by the single step", BLUE),
+            (
+                0.13,
+                "lever_estimated_m",
+                "sigma_estimated_m",
+                "estimated by the single step",
+                style.BLUE,
+            ),
         ):
             ax.errorbar(
                 *(table[value], rows + offset),
@@ -139,9 +134,9 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
                 ms=5,
                 label=f"{name}, ±2σ",
             )
-        ax.axvline(0, color=INK, lw=0.7)
+        ax.axvline(0, color=style.INK, lw=0.7)
         ax.set_yticks(rows, names)
         ax.set_ylim(len(rows) - 0.5, -0.5)
         ax.set_xlabel("lever arm, axes of the camera (m)")
-        legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
     return fig

@@ -12,19 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.typesetting.style import (
-    INK,
-    SEQUENCE,
-    WIDTH,
-    heading,
-    legend_below,
-    north_arrow,
-    nothing,
-    padded,
-    plain,
-    scale_bar,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.mounting import Mounting
@@ -33,7 +21,7 @@ from acx4lib.geometry.camera import Camera
 
 NO_RESULT = "The method gave no result."
 
-WEAK_COLOURS = SEQUENCE.reversed()
+WEAK_COLOURS = style.SEQUENCE.reversed()
 """Of redundancy numbers: the weak ones are dark."""
 
 RANGE_PX = (2.0, 20.0)
@@ -64,21 +52,21 @@ def weak_places(mounting: Mounting | None) -> Figure:
         coordinate of a control point or a position.
     """
     if mounting is None:
-        return nothing(NO_RESULT)
+        return style.nothing(NO_RESULT)
     bundle = mounting.bundle
     measured = np.unique(bundle.network.image_points.point_idx)
     shown = _km(bundle, np.concatenate([bundle.state.x_m[measured], bundle.state.T_m_b.r]))
-    with style():
+    with style.applied():
         size = np.ptp(shown, axis=0)
-        height = float(np.clip(0.45 * WIDTH * size[1] / max(size[0], 1e-9), 2.0, 5.4)) + 1.5
-        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, height))
+        height = float(np.clip(0.45 * style.WIDTH * size[1] / max(size[0], 1e-9), 2.0, 5.4)) + 1.5
+        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, height))
         _draw_rays(fig, axes[0], bundle, measured)
         handles = _draw_observed(fig, axes[1], bundle)
         for ax in axes:
             _as_map(ax, shown)
         axes[1].set_ylabel("")
         if handles:
-            legend_below(fig, handles)
+            style.legend_below(fig, handles)
     return fig
 
 
@@ -95,15 +83,15 @@ def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
         north,
         c=np.clip(of_point[order], low, high),
         norm=LogNorm(low, high),
-        cmap=SEQUENCE,
+        cmap=style.SEQUENCE,
         s=11,
         lw=0.3,
-        edgecolor=INK,
+        edgecolor=style.INK,
         zorder=3,
     )
     _bar(fig, ax, marks, "largest detectable error of a ray (px)", [2, 3, 5, 10, 20])
     over = int(np.sum(of_point[measured] > high))
-    heading(ax, "Object points", f"{len(measured)} points, {over} of them above {high:g} px")
+    style.heading(ax, "Object points", f"{len(measured)} points, {over} of them above {high:g} px")
 
 
 def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
@@ -112,7 +100,7 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
     control = network.control[~network.held_control]
     places = {"gnss": state.T_m_b.r, "control_point": state.x_m[control.point_idx]}
     found = {kind: _worst(bundle, kind) for kind in places}
-    heading(ax, "Control and trajectory", "the weakest coordinate of each")
+    style.heading(ax, "Control and trajectory", "the weakest coordinate of each")
     both = np.concatenate(list(found.values()))
     known = both[np.isfinite(both)]
     if len(known) == 0:
@@ -124,9 +112,15 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
         ("control_point", "^", "control points"),
     ):
         east, north = _km(bundle, places[kind]).T
-        look: dict[str, Any] = {"marker": marker, "s": 26, "lw": 0.5, "edgecolor": INK, "zorder": 3}
-        marks = ax.scatter(east, north, c=found[kind], norm=norm, cmap=SEQUENCE, **look)
-        handles.append(Line2D([], [], ls="", marker=marker, mfc="white", mec=INK, label=name))
+        look: dict[str, Any] = {
+            "marker": marker,
+            "s": 26,
+            "lw": 0.5,
+            "edgecolor": style.INK,
+            "zorder": 3,
+        }
+        marks = ax.scatter(east, north, c=found[kind], norm=norm, cmap=style.SEQUENCE, **look)
+        handles.append(Line2D([], [], ls="", marker=marker, mfc="white", mec=style.INK, label=name))
     steps = np.outer(10.0 ** np.arange(-3, 3), [1, 2, 5]).ravel()
     ticks = [float(t) for t in steps if norm.vmin <= t <= norm.vmax]
     _bar(fig, ax, marks, "largest detectable error (m)", ticks)
@@ -155,14 +149,14 @@ def _km(bundle: Bundle, x_m: Array) -> Array:
 
 
 def _as_map(ax: Axes, shown: Array) -> None:
-    low, high = padded(shown.min(axis=0), shown.max(axis=0))
+    low, high = style.padded(shown.min(axis=0), shown.max(axis=0))
     low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    scale_bar(ax, per_axis_unit=1000.0, unit="m", at=(0.05, 0.04))
-    north_arrow(ax, at=(0.06, 0.98))
+    style.scale_bar(ax, per_axis_unit=1000.0, unit="m", at=(0.05, 0.04))
+    style.north_arrow(ax, at=(0.06, 0.98))
 
 
 # --- in the image ----------------------------------------------------------------------------
@@ -182,23 +176,29 @@ def image_redundancy(mounting: Mounting | None) -> Figure:
         A row for each camera: along columns and along rows.
     """
     if mounting is None:
-        return nothing(NO_RESULT)
+        return style.nothing(NO_RESULT)
     network = mounting.bundle.network
     cameras, points = network.block.cameras, network.image_points
     r = mounting.bundle.solution.group("image_point").redundancy
     camera_idx = network.block.images.camera_idx[points.image_idx]
-    with style():
+    with style.applied():
         sensor = max(c.height_px / c.width_px for c in cameras)
-        height = float(np.clip(0.43 * WIDTH * sensor, 1.6, 4.2)) + 0.7
+        height = float(np.clip(0.43 * style.WIDTH * sensor, 1.6, 4.2)) + 0.7
         fig, axes = plt.subplots(
-            len(cameras), 2, figsize=(WIDTH, height * len(cameras)), squeeze=False, sharey="row"
+            len(cameras),
+            2,
+            figsize=(style.WIDTH, height * len(cameras)),
+            squeeze=False,
+            sharey="row",
         )
         for k, (row, camera) in enumerate(zip(axes, cameras, strict=True)):
             own = camera_idx == k
             for d, (ax, name) in enumerate(zip(row, ("columns", "rows"), strict=True)):
                 image = _draw_cells(ax, camera, points.colrow[own], r[own, d])
                 mean = float(np.nanmean(r[own, d])) if own.any() else np.nan
-                heading(ax, f"{plain(camera.name)}, along {name}", f"mean of all {mean:.2f}")
+                style.heading(
+                    ax, f"{style.plain(camera.name)}, along {name}", f"mean of all {mean:.2f}"
+                )
             row[0].set_ylabel("row (px)")
         limits = _limits(axes)
         for ax in axes.ravel():

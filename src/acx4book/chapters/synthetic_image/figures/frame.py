@@ -14,19 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from acx4book.chapters.synthetic_image.tables import WAYS
-from acx4book.typesetting.style import (
-    INK,
-    SOFT,
-    WIDTH,
-    colour,
-    heading,
-    legend_below,
-    nothing,
-    padded,
-    plain,
-    round_length,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -61,7 +49,7 @@ def footprints(
     Figure
     """
     n = len(orientations)
-    with style():
+    with style.applied():
         fig, axes = plt.subplots(1, n, figsize=_size(synthetic, n), squeeze=False)
         most = 0
         for ax, orientation, title in zip(axes[0], orientations, titles, strict=True):
@@ -69,30 +57,30 @@ def footprints(
             _draw_counts(ax, found)
             _draw_frame(ax, synthetic, [orientation])
             _draw_outlines(ax, orientation)
-            heading(ax, title, f"{100 * found.share[0]:.1f} % seen by no head")
+            style.heading(ax, title, f"{100 * found.share[0]:.1f} % seen by no head")
             most = max(most, int(found.seen.sum(axis=0).max()))
         first = orientations[0]
         handles: list[Any] = [
-            Line2D([], [], color=colour(k), label=plain(head.name))
+            Line2D([], [], color=style.colour(k), label=style.plain(head.name))
             for k, head in enumerate(first.heads)
         ]
         counts = range(min(most, len(COUNTS) - 1) + 1)
         handles += [_count_patch(count, len(first.heads)) for count in counts]
-        legend_below(fig, handles, ncols=5)
+        style.legend_below(fig, handles, ncols=5)
     return fig
 
 
 def _size(synthetic: Camera, n: int) -> tuple[float, float]:
     """Return the size of a figure of n frames beside each other."""
     tall = 0.95 * synthetic.height_px / synthetic.width_px
-    width = WIDTH / n - 0.65
-    return WIDTH, float(np.clip(width * tall, 1.5, 4.3)) + 1.2
+    width = style.WIDTH / n - 0.65
+    return style.WIDTH, float(np.clip(width * tall, 1.5, 4.3)) + 1.2
 
 
 def _count_patch(count: int, n_heads: int) -> Patch:
     label = ("no head", "1 head", "2 heads", "3 heads", "4 heads")[count]
     label += " or more" if count == len(COUNTS) - 1 < n_heads else ""
-    return Patch(fc=COUNTS[count], ec=SOFT, lw=0.4, label=label)
+    return Patch(fc=COUNTS[count], ec=style.SOFT, lw=0.4, label=label)
 
 
 def _draw_counts(ax: Axes, found: Coverage) -> None:
@@ -113,11 +101,11 @@ def _draw_frame(ax: Axes, synthetic: Camera, orientations: Sequence[RelativeOrie
     w, h = synthetic.width_px, synthetic.height_px
     upper, lower = xy_from_colrow(synthetic, np.array([[-0.5, -0.5], [w - 0.5, h - 0.5]]))
     size = lower - upper
-    ax.add_patch(Rectangle(tuple(upper), *size, fc="none", ec=INK, lw=1.4, zorder=5))
+    ax.add_patch(Rectangle(tuple(upper), *size, fc="none", ec=style.INK, lw=1.4, zorder=5))
     shown = [footprint(o, k) for o in orientations for k in range(len(o.heads))]
     corners = np.concatenate([*shown, upper[None], lower[None]])
     corners = corners[np.isfinite(corners).all(axis=1)]
-    low, high = padded(corners.min(axis=0), corners.max(axis=0), share=0.02)
+    low, high = style.padded(corners.min(axis=0), corners.max(axis=0), share=0.02)
     limit = 1.6 * np.abs(size)  # heads that are read wrongly may lie anywhere
     low, high = np.maximum(low, -limit / 2), np.minimum(high, limit / 2)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="N")
@@ -128,14 +116,14 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
     for k, head in enumerate(orientation.heads):
         outline = footprint(orientation, k, per_side=30)
         width = 0.7 if faint else 1.4
-        ax.plot(*outline.T, color=colour(k), lw=width, alpha=0.6 if faint else 1, zorder=4)
+        ax.plot(*outline.T, color=style.colour(k), lw=width, alpha=0.6 if faint else 1, zorder=4)
         if not faint:
             middle = outline[:-1].mean(axis=0)
             ax.annotate(
-                *(plain(head.name), tuple(middle)),
+                *(style.plain(head.name), tuple(middle)),
                 ha="center",
                 va="center",
-                color=colour(k),
+                color=style.colour(k),
                 weight="bold",
                 annotation_clip=True,
                 zorder=6,
@@ -158,16 +146,16 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     """
     fields = {WAYS[way]: refined.overlaps(way) for way in SHOWN if way in refined.orientations}
     if not any(fields.values()):
-        return nothing("No two heads share a tie point at an exposure.")
+        return style.nothing("No two heads share a tie point at an exposure.")
     pixel = synthetic.pixel_mm
     size = max(synthetic.width_px, synthetic.height_px) * pixel / CELLS
     means = {title: [_cell_means(o, size) for o in found] for title, found in fields.items()}
     every = np.concatenate([d for field in means.values() for _, d in field])
-    key = round_length(max(float(np.hypot(*every.T).max(initial=0.0)) / pixel, 1e-6))
+    key = style.round_length(max(float(np.hypot(*every.T).max(initial=0.0)) / pixel, 1e-6))
     width, height = _size(synthetic, len(fields))
     key_at = 0.95, -25 / 72 / (height - 1.2)  # on the line of the axis label
     scale = size / (key * pixel)
-    with style():
+    with style.applied():
         fig, axes = plt.subplots(
             1, len(fields), figsize=(width, height), sharey=True, squeeze=False
         )
@@ -176,13 +164,13 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
             _draw_frame(ax, synthetic, [refined.orientation])
             _draw_vectors(ax, means[title], scale=scale, key=key, pixel=pixel, key_at=key_at)
             d = np.concatenate([o.d for o in found]) / pixel
-            heading(ax, title, _rms_and_largest(d))
+            style.heading(ax, title, _rms_and_largest(d))
             ax.set_ylabel(ax.get_ylabel() if ax is axes[0, 0] else "")
         handles = [
-            Line2D([], [], color=colour(k), lw=1, label=plain(head.name))
+            Line2D([], [], color=style.colour(k), lw=1, label=style.plain(head.name))
             for k, head in enumerate(refined.orientation.heads)
         ]
-        legend_below(fig, handles)
+        style.legend_below(fig, handles)
     return fig
 
 
@@ -215,11 +203,13 @@ def _draw_vectors(
 ) -> None:
     middle = np.concatenate([xy for xy, _ in field])
     d = np.concatenate([d for _, d in field])
-    ax.plot(*middle.T, ".", ms=1.6, color=SOFT, zorder=6)  # where arrows are too short to be seen
+    ax.plot(
+        *middle.T, ".", ms=1.6, color=style.SOFT, zorder=6
+    )  # where arrows are too short to be seen
     arrows = ax.quiver(
         *middle.T,
         *(scale * d.T),
-        color=INK,
+        color=style.INK,
         angles="xy",
         scale_units="xy",
         scale=1,

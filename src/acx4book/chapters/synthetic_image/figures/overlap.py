@@ -9,6 +9,7 @@ from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from acx4book.typesetting import style
 from acx4book.typesetting.pictures import (
     NO_PICTURES,
     Window,
@@ -21,18 +22,6 @@ from acx4book.typesetting.pictures import (
     in_mm,
     middle_xy,
     smaller,
-)
-from acx4book.typesetting.style import (
-    INK,
-    PAPER,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    nothing,
-    plain,
-    style,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
@@ -85,14 +74,14 @@ def overlap_ties(
     where the heads do not fit each other.
     """
     if pictures is None:
-        return nothing(NO_PICTURES)
+        return style.nothing(NO_PICTURES)
     one = pictures.middle
     own = refined.kept[refined.kept.exposure_idx == one.exposure_idx]
     found = {(o.head_a, o.head_b): o for o in overlaps(own, refined.orientation)}
     if pair is None:
         pair = max(found, key=lambda heads: len(found[heads].d), default=(-1, -1))
     if pair not in found:
-        return nothing(NO_TIES)
+        return style.nothing(NO_TIES)
     overlap = found[pair]
     sigma = own.sigma_px[(own.head_a == pair[0]) & (own.head_b == pair[1])]
     pixel = pictures.synthetic.pixel_mm
@@ -103,12 +92,12 @@ def overlap_ties(
         for s in shared_windows(reduced_heads(orientation, pictures.reduction), pictures.synthetic)
         if (s.head_a, s.head_b) == pair
     )
-    with style():
+    with style.applied():
         fig, (picture, plan, histogram) = _overlap_axes(shared.window)
         _draw_overlap(picture, one, orientation, pictures, shared)
         _draw_ties(picture, overlap.xy, lengths, last, size=_mark_size(shared, len(lengths)))
-        names = " and ".join(plain(orientation.heads[k].name) for k in pair)
-        heading(
+        names = " and ".join(style.plain(orientation.heads[k].name) for k in pair)
+        style.heading(
             picture,
             names,
             f"{len(lengths)} tie points, pixels of {1000 * pixel:g} µm",
@@ -130,15 +119,15 @@ def _overlap_axes(window: Window) -> tuple[Figure, tuple[Axes, Axes, Axes]]:
     """Return axes for the picture of a window, for a plan and for a histogram."""
     aspect = (window[1] - window[0]) / (window[3] - window[2])
     if aspect < 0.8:
-        tall = (WIDTH - 0.3) * aspect + 0.45
-        fig = plt.figure(figsize=(WIDTH, tall + 2.1))
+        tall = (style.WIDTH - 0.3) * aspect + 0.45
+        fig = plt.figure(figsize=(style.WIDTH, tall + 2.1))
         grid = fig.add_gridspec(2, 2, height_ratios=[tall, 2.1], width_ratios=[1, 3.4])
         places = grid[0, :], grid[1, 0], grid[1, 1]
     else:
         tall = float(np.clip(3.4 * aspect, 3.6, 5.6))
         wide = tall / aspect + 0.2
-        fig = plt.figure(figsize=(WIDTH, tall + 0.5))
-        ratios = [wide, WIDTH - wide - 0.4]
+        fig = plt.figure(figsize=(style.WIDTH, tall + 0.5))
+        ratios = [wide, style.WIDTH - wide - 0.4]
         grid = fig.add_gridspec(2, 2, width_ratios=ratios, height_ratios=[1.2, 1])
         places = grid[:, 0], grid[0, 1], grid[1, 1]
     picture, plan, histogram = (fig.add_subplot(place) for place in places)
@@ -157,7 +146,7 @@ def _draw_overlap(
         shared.window[1] - shared.window[0],
         shared.window[3] - shared.window[2],
     )
-    k = factor_for(max(rows, cols), WIDTH - 0.5)
+    k = factor_for(max(rows, cols), style.WIDTH - 0.5)
     synthetic = reduced_camera(pictures.synthetic, k)
     heads = reduced_heads(orientation, pictures.reduction * k)
     first, last, left, right = (n // k for n in shared.window)
@@ -183,7 +172,7 @@ def _whole(means: Array, like: Raster) -> Raster:
 def _mark_size(shared: SharedWindow, n: int) -> float:
     """Return the area of a mark, points squared, so that marks cover a quarter of an overlap."""
     longer_px = max(shared.window[1] - shared.window[0], shared.window[3] - shared.window[2])
-    area = shared.area_px * (72 * (WIDTH - 1.2) / longer_px) ** 2
+    area = shared.area_px * (72 * (style.WIDTH - 1.2) / longer_px) ** 2
     return float(np.clip(0.25 * area / n, 1.6, 12.0))
 
 
@@ -212,13 +201,15 @@ def _draw_plan(
 ) -> None:
     """Draw which part of the frame an overlap is."""
     left, right, bottom, top = extent_mm(synthetic)
-    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fc=PAPER, ec=INK, lw=1))
+    ax.add_patch(
+        Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.INK, lw=1)
+    )
     for k in range(len(orientation.heads)):
         mine = k in (shared.head_a, shared.head_b)
         ax.fill(
             *footprint(orientation, k, per_side=20).T,
-            fc=(colour(k), 0.28 if mine else 0.0),
-            ec=(colour(k), 1.0 if mine else 0.35),
+            fc=(style.colour(k), 0.28 if mine else 0.0),
+            ec=(style.colour(k), 1.0 if mine else 0.35),
             lw=0.9,
         )
         if mine:
@@ -227,13 +218,13 @@ def _draw_plan(
                 tuple(middle_xy(orientation, k)),
                 ha="center",
                 va="center",
-                color=colour(k),
+                color=style.colour(k),
                 weight="bold",
                 fontsize=7.5,
             )
     ax.autoscale_view()
     ax.set_aspect("equal")
-    bare(ax)
+    style.bare(ax)
     ax.set(xticks=[], yticks=[])
 
 
@@ -248,11 +239,13 @@ def _draw_lengths(ax: Axes, lengths: Array, last: float, sigma: Array) -> None:
     if len(known):
         beyond = np.exp(-0.5 * (bins[:, None] / known) ** 2).mean(axis=1)
         expected = len(lengths) * -np.diff(beyond)
-        ax.plot(middle, expected, color=INK, ls="--", lw=1.1, label="matching alone, predicted")
+        ax.plot(
+            middle, expected, color=style.INK, ls="--", lw=1.1, label="matching alone, predicted"
+        )
         ax.legend(loc="upper right")
     rms = float(np.sqrt(np.mean(lengths**2) / 2))
     below = 100 * float(np.mean(lengths < 0.1))
-    heading(
+    style.heading(
         ax,
         "differences between the heads",
         f"rms {rms:.3f} px in one coordinate, {below:.1f} % below 0.1 px",
@@ -265,7 +258,7 @@ def _draw_lengths(ax: Axes, lengths: Array, last: float, sigma: Array) -> None:
         textcoords="offset points",
         ha="right",
         fontsize=7.5,
-        color=SOFT,
+        color=style.SOFT,
     )
     ax.set(xlim=(0, last), xlabel="length of the difference (px)", ylabel="tie points (1)")
     ax.grid(visible=False, axis="x")

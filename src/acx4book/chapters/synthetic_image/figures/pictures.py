@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from acx4book.typesetting import style
 from acx4book.typesetting.pictures import (
     ALL_LEVELS,
     HALO,
@@ -25,19 +26,6 @@ from acx4book.typesetting.pictures import (
     in_mm,
     middle_xy,
     smaller,
-)
-from acx4book.typesetting.style import (
-    INK,
-    PAPER,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    heading,
-    nothing,
-    plain,
-    scale_bar,
-    style,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Raster
@@ -80,7 +68,7 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
         A sentence where there are no pictures.
     """
     if pictures is None:
-        return nothing(NO_PICTURES)
+        return style.nothing(NO_PICTURES)
     one = pictures.middle
     grid = _places(orientation)
     n_rows, n_cols = grid.shape
@@ -89,9 +77,9 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
     stretch = common_stretch(small)
     first = orientation.heads[0]
     tall = n_rows * (wide * first.height_px / first.width_px + 0.3) + 0.1
-    with style():
-        fig = plt.figure(figsize=(WIDTH, tall))
-        ratios = [FRAMES_WIDTH / n_cols] * n_cols + [WIDTH - FRAMES_WIDTH]
+    with style.applied():
+        fig = plt.figure(figsize=(style.WIDTH, tall))
+        ratios = [FRAMES_WIDTH / n_cols] * n_cols + [style.WIDTH - FRAMES_WIDTH]
         cells = fig.add_gridspec(n_rows, n_cols + 1, width_ratios=ratios)
         for k, image in enumerate(small):
             row, col = np.argwhere(grid == k)[0]
@@ -122,7 +110,7 @@ def _draw_head(ax: Axes, image: Array, orientation: RelativeOrientation, k: int)
     extent: Any = (-0.5, w - 0.5, h - 0.5, -0.5)
     ax.imshow(image, extent=extent, interpolation="nearest")
     frameless(ax)
-    ax.set_title(plain(camera.name), color=colour(k), pad=4)
+    ax.set_title(style.plain(camera.name), color=style.colour(k), pad=4)
 
 
 def _draw_directions(ax: Axes, orientation: RelativeOrientation, k: int, synthetic: Camera) -> None:
@@ -147,28 +135,30 @@ def _flight_arrow(synthetic: Camera, length: float) -> Array:
 def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) -> None:
     """Draw the heads in the frame of the synthetic image, with the marks of the pictures."""
     left, right, bottom, top = extent_mm(synthetic)
-    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fc=PAPER, ec=INK, lw=1))
+    ax.add_patch(
+        Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.INK, lw=1)
+    )
     for k, camera in enumerate(orientation.heads):
-        ax.plot(*footprint(orientation, k, per_side=20).T, color=colour(k), lw=0.8)
+        ax.plot(*footprint(orientation, k, per_side=20).T, color=style.colour(k), lw=0.8)
         ax.annotate(
-            plain(camera.name),
+            style.plain(camera.name),
             tuple(middle_xy(orientation, k)),
             ha="center",
             va="center",
-            color=colour(k),
+            color=style.colour(k),
             weight="bold",
             fontsize=7,
         )
-    ax.plot(0, 0, "o", ms=6, mfc="none", mec=INK, mew=1.3)
+    ax.plot(0, 0, "o", ms=6, mfc="none", mec=style.INK, mew=1.3)
     tail, tip = _flight_arrow(synthetic, 0.4 * (right - left)) + np.array([0, 1.2 * bottom])
-    arrow = {"arrowstyle": "->", "color": INK, "lw": 1.4, "mutation_scale": 11}
+    arrow = {"arrowstyle": "->", "color": style.INK, "lw": 1.4, "mutation_scale": 11}
     ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
-    said: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 7.5, "color": SOFT}
+    said: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 7.5, "color": style.SOFT}
     ax.text(0, 1.27 * bottom, "arrow: flight\nring: middle of the image", **said)
-    bare(ax)
+    style.bare(ax)
     ax.set(xticks=[], yticks=[], xlim=(1.35 * left, 1.35 * right), aspect="equal")
     ax.set_ylim(1.5 * bottom, 1.25 * top)
-    heading(ax, "where they lie", "in the synthetic image")
+    style.heading(ax, "where they lie", "in the synthetic image")
 
 
 # --- put together ----------------------------------------------------------------------------
@@ -198,15 +188,15 @@ def synthetic_picture(
         A sentence where there is no image.
     """
     if image is None or pictures is None:
-        return nothing(NO_PICTURES)
+        return style.nothing(NO_PICTURES)
     synthetic, wide = pictures.synthetic, IMAGE_WIDTH
     k = factor_for(image.shape[1], wide)
     small = smaller(image, k)
     stretch = common_stretch([small])
     places = _busiest(image)
     tall = wide * synthetic.height_px / synthetic.width_px
-    with style():
-        fig = plt.figure(figsize=(WIDTH, tall + 0.45))
+    with style.applied():
+        fig = plt.figure(figsize=(style.WIDTH, tall + 0.45))
         grid = fig.add_gridspec(len(places), 2, width_ratios=[wide, tall / len(places)])
         ax = fig.add_subplot(grid[:, 0])
         in_mm(ax, displayed(small, stretch), reduced_camera(synthetic, k))
@@ -221,7 +211,7 @@ def synthetic_picture(
         size = (
             f"{synthetic.width_px} x {synthetic.height_px} px of {1000 * synthetic.pixel_mm:g} µm"
         )
-        heading(ax, "synthetic image", size)
+        style.heading(ax, "synthetic image", size)
     return fig
 
 
@@ -232,14 +222,14 @@ def _draw_heads(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) -
     for k in range(len(orientation.heads)):
         outline = footprint(orientation, k, per_side=30)
         ax.plot(*outline.T, color="white", lw=1.6, alpha=0.35, zorder=3)
-        ax.plot(*outline.T, color=colour(k), lw=0.8, alpha=0.9, zorder=4)
+        ax.plot(*outline.T, color=style.colour(k), lw=0.8, alpha=0.9, zorder=4)
         side = np.sign(np.round(middle_xy(orientation, k), 3))
         ax.annotate(
             orientation.heads[k].name,
             tuple(side * (border - 0.02 * border.min())),
             ha=("left", "center", "right")[int(side[0]) + 1],
             va=("bottom", "center", "top")[int(side[1]) + 1],
-            color=colour(k),
+            color=style.colour(k),
             weight="bold",
             path_effects=HALO,
             zorder=6,
@@ -250,7 +240,7 @@ def _draw_scale(ax: Axes, synthetic: Camera, height_m: float | None) -> None:
     """Draw a scale bar under the picture."""
     f = synthetic.interior.f
     per_mm, unit = (1.0, "mm") if height_m is None else (height_m / f, "m")
-    scale_bar(ax, per_axis_unit=per_mm, unit=unit, at=(0.0, -0.055))
+    style.scale_bar(ax, per_axis_unit=per_mm, unit=unit, at=(0.0, -0.055))
 
 
 def _busiest(image: Raster) -> list[Window]:
@@ -276,7 +266,7 @@ def _busiest(image: Raster) -> list[Window]:
 def _mark(ax: Axes, synthetic: Camera, window: Window, letter: str) -> None:
     """Draw where an enlarged part is."""
     left, right, bottom, top = extent_mm(synthetic, window)
-    for width, ink in ((2.4, INK), (1.2, "white")):
+    for width, ink in ((2.4, style.INK), (1.2, "white")):
         ax.add_patch(
             Rectangle((left, bottom), right - left, top - bottom, fc="none", ec=ink, lw=width)
         ).set_zorder(7)
@@ -298,4 +288,4 @@ def _draw_crop(ax: Axes, image: Raster, stretch: Stretch, window: Window, letter
     part = displayed(image[top:bottom, left:right], stretch, levels=ALL_LEVELS)
     ax.imshow(part, interpolation="nearest")
     frameless(ax)
-    heading(ax, letter, f"{right - left} x {bottom - top} px at column {left}, row {top}")
+    style.heading(ax, letter, f"{right - left} x {bottom - top} px at column {left}, row {top}")

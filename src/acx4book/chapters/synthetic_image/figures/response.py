@@ -12,17 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from acx4book.typesetting.style import (
-    INK,
-    SOFT,
-    WIDTH,
-    colour,
-    heading,
-    legend_below,
-    nothing,
-    plain,
-    style,
-)
+from acx4book.typesetting import style
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.synthetic_image.response import OverlapResponse, ResponseFit
 
@@ -55,11 +45,11 @@ def response_curves(fit: ResponseFit | None, orientation: RelativeOrientation) -
     the overlaps know the sum of the radial terms better than each.
     """
     if fit is None or not fit.overlaps:
-        return nothing("No two heads overlap in pixels, so nothing tells their responses.")
+        return style.nothing("No two heads overlap in pixels, so nothing tells their responses.")
     n_bands = fit.response.coefficients.shape[1]
-    names = [plain(head.name) for head in orientation.heads]
-    with style():
-        fig = plt.figure(figsize=(WIDTH, 3.35 + 0.26 * len(fit.overlaps)))
+    names = [style.plain(head.name) for head in orientation.heads]
+    with style.applied():
+        fig = plt.figure(figsize=(style.WIDTH, 3.35 + 0.26 * len(fit.overlaps)))
         parts: Any = fig.subfigures(2, 1, height_ratios=[2.35, 0.75 + 0.26 * len(fit.overlaps)])
         upper, lower = parts
         axes = upper.subplots(1, n_bands, sharey=True, squeeze=False)[0]
@@ -68,7 +58,7 @@ def response_curves(fit: ResponseFit | None, orientation: RelativeOrientation) -
             ax.set_title(_band(band, n_bands))
         axes[0].set_ylabel("response (%)")
         _draw_overlaps(lower.subplots(), fit.overlaps, names)
-        legend_below(fig, _handles(names), ncols=len(names) + 3)
+        style.legend_below(fig, _handles(names), ncols=len(names) + 3)
     return fig
 
 
@@ -85,11 +75,11 @@ def _draw_band(ax: Axes, fit: ResponseFit, band: int) -> None:
         sigma = np.sqrt(powers**2 @ fit.sigma[k, band] ** 2)
         ax.fill_between(
             *(r, 100 * np.exp(log - sigma), 100 * np.exp(log + sigma)),
-            color=colour(k),
+            color=style.colour(k),
             alpha=0.16,
             lw=0,
         )
-        ax.plot(r, 100 * np.exp(log), color=colour(k))
+        ax.plot(r, 100 * np.exp(log), color=style.colour(k))
     ax.set(xlim=(0, 1), xlabel="distance over the corner's (1)")
 
 
@@ -100,17 +90,17 @@ def _draw_overlaps(ax: Axes, overlaps: Sequence[OverlapResponse], names: Sequenc
     for line, one in enumerate(overlaps):
         y = line + offset
         before, after, floor = (100 * np.expm1(v) for v in (one.before, one.after, one.floor))
-        ax.hlines(y, after, before, color=SOFT, lw=0.8, alpha=0.7)
-        ax.plot(before, y, "o", ms=4.5, mfc="white", mec=INK, mew=1.0)
-        ax.plot(after, y, "o", ms=4.5, color=INK)
-        ax.plot(floor, y, "|", ms=6, color=colour(5), mew=1.3)
+        ax.hlines(y, after, before, color=style.SOFT, lw=0.8, alpha=0.7)
+        ax.plot(before, y, "o", ms=4.5, mfc="white", mec=style.INK, mew=1.0)
+        ax.plot(after, y, "o", ms=4.5, color=style.INK)
+        ax.plot(floor, y, "|", ms=6, color=style.colour(5), mew=1.3)
     labels = [f"{names[o.head_a]}, {names[o.head_b]}" for o in overlaps]
     ax.set(xscale="log", yticks=range(len(overlaps)), yticklabels=labels)
     ax.set(ylim=(len(overlaps) - 0.5, -0.5), xlabel="disagreement, robust rms (%)")
     _percent_axis(ax, overlaps)
     every = [np.concatenate([getattr(o, name) for o in overlaps]) for name in ("before", "after")]
     worst = [100 * float(np.expm1(v).max()) for v in every]
-    heading(
+    style.heading(
         ax,
         "the same ground in two heads",
         f"at most {worst[0]:.1f} % as taken and {worst[1]:.2f} % after; one dot per band",
@@ -131,11 +121,11 @@ def _percent_axis(ax: Axes, overlaps: Sequence[OverlapResponse]) -> None:
 
 
 def _handles(names: Sequence[str]) -> list[Any]:
-    heads = [Line2D([], [], color=colour(k), label=name) for k, name in enumerate(names)]
-    dot: dict[str, Any] = {"color": "none", "marker": "o", "ms": 4.5, "markeredgecolor": INK}
+    heads = [Line2D([], [], color=style.colour(k), label=name) for k, name in enumerate(names)]
+    dot: dict[str, Any] = {"color": "none", "marker": "o", "ms": 4.5, "markeredgecolor": style.INK}
     return [
         *heads,
         Line2D([], [], mfc="white", label="as taken", **dot),
-        Line2D([], [], mfc=INK, label="equalised", **dot),
-        Line2D([], [], color="none", marker="|", mec=colour(5), mew=1.3, ms=7, label="noise"),
+        Line2D([], [], mfc=style.INK, label="equalised", **dot),
+        Line2D([], [], color="none", marker="|", mec=style.colour(5), mew=1.3, ms=7, label="noise"),
     ]

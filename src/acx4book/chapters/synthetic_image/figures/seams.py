@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from acx4book.typesetting import style
 from acx4book.typesetting.pictures import (
     ALL_LEVELS,
     NO_PICTURES,
@@ -25,18 +26,6 @@ from acx4book.typesetting.pictures import (
     frameless,
     smaller,
     window_xy,
-)
-from acx4book.typesetting.style import (
-    BRICK,
-    INK,
-    PAPER,
-    SOFT,
-    WIDTH,
-    bare,
-    colour,
-    nothing,
-    plain,
-    style,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask, Raster
@@ -127,16 +116,16 @@ def seams(
         One row per place, with one stretch; a sentence where there are no pictures.
     """
     if pictures is None:
-        return nothing(NO_PICTURES)
+        return style.nothing(NO_PICTURES)
     images, k = pictures.middle.images, pictures.reduction
     before, after = refined.before, refined.orientation
     heads = [reduced_heads(orientation, k) for orientation in (before, after)]
     places = _places(images, heads, pictures.synthetic, response)
     plans = ((0, None, 0.0), (1, None, 0.0), (1, response, 0.0), (1, response, feather_px / k))
-    with style():
+    with style.applied():
         fig, axes = plt.subplots(
             *(len(places), 1 + len(plans)),
-            figsize=(WIDTH, 1.55 * len(places) + 0.2),
+            figsize=(style.WIDTH, 1.55 * len(places) + 0.2),
             width_ratios=[0.72] + [1.0] * len(plans),
             squeeze=False,
         )
@@ -195,7 +184,7 @@ def _places(
         if on_seam.any():
             at = np.unravel_index(np.argmax(np.where(on_seam, seen, -1.0)), seen.shape)
             nearest = np.sort(np.argsort(found.distance[:, at[0], at[1]])[-2:])
-            names = " | ".join(plain(heads[0].heads[k].name) for k in nearest)
+            names = " | ".join(style.plain(heads[0].heads[k].name) for k in nearest)
             chosen.append((names, found.xy[at]))
             far = np.hypot(*np.moveaxis(found.xy - found.xy[at], -1, 0))
             on_seam &= far > 3 * SIDE_PX * synthetic.pixel_mm
@@ -310,7 +299,7 @@ def _mark_seam(ax: Axes, heads: RelativeOrientation, synthetic: Camera, window: 
     xy = window_xy(synthetic, window)
     first = np.argmax(border_distances(heads, xy.reshape(-1, 2)), axis=0).reshape(xy.shape[:2])
     last = first.shape[0] - 0.5, first.shape[1] - 0.5
-    dash: dict[str, Any] = {"color": BRICK, "lw": 1.1, "clip_on": False, "zorder": 6}
+    dash: dict[str, Any] = {"color": style.BRICK, "lw": 1.1, "clip_on": False, "zorder": 6}
     out = 0.045 * first.shape[0]
     for row, start, way in ((0, -0.5, -1), (-1, last[0], 1)):
         for at in np.flatnonzero(np.diff(first[row])) + 0.5:
@@ -326,12 +315,16 @@ def _draw_plan(
 ) -> None:
     """Draw where in the frame a place is."""
     left, right, bottom, top = extent_mm(synthetic)
-    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fc=PAPER, ec=SOFT, lw=0.8))
+    ax.add_patch(
+        Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.SOFT, lw=0.8)
+    )
     for k in range(len(orientation.heads)):
-        ax.plot(*footprint(orientation, k, per_side=20).T, color=colour(k), lw=0.7, alpha=0.75)
+        ax.plot(
+            *footprint(orientation, k, per_side=20).T, color=style.colour(k), lw=0.7, alpha=0.75
+        )
     x0, x1, y0, y1 = extent_mm(synthetic, place.window)
-    ax.plot((x0 + x1) / 2, (y0 + y1) / 2, "s", ms=6, mfc="none", mec=INK, mew=1.3, zorder=6)
-    bare(ax)
+    ax.plot((x0 + x1) / 2, (y0 + y1) / 2, "s", ms=6, mfc="none", mec=style.INK, mew=1.3, zorder=6)
+    style.bare(ax)
     ax.set(xlim=(1.18 * left, 1.18 * right), ylim=(1.18 * bottom, 1.18 * top), aspect="equal")
     ax.set(xticks=[], yticks=[])
     ax.set_title(place.name, fontsize=8, pad=3)

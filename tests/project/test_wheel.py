@@ -1,0 +1,284 @@
+"""The distribution, built without the network, installed outside of the checkout, and run there."""
+
+from __future__ import annotations
+
+import ast
+import email
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+from acx4book.command.terminal import BOOK
+from support.flights import pictured
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+PRESENT = sysconfig.get_path("purelib")
+HOUSES = {"acx4lib", "acx4sim", "acx4book"}
+PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
+"""Packages that another one brings, as a part of itself."""
+
+READ_ALL = """
+import json, acx4lib
+from acx4book.notebooks.stages import NOTEBOOKS_PATH
+from acx4book.paper import printed
+from acx4book.reference import comparisons, data
+from acx4lib.georeferencing import standards
+print(json.dumps([
+    acx4lib.__file__,
+    sorted(path.name for path in NOTEBOOKS_PATH.glob("*.ipynb")),
+    len(data.index()),
+    [len(printed.table(number)) for number in (1, 2, 3, 4)],
+    len(comparisons.computed_or_stored("camcal").table),
+    standards.scales(),
+]))
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """What the distribution is made of, so that nothing is left in the checkout."""
+    folder = tmp_path_factory.mktemp("copy")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    made = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    shutil.copytree(ROOT / "src", folder / "src", symlinks=True, ignore=made)
+    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
+    downloaded = shutil.ignore_patterns("files", "flights")
+    shutil.copytree(ROOT / "data", folder / "data", ignore=downloaded)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(copy, tmp_path_factory):
+    out = tmp_path_factory.mktemp("wheel")
+    pip(sys.executable, "wheel", "--no-build-isolation", "--wheel-dir", out, copy)
+    (file,) = out.iterdir()
+    return file
+
+
+def pip(python, command, *arguments):
+    quiet = ("--quiet", "--disable-pip-version-check", "--no-deps", "--no-index")
+    pip_of_tests = [sys.executable, "-m", "pip", "--python", python]
+    said = subprocess.run(
+        [*pip_of_tests, command, *quiet, *arguments], capture_output=True, text=True, check=False
+    )
+    assert said.returncode == 0, said.stderr
+
+
+def environment(folder, *installed, present=""):
+    """A new environment with the project, beside the packages of a folder; its own folder."""
+    venv.create(folder, symlinks=True)
+    site = next(folder.glob("lib/python*/site-packages"))
+    (site / "present.pth").write_text(present)
+    pip(folder / "bin" / "python", "install", "--ignore-installed", *installed)
+    return site
+
+
+def run(folder, command, *arguments, **changed):
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    kept.pop("ACX4_REFERENCE_DATA", None)
+    return subprocess.run(
+        [folder / "env" / "bin" / command, *arguments],
+        cwd=folder,
+        env={**kept, **changed},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def succeeds(*command, **changed):
+    done = run(*command, **changed)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def name_of(requirement):
+    return re.sub(r"[-_.]+", "-", Requirement(requirement).name).lower()
+
+
+def names_of(requirements):
+    return {name_of(requirement) for requirement in requirements}
+
+
+# --- what is in it, and what it needs --------------------------------------------------------
+
+
+def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
+    sources = [path for path in (ROOT / "src").rglob("*.py") if "__pycache__" not in path.parts]
+    expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
+    expected |= {f"{house}/py.typed" for house in HOUSES}
+    expected.add("acx4book/report/page/report.css")
+    for place, files in (
+        ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
+        ("acx4book/paper/tables", "data/paper/*.csv"),
+        ("acx4book/reference/measurements", "data/reference/*.csv"),
+        ("acx4book/reference/measurements/results", "data/reference/results/*.csv"),
+        ("acx4lib/georeferencing/limits", "data/standards/*.csv"),
+    ):
+        found = {f"{place}/{path.name}" for path in ROOT.glob(files)}
+        assert found
+        expected |= found
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert held == expected
+
+
+def test_the_requirements_are_those_of_pyproject(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith("METADATA"))
+        said = email.message_from_bytes(archive.read(name))
+    extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
+    required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
+    assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
+    assert set(said.get_all("Provides-Extra")) == {"book", "reference", "cluster"}
+
+
+def imported(house):
+    """The distributions that a package's modules import."""
+    found = set()
+    for path in (ROOT / "src" / house).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                found.add(node.module)
+    modules = {name.partition(".")[0] for name in found} - HOUSES - sys.stdlib_module_names
+    return distributions(PARTS.get(module, module) for module in modules)
+
+
+def distributions(modules):
+    known = metadata.packages_distributions()
+    return {name_of(known[module][0]) for module in modules}
+
+
+@pytest.mark.parametrize(
+    ("house", "extras"),
+    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "reference"))],
+)
+def test_what_a_package_imports_is_required(house, extras):
+    required = names_of([*PROJECT["dependencies"], *(r for e in extras for r in EXTRAS[e])])
+    assert imported(house) <= required
+
+
+def test_the_command_asks_for_the_modules_of_the_extra():
+    assert distributions(BOOK) == names_of(EXTRAS["book"])
+
+
+# --- installed -------------------------------------------------------------------------------
+
+
+def link_base(site):
+    """Link the base requirements, and what they bring, into an environment."""
+    waiting, seen = [Requirement(line) for line in PROJECT["dependencies"]], set()
+    while waiting:
+        name = waiting.pop().name
+        if name in seen:
+            continue
+        seen.add(name)
+        found = metadata.distribution(name)
+        brought = [Requirement(line) for line in found.requires or ()]
+        waiting += [r for r in brought if r.marker is None or r.marker.evaluate({"extra": ""})]
+        for top in {file.parts[0] for file in found.files} - {"..", "__pycache__"}:
+            if not (site / top).exists():
+                (site / top).symlink_to(found.locate_file(top))
+
+
+def read_all(folder):
+    """Read every table and list every notebook from an environment; return where it found them."""
+    place, notebooks, *numbers = json.loads(succeeds(folder, "python", "-c", READ_ALL))
+    assert notebooks == sorted(path.name for path in (ROOT / "notebooks").glob("*.ipynb"))
+    assert all(numbers)
+    return Path(place)
+
+
+@pytest.fixture(scope="module")
+def whole(wheel, tmp_path_factory):
+    """A folder beside an environment with the wheel and all that is present."""
+    folder = tmp_path_factory.mktemp("whole")
+    environment(folder / "env", wheel, present=PRESENT)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def base(wheel, tmp_path_factory):
+    """A folder beside an environment with the wheel and the base requirements alone."""
+    folder = tmp_path_factory.mktemp("base")
+    link_base(environment(folder / "env", wheel))
+    return folder
+
+
+def test_an_editable_install_finds_data_and_notebooks(copy, tmp_path):
+    editable = ("--no-build-isolation", "--editable", copy)
+    environment(tmp_path / "env", *editable, present=PRESENT)
+    assert read_all(tmp_path) == copy / "src" / "acx4lib" / "__init__.py"
+
+
+def test_the_wheel_finds_data_and_notebooks(whole):
+    assert read_all(whole).is_relative_to(whole)
+
+
+@pytest.mark.slow
+def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
+    succeeds(whole, "acx4", "simulate", "single-head", "--out", "flight")
+    assert "CAM" in succeeds(whole, "acx4", "check", "flight")
+    said = succeeds(whole, "acx4", "run", "flight", "--results", "results")
+    assert said.endswith("results in results\n")
+    succeeds(whole, "acx4", "report", "results")
+    page = (whole / "results" / "report.html").read_text(encoding="utf-8")
+    assert "data:image/svg+xml;base64," in page
+    assert "@page" in page  # of the style sheet
+
+
+def test_nothing_is_written_into_the_installed_library(whole):
+    site = next(whole.glob("env/lib/python*/site-packages"))
+    for house in HOUSES:
+        done = run(whole, "acx4", "simulate", "single-head", "--out", site / house / "new")
+        assert done.returncode == 2
+        assert "is among the project's own files" in done.stderr
+    done = run(whole, "python", "-m", "acx4book.reference")
+    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
+    assert "results are stored in a working copy" in done.stderr
+    done = run(whole, "python", "-m", "acx4book.reference.data")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "let ACX4_REFERENCE_DATA name a folder" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_base_requirements_are_enough_to_simulate_check_and_render(base):
+    succeeds(base, "python", "-c", "import acx4lib, acx4sim")
+    succeeds(base, "acx4", "--help")
+    images = ("--images", "V1-02", "--reduce", "16")
+    succeeds(base, "acx4", "simulate", "single-head", "--out", "own", *images)
+    assert "image files    1 of 60" in succeeds(base, "acx4", "check", "own")
+    pictured.write_results(base / "results", pictured.write_flight(base / "flight"))
+    said = succeeds(base, "acx4", "render", "flight", "--results", "results", "--out", "images")
+    assert "2 images rendered, in images" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [("run", ("flight", "--results", "new")), ("report", ("results",))],
+)
+def test_without_the_extra_run_and_report_say_what_to_install(base, command, arguments):
+    done = run(base, "acx4", command, *arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"acx4 {command} needs IPython, ipykernel, jupyter_client, matplotlib, ")
+    assert line.endswith(", not installed here: pip install 'acx4lib[book]'")
+    assert not (base / "new").exists()
+    assert "Usage" in succeeds(base, "acx4", command, "--help")
