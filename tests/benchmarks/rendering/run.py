@@ -16,7 +16,14 @@ from acx4lib.synthetic_image.rendering import RenderPlan, render, render_rows
 from acx4lib.synthetic_image.response import Response
 from benchmarks.measure import memory_mb, report, timed
 from benchmarks.rendering import peers
-from benchmarks.rendering.scene import WINDOW_PX, Scene, read, window_of_head
+from benchmarks.rendering.scene import (
+    WINDOW_PX,
+    Scene,
+    pieces,
+    read,
+    samples_per_pixel,
+    window_of_head,
+)
 
 COPIES = 5
 STRIPE = 512  # rows that come from mapped files at a time
@@ -52,7 +59,7 @@ def in_memory(threads: int, *, with_response: bool = True, **how: object) -> Run
                 stop = min(start + BLOCK, own.height_px)
                 out[start:stop] = render_rows(own, images, start, stop, threads=threads)
 
-        return _sized(scene, timed(fill)[1], scene.samples_per_pixel(own))
+        return _sized(scene, timed(fill)[1], samples_per_pixel(own))
 
     return run
 
@@ -65,7 +72,7 @@ def at_once(scene: Scene, response: Response) -> dict[str, Any]:
     return _sized(
         scene,
         timed(lambda: render(own, images, threads=2))[1],
-        scene.samples_per_pixel(own),
+        samples_per_pixel(own),
     )
 
 
@@ -80,7 +87,7 @@ def stripes(scene: Scene, response: Response) -> dict[str, Any]:
             render_rows(own, scene.heads.images, start, min(start + STRIPE, rows), threads=2)
             scene.heads.forget()
 
-    return _sized(scene, timed(run)[1], scene.samples_per_pixel(own))
+    return _sized(scene, timed(run)[1], samples_per_pixel(own))
 
 
 def _ready(own: RenderPlan, images: Any, threads: int) -> None:
@@ -99,7 +106,7 @@ def tiled(peer: str) -> Run:
         own = scene.plan(response)
         images = scene.loaded().heads.images
         total, samples = {"wall_s": 0.0, "cpu_s": 0.0}, 0
-        for k, (r0, r1, c0, c1) in scene.pieces(own):
+        for k, (r0, r1, c0, c1) in pieces(own):
             at = between_nodes(own.maps[k], np.arange(r0, r1), np.arange(c0, c1))
             times = timed(peers.PEERS[peer](images[k], np.nan_to_num(at, nan=-9.0)))[1]
             total = {key: total[key] + times[key] for key in total}

@@ -23,7 +23,7 @@ FEATHER_PX = 150.0  # the renderer's default, pixels at full size
 WINDOW_PX = 2048  # side of what slow renderers do instead of the whole image, at full size
 PATCH_PX = 200  # side of the windows where grey values are compared, at any size
 TILE_CELLS = 16  # cells of the maps along a side of the tiles that others get
-COUNTED = 8  # every so manieth row and column tells how many samples a pixel has
+COUNTED = 8  # samples of a pixel are counted in every 8th row and column
 
 Window = tuple[int, int, int, int]
 """First row, row behind the last, first column, column behind the last."""

@@ -18,7 +18,15 @@ from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import render
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
 from benchmarks.rendering import command, hugin, peers, rendering, run, truth
-from benchmarks.rendering.scene import PATCH_PX, WINDOW_PX, Scene, patches, window_of_head
+from benchmarks.rendering.scene import (
+    PATCH_PX,
+    WINDOW_PX,
+    Scene,
+    patches,
+    pieces,
+    samples_per_pixel,
+    window_of_head,
+)
 from support.pictures import exact_rendering, taken
 
 K = 16
@@ -71,7 +79,7 @@ def test_samples_of_a_pixel_are_those_that_have_a_weight(scene, positions, feath
     plan = scene.plan(feather_px=feather_px)
     every = counted(scene, positions, feather_px).sum(axis=0).mean()
     # counted at each 64th pixel only: some thousand of them
-    assert_allclose(scene.samples_per_pixel(plan), every, atol=0.01)
+    assert_allclose(samples_per_pixel(plan), every, atol=0.01)
     assert every == 1 or feather is None
 
 
@@ -79,7 +87,7 @@ def test_pieces_hold_every_sample_that_the_image_needs(scene, positions):
     plan = scene.plan()
     needed = counted(scene, positions, scene.feather_px)
     given = np.zeros(needed.shape, int)
-    for k, (r0, r1, c0, c1) in scene.pieces(plan):
+    for k, (r0, r1, c0, c1) in pieces(plan):
         given[k, r0:r1, c0:c1] += 1
     assert given.max() == 1  # none twice
     # the line where a weight begins goes through cells none of whose nodes has any
