@@ -181,8 +181,8 @@ def test_a_second_command_gets_one_line_with_the_process_and_the_machine(tmp_pat
         done = subprocess.run(
             [
                 *(sys.executable, "-c"),
-                "import sys; from acx4lib import own_folder\n"
-                f"with own_folder.claim(sys.argv[1], command={RUN!r}): pass",
+                "import sys; from acx4lib.results.own_folder import claims\n"
+                f"with claims.claim(sys.argv[1], command={RUN!r}): pass",
                 tmp_path / "r",
             ],
             capture_output=True,
@@ -199,8 +199,8 @@ def test_a_second_command_gets_one_line_with_the_process_and_the_machine(tmp_pat
 def test_a_lock_that_was_left_behind_is_taken_over(tmp_path):
     """Its process was killed: the lock is there, and so is what was not finished."""
     kill = (
-        "import os, signal, sys; from acx4lib import own_folder\n"
-        f"with own_folder.claim(sys.argv[1], command={RUN!r}) as own:\n"
+        "import os, signal, sys; from acx4lib.results.own_folder import claims\n"
+        f"with claims.claim(sys.argv[1], command={RUN!r}) as own:\n"
         "    own.expect(['table'])\n"
         "    (own.path / 'table').write_text('half')\n"
         f"    (own.path / '{SCRATCH}x').mkdir()\n"
