@@ -112,7 +112,7 @@ def test_the_button_switches_to_the_dark_and_back(window):
 @pytest.mark.parametrize("words", ["boresight", "lever arm", "collinearity", "distortion"])
 def test_the_search_finds_chapters_before_modules(window, words):
     page = window().open(f"search.html?q={words}")
-    page.wait_for_function("document.querySelector('#search-summary')?.textContent.match(/\\d/)")
+    page.wait_for_function("document.querySelector('.search-summary')?.textContent.match(/\\d/)")
     found = page.locator("#search-results li a").evaluate_all("all => all.map(a => a.href)")
     modules = ["_generated/api/" in url for url in found]
     assert "frames-and-notation" in " ".join(found)

@@ -17,18 +17,8 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import render
+from acx4book.command import render, terminal
 from acx4book.command.endings import TERMINATED, status_of
-from acx4book.command.terminal import (
-    Flight,
-    need_book,
-    prepare_streams,
-    refuse,
-    say,
-    say_if_not_kept,
-    show,
-    stage_bars,
-)
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -48,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         Replaces the arguments of the command line.
     """
-    prepare_streams()
+    terminal.prepare_streams()
     logging.getLogger("papermill").addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
     given = sys.argv[1:] if arguments is None else [*arguments]
@@ -60,9 +50,9 @@ def _show_version(wanted: bool) -> None:
     if not wanted:
         return
     try:
-        show(importlib.metadata.version("acx4lib"))
+        terminal.show(importlib.metadata.version("acx4lib"))
     except importlib.metadata.PackageNotFoundError:
-        show("unknown: run from its sources, not installed")
+        terminal.show("unknown: run from its sources, not installed")
     raise typer.Exit
 
 
@@ -95,12 +85,12 @@ Example:
   acx4 check my_flight
 """
 )
-def check(flight: Flight) -> None:
+def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
 
-    show(summary(read(flight)))
+    terminal.show(summary(read(flight)))
 
 
 @app.command(
@@ -118,7 +108,7 @@ Examples:
 """
 )
 def run(
-    flight: Flight,
+    flight: terminal.Flight,
     results: Annotated[
         Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
     ],
@@ -131,15 +121,15 @@ def run(
     ] = None,
 ) -> None:
     """Run the stages of a flight."""
-    need_book("run")
-    from acx4book.notebooks import stages as runner  # noqa: PLC0415 quick help
+    terminal.need_book("run")
+    from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 
     chosen = [stage.strip() for stage in stages.split(",")]
     for stage in chosen:
         if stage not in STAGES:
-            refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    with stage_bars() as tell:
+            terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    with terminal.stage_bars() as tell:
         report = runner.run(
             flight,
             results,
@@ -147,12 +137,12 @@ def run(
             notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
             tell=tell,
         )
-    say_if_not_kept()
+    terminal.say_if_not_kept()
     for line in [*report.skipped, *report.left_out, *report.notes]:
-        show(line)
-    show(f"results in {results}")
+        terminal.show(line)
+    terminal.show(f"results in {results}")
     if report.not_determined:
-        say(*report.not_determined)
+        terminal.say(*report.not_determined)
         raise typer.Exit(1)
 
 
@@ -215,7 +205,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     from acx4sim.plan import GrossErrors, Options, SlowErrors  # noqa: PLC0415 quick help
 
     if name not in DESIGNS:
-        refuse(f"unknown flight {name!r}; known: {', '.join(DESIGNS)}")
+        terminal.refuse(f"unknown flight {name!r}; known: {', '.join(DESIGNS)}")
     places.check_new(out)
     truth = truth_path(out)
     places.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
@@ -226,16 +216,16 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     )
     exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
     if not exposures and (reduce > 1 or ground is not None):
-        refuse("--reduce and --ground are for pictures; name exposures with --images")
+        terminal.refuse("--reduce and --ground are for pictures; name exposures with --images")
     flight = DESIGNS[name](seed=seed, options=options)
     if exposures:
         try:
             flight = photograph(flight, exposures, reduce=reduce, photo=ground)
         except ValueError as error:
-            refuse(str(error))
-    with stage_bars("rows") as tell, claims.placed(out, command="acx4 simulate") as draft:
+            terminal.refuse(str(error))
+    with terminal.stage_bars("rows") as tell, claims.placed(out, command="acx4 simulate") as draft:
         write(flight, draft, tell=tell)
-    show(f"{out}; its truth in {truth}")
+    terminal.show(f"{out}; its truth in {truth}")
 
 
 @app.command(
@@ -260,13 +250,13 @@ def report(
     ] = None,
 ) -> None:
     """Write the calibration report of a run."""
-    need_book("report")
+    terminal.need_book("report")
     from acx4book.report.page.page import write  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
-    with stage_bars() as tell:
+    with terminal.stage_bars() as tell:
         write(results, path, on_cell=lambda *cells: tell("report", *cells))
-    show(path)
+    terminal.show(path)
 
 
 app.command(help=render.HELP)(render.render)

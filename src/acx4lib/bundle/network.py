@@ -213,7 +213,7 @@ def _moved_pose(T: Pose, step: Array) -> Pose:
 
 
 def camera_poses(network: Network, state: State) -> Pose:
-    """Return T_m_c of every image."""
+    """Return the pose T_m_c of every image, eq. (14)."""
     return state.T_m_b[network.pose_idx] @ state.T_b_c[network.block.images.camera_idx]
 
 

@@ -162,7 +162,7 @@ def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
 
 
 def colrow_from_xy(camera: Camera, xy: Array) -> Array:
-    """Convert image coordinates (mm) to pixel coordinates; inverse of `xy_from_colrow`."""
+    """Convert image coordinates (mm) to pixels, shape (..., 2); inverse of `xy_from_colrow`."""
     expected.instance("camera", camera, Camera)
     xy = expected.numbers("xy", xy, (..., 2))
     centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
@@ -211,7 +211,7 @@ def distortion(interior: Interior, xy: Array) -> Array:
 
 
 def reduced(interior: Interior, xy: Array) -> Array:
-    """Return points relative to the principal point, mm; x is first multiplied by 1 + b1."""
+    """Return points (..., 2) relative to the principal point, mm, after x is scaled by 1 + b1."""
     return xy * np.array([1 + interior.b1, 1.0]) - np.array([interior.xp, interior.yp])
 
 

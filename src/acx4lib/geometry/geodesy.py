@@ -151,7 +151,7 @@ class GridSystem:
         return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
 
     def ecef_from_geographic(self, lonlath: Array) -> Array:
-        """Return earth-centred coordinates of longitude, latitude (deg) and ellipsoidal height."""
+        """Return earth-centred coordinates (m) of longitude, latitude (deg), height (m), (n, 3)."""
         x_e = np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
         return np.where(np.isfinite(x_e), x_e, np.nan)  # PROJ's infinities would cause warnings
 
@@ -213,7 +213,7 @@ class MappingFrame:
         )
 
     def from_geographic(self, lonlath: Array) -> Array:
-        """Return mapping coordinates of longitude, latitude (deg), ellipsoidal height (m)."""
+        """Return mapping coordinates (m) of longitude, latitude (deg), height (m), shape (n, 3)."""
         lonlath = expected.numbers("lonlath", lonlath, ("n", 3))
         return (self.grid.ecef_from_geographic(lonlath) - self._r_e_m) @ self._R_e_m
 
@@ -240,7 +240,7 @@ class MappingFrame:
         return self.from_geographic(np.column_stack([lonlat, height]))
 
     def to_grid(self, x_m: Array) -> Array:
-        """Return east, north, height in the flight's system; inverse of `from_grid`."""
+        """Return east, north, height in the flight's system, m, (n, 3); inverse of `from_grid`."""
         lonlath = self.to_geographic(x_m)
         height = lonlath[:, 2] - self.grid.undulation(lonlath[:, :2])
         return np.column_stack([self.grid.grid_from_lonlat(lonlath[:, :2]), height])

@@ -97,7 +97,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
 
 
 def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
-    """Return the covariances of the camera poses, shape (n_images, 6, 6), m and camera axes rad."""
+    """Return the camera poses' covariances, (n_images, 6, 6), m and rad about the camera's axes."""
     g = georeferenced
     own = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
     return own + propagate(g.by_parameters, g.cov_parameters)

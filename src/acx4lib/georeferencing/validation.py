@@ -15,14 +15,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, SurveyedPoints
 from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
-from acx4lib.georeferencing.direct import (
-    Georeferenced,
-    Intersections,
-    Rays,
-    georeference,
-    intersect_rays,
-    measured,
-)
+from acx4lib.georeferencing import direct
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.covariance import propagate
 
@@ -82,7 +75,7 @@ class Validation:
 
     method: str
     block: Block
-    georeferenced: Georeferenced
+    georeferenced: direct.Georeferenced
     pairs: Differences
     points: Differences
     rejected: tuple[Rejection, ...]
@@ -140,7 +133,7 @@ def validate(
     if not method or "/" in method:
         msg = f"method: expected a name without '/', got {method!r}"
         raise ValueError(msg)
-    georeferenced = georeference(block, calibration)
+    georeferenced = direct.georeference(block, calibration)
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
     rejected = tuple(
@@ -148,7 +141,7 @@ def validate(
         for i in np.flatnonzero(~kept)
     )
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])
-    seen = measured(block, georeferenced, selected)
+    seen = direct.measured(block, georeferenced, selected)
     absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
     if absurd.any():
         rejected += _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
@@ -156,7 +149,7 @@ def validate(
         selected = selected.select(np.flatnonzero(kept), selected.group[kept])
     pairs, n_failed = _pairs(block, georeferenced, selected)
     met = np.zeros(len(block.check), dtype=bool)
-    met[: selected.n_groups] = _meet(measured(block, georeferenced, selected), selected)
+    met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
     points = _renumbered(selected, met)
     P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
     return Validation(
@@ -173,14 +166,14 @@ def validate(
     )
 
 
-def _check_measurements(block: Block) -> tuple[Index, Rays]:
+def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
     """Return the measurements of check points, sorted by point and image; group = check point."""
     which = np.full(len(block.points), -1)
     which[block.check.point_idx] = np.arange(len(block.check))
     points = block.image_points
     rows = np.flatnonzero((which[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
     rows = rows[np.lexsort((points.image_idx[rows], which[points.point_idx[rows]]))]
-    return rows, Rays(
+    return rows, direct.Rays(
         image_idx=points.image_idx[rows],
         group=which[points.point_idx[rows]],
         colrow=points.colrow[rows],
@@ -189,7 +182,7 @@ def _check_measurements(block: Block) -> tuple[Index, Rays]:
 
 
 def _fitting(
-    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
+    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
 ) -> tuple[Mask, Array]:
     """Return which measurements fit the other rays of their point, and the w of the others.
 
@@ -214,7 +207,11 @@ def _fitting(
 
 
 def _surveyed_nowhere(
-    block: Block, georeferenced: Georeferenced, selected: Rays, absurd: Mask, refraction: str
+    block: Block,
+    georeferenced: direct.Georeferenced,
+    selected: direct.Rays,
+    absurd: Mask,
+    refraction: str,
 ) -> tuple[Rejection, ...]:
     """Return the rejections of check points, each with the largest of its three w."""
     rays, idx = _renumbered(selected, absurd)
@@ -227,15 +224,17 @@ def _surveyed_nowhere(
 
 
 def _weighted_fit(
-    block: Block, georeferenced: Georeferenced, group: Rays, refraction: str
-) -> tuple[Array, Intersections]:
+    block: Block, georeferenced: direct.Georeferenced, group: direct.Rays, refraction: str
+) -> tuple[Array, direct.Intersections]:
     """Return weights that include the trajectory's sigma, and the intersections with them."""
-    first = intersect_rays(block, georeferenced, group, refraction=refraction)
+    first = direct.intersect_rays(block, georeferenced, group, refraction=refraction)
     P = np.linalg.inv(first.cov_v)
-    return P, intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
+    return P, direct.intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
 
 
-def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str) -> Array:
+def _w(
+    block: Block, georeferenced: direct.Georeferenced, group: direct.Rays, refraction: str
+) -> Array:
     """Return the larger of the two normalised residuals of every measurement, shape (n,)."""
     P, fit = _weighted_fit(block, georeferenced, group, refraction)
     B = fit.by_point
@@ -251,13 +250,13 @@ def _w(block: Block, georeferenced: Georeferenced, group: Rays, refraction: str)
 
 
 def _pairs(
-    block: Block, georeferenced: Georeferenced, selected: Rays
-) -> tuple[tuple[Rays, Index], int]:
+    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays
+) -> tuple[tuple[direct.Rays, Index], int]:
     """Return the pairs of rays of every point that meet at 2 degrees or more; count the others."""
     a, b = _all_pairs(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
     paired = selected.select(np.column_stack([a, b]).ravel(), group)
-    seen = measured(block, georeferenced, paired)
+    seen = direct.measured(block, georeferenced, paired)
     angle = largest_angles(directions(seen), group, len(a))
     good = (angle >= SMALLEST_ANGLE) & _meet(seen, paired)
     rows = np.column_stack([a[good], b[good]]).ravel()
@@ -265,7 +264,7 @@ def _pairs(
     return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
 
 
-def _meet(seen: Measurement, selected: Rays) -> Mask:
+def _meet(seen: Measurement, selected: direct.Rays) -> Mask:
     """Tell which groups of rays meet, in front of all their cameras."""
     d = directions(seen)
     x_m = intersect(seen.T_m_c.r, d, selected.group, selected.n_groups)
@@ -287,7 +286,7 @@ def _all_pairs(group: Index) -> tuple[Index, Index]:
     return both[0], both[1]
 
 
-def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
+def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:
     """Return the rays of some check points, with new group numbers, and these points."""
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
@@ -296,12 +295,12 @@ def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
 
 def _differences(
     block: Block,
-    georeferenced: Georeferenced,
-    selected: Rays,
+    georeferenced: direct.Georeferenced,
+    selected: direct.Rays,
     check_idx: Index,
     refraction: str,
 ) -> Differences:
-    found = intersect_rays(block, georeferenced, selected, refraction=refraction)
+    found = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
     d, sigma = compare(block, found.x_m, found.cov, check_idx)
     groups = np.arange(len(check_idx))
     starts = np.searchsorted(selected.group, groups)

@@ -21,7 +21,7 @@ FEW = 20
 """Number of w below which their spread is not judged."""
 
 MEDIAN_SIGMA = 1.17
-"""Standard deviation of a spread from the median of n values ``|w|``, times sqrt(n)."""
+"""Standard deviation of a spread from the median size of n values w, times sqrt(n)."""
 
 
 def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
@@ -51,7 +51,7 @@ def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
 
 
 def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
-    """Return the limit of ``|w|`` for each group, times the spread of w where that exceeds one.
+    """Return the limit of w for each group, times the spread of w where that exceeds one.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def _excess(w: Array) -> float:
 
 
 def tau_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
-    """Return the limit of ``|w|`` for each group: the critical tau times sigma0, the same for all.
+    """Return the limit of w for each group: the critical tau times sigma0, the same for all.
 
     Parameters
     ----------

@@ -16,14 +16,7 @@ from acx4lib.calibration.heads import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
-from acx4lib.results.adjustments import (
-    Record,
-    of_bundle,
-    of_failure,
-    of_left_out,
-    of_relative_orientation,
-    write,
-)
+from acx4lib.results import adjustments
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +46,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
     results_path : path
     """
     stage = orient(flight, calibrate(flight))
-    write(results_path, "heads", records(stage))
+    adjustments.write(results_path, "heads", records(stage))
     return stage
 
 
@@ -104,22 +97,24 @@ def _why_not(flight: Flight, heads: Heads) -> str:
     return ""
 
 
-def records(stage: HeadsStage) -> list[Record]:
+def records(stage: HeadsStage) -> list[adjustments.Record]:
     """Return what the stage leaves in a results folder, failures included."""
     out = [_record(name, fit) for name, fit in stage.heads.bundles.items()]
     for name, reason in stage.heads.failures.items():
         key = f"heads/bundle/{name}"
-        out.append(of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key))
+        out.append(adjustments.of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key))
     if stage.orientation is None:
-        out.append(of_left_out("heads", "relative_orientation", stage.left_out))
+        out.append(adjustments.of_left_out("heads", "relative_orientation", stage.left_out))
     else:
-        out.append(of_relative_orientation("heads", "relative_orientation", stage.orientation))
+        out.append(
+            adjustments.of_relative_orientation("heads", "relative_orientation", stage.orientation)
+        )
     return out
 
 
-def _record(name: str, fit: Bundle) -> Record:
+def _record(name: str, fit: Bundle) -> adjustments.Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
-    record = of_bundle("heads", "bundle", fit, summary_key=key)
+    record = adjustments.of_bundle("heads", "bundle", fit, summary_key=key)
     largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
     return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

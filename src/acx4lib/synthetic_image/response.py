@@ -18,14 +18,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.synthetic_image.grey_samples import (
-    POINTS,
-    Image,
-    Samples,
-    corner_share,
-    overlap_samples,
-    with_bands,
-)
+from acx4lib.synthetic_image import grey_samples
 
 PER_CELL = 20
 """Samples in a cell of an overlap; responses are taken as constant in a cell."""
@@ -109,7 +102,7 @@ class ResponseFit:
 
 def log_response(response: Response, k: int, colrow: Array, camera: Camera) -> Array:
     """Return the logarithm of a head's response at pixels, shape (n, n_bands)."""
-    out: Array = _powers(corner_share(camera, colrow)) @ response.coefficients[k].T
+    out: Array = _powers(grey_samples.corner_share(camera, colrow)) @ response.coefficients[k].T
     return out
 
 
@@ -121,12 +114,12 @@ def _powers(q: Array) -> Array:
 
 
 def estimate_response(
-    images: Sequence[Image],
+    images: Sequence[grey_samples.Image],
     orientation: RelativeOrientation,
     synthetic: Camera,
     *,
     rng: np.random.Generator,
-    n_points: int = POINTS,
+    n_points: int = grey_samples.POINTS,
 ) -> ResponseFit:
     """Estimate the responses of the heads from one exposure's overlaps.
 
@@ -150,15 +143,19 @@ def estimate_response(
     -----
     For several exposures, join their `overlap_samples` and use `fit_response`.
     """
-    samples = overlap_samples(images, orientation, synthetic, rng=rng, n_points=n_points)
-    n_bands = with_bands(images[0]).shape[2]
+    samples = grey_samples.overlap_samples(
+        images, orientation, synthetic, rng=rng, n_points=n_points
+    )
+    n_bands = grey_samples.with_bands(images[0]).shape[2]
     return fit_response(samples, n_heads=len(images), n_bands=n_bands)
 
 
 # --- the fit ---------------------------------------------------------------------------------
 
 
-def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> ResponseFit:
+def fit_response(
+    samples: Sequence[grey_samples.Samples], *, n_heads: int, n_bands: int
+) -> ResponseFit:
     """Estimate the responses of heads from samples of their overlaps.
 
     Robust least squares band by band, with a priori knowledge: the mean log gain of all heads is
@@ -193,7 +190,9 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
     )
 
 
-def _equations(samples: Sequence[Samples], n_heads: int, band: int) -> tuple[Array, Array]:
+def _equations(
+    samples: Sequence[grey_samples.Samples], n_heads: int, band: int
+) -> tuple[Array, Array]:
     """Return the design matrix and the log ratios of the good samples of a band."""
     rows, values = [np.zeros((0, 3 * n_heads))], [np.zeros(0)]
     for s in samples:
@@ -241,7 +240,7 @@ def _zero_mean_gain(n_heads: int) -> Array:
 
 
 def _disagreement(
-    samples: Sequence[Samples], pair: tuple[int, int], response: Response
+    samples: Sequence[grey_samples.Samples], pair: tuple[int, int], response: Response
 ) -> OverlapResponse:
     own = [s for s in samples if (s.head_a, s.head_b) == pair]
     y = np.concatenate([s.log_ratio for s in own])
@@ -265,12 +264,12 @@ def _disagreement(
     )
 
 
-def _modelled(s: Samples, response: Response) -> Array:
+def _modelled(s: grey_samples.Samples, response: Response) -> Array:
     a, b = (response.coefficients[k] for k in (s.head_a, s.head_b))
     return _powers(s.q_a) @ a.T - _powers(s.q_b) @ b.T
 
 
-def _rough(samples: Samples, left: Array) -> Array:
+def _rough(samples: grey_samples.Samples, left: Array) -> Array:
     """Return log ratios minus the medians of their cells, of some twenty samples each."""
     per_side = max(1, int(np.sqrt(len(left) / PER_CELL)))
     low, high = samples.xy.min(axis=0), samples.xy.max(axis=0)

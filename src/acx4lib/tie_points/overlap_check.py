@@ -10,14 +10,8 @@ import numpy as np
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera
+from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
-from acx4lib.tie_points.large_shifts import (
-    LEAST_CELL_PX,
-    NO_SHIFT,
-    coarse_factor,
-    coarse_task,
-    consensus,
-)
 from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap
 from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_exposure, shared_windows
 
@@ -70,7 +64,7 @@ def check_overlaps(
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
     windows = [shared for shared in windows if shared.area_px > largest / 2]
-    right = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
+    right = reduced_exposure(images, orientation, synthetic, large_shifts.coarse_factor(windows))
     turned = tuple(np.ascontiguousarray(image[::-1, ::-1]) for image in right.images)
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
@@ -94,12 +88,12 @@ def _task(
         orientation=orientation,
         synthetic=synthetic,
         shared=shared,
-        shift=NO_SHIFT,
-        cell=LEAST_CELL_PX,
+        shift=large_shifts.NO_SHIFT,
+        cell=large_shifts.LEAST_CELL_PX,
         noise=noise,
         options=TieOptions(),
     )
-    return coarse_task(whole, right)
+    return large_shifts.coarse_task(whole, right)
 
 
 def _verdict(
@@ -114,7 +108,7 @@ def _verdict(
         images[b] = turned[b] if turn_b else images[b]
         matches = match_overlap(replace(task, images=images))
         n_textured = int(matches.counts[1])
-        agree = consensus(matches, 2 * task.options.consensus_px).sum()
+        agree = large_shifts.consensus(matches, 2 * task.options.consensus_px).sum()
         if n_textured >= LEAST_CELLS and agree > LEAST_SHARE * n_textured:
             return [_Verdict(head_a=a, head_b=b, turns=(turn_a, turn_b))]
         if not (turn_a or turn_b):

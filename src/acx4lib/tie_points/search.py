@@ -12,14 +12,8 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.mapped_pixels import forget
+from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
-from acx4lib.tie_points.large_shifts import (
-    LEAST_CELL_PX,
-    NO_SHIFT,
-    coarse_factor,
-    coarse_shift,
-    consensus,
-)
 from acx4lib.tie_points.matching import (
     OverlapMatches,
     OverlapTask,
@@ -135,7 +129,7 @@ def find_ties(
     options = options or TieOptions()
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
-    coarse = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
+    coarse = reduced_exposure(images, orientation, synthetic, large_shifts.coarse_factor(windows))
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
     found = []
@@ -145,12 +139,12 @@ def find_ties(
             orientation=orientation,
             synthetic=synthetic,
             shared=shared,
-            shift=NO_SHIFT,
+            shift=large_shifts.NO_SHIFT,
             cell=_cell(shared, largest, options),
             noise=noise[shared.head_a],
             options=options,
         )
-        task = replace(task, shift=coarse_shift(task, coarse))
+        task = replace(task, shift=large_shifts.coarse_shift(task, coarse))
         found.append(_measured(task))
         for k in (shared.head_a, shared.head_b):
             forget(images[k])
@@ -174,7 +168,7 @@ def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> No
 def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
     """Return the side of an overlap's cells; the small overlaps of diagonal heads have fewer."""
     area = max(shared.area_px, largest / 2)
-    return min(options.cell_px, max(LEAST_CELL_PX, int(np.sqrt(area / options.cells))))
+    return min(options.cell_px, max(large_shifts.LEAST_CELL_PX, int(np.sqrt(area / options.cells))))
 
 
 # --- one overlap ----------------------------------------------------------------------------
@@ -183,7 +177,7 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
 def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
     """Return the matches of an overlap that agree, and their numbers."""
     matches = match_overlap(task)
-    agree = consensus(matches, task.options.consensus_px)
+    agree = large_shifts.consensus(matches, task.options.consensus_px)
     kept = OverlapMatches(
         colrow_a=matches.colrow_a[agree],
         colrow_b=matches.colrow_b[agree],

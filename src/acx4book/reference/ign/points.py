@@ -15,13 +15,7 @@ from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Tra
 from acx4lib.geometry.collinearity import directions, image_residuals
 from acx4lib.geometry.intersection import intersect
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing.direct import (
-    Intersections,
-    Rays,
-    georeference,
-    intersect_rays,
-    measured,
-)
+from acx4lib.georeferencing import direct
 
 POINTING_PX = 0.5
 """Standard deviation of a measurement of a surveyed point; IGN gives none."""
@@ -88,8 +82,8 @@ class Intersected:
         As `d`, for the points with the smallest distances from their rays in space.
     """
 
-    rays: Rays
-    found: Intersections
+    rays: direct.Rays
+    found: direct.Intersections
     d: Array
     sigma: Array
     misfit: Array
@@ -101,15 +95,15 @@ def intersected(flight: Flight, reading: Reading) -> Intersected:
     block = _block(flight, reading)
     points = block.image_points
     order: Index = np.argsort(points.point_idx, kind="stable")
-    selected = Rays(
+    selected = direct.Rays(
         image_idx=points.image_idx[order],
         group=points.point_idx[order],
         colrow=points.colrow[order],
         sigma_px=points.sigma_px[order],
     )
-    poses = georeference(block, estimates.given([flight.camera]))
-    found = intersect_rays(block, poses, selected)
-    seen = measured(block, poses, selected)
+    poses = direct.georeference(block, estimates.given([flight.camera]))
+    found = direct.intersect_rays(block, poses, selected)
+    seen = direct.measured(block, poses, selected)
     nearest = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
     given = reading.from_enh(flight.enh)[selected.group]
     R_g_m = flight.frame.grid_axes(flight.frame.from_grid(flight.enh))

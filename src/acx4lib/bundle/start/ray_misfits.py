@@ -59,7 +59,7 @@ def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
 
 
 def control_misfits(network: Network, state: State) -> Array:
-    """Return the median angle between control points as surveyed and their rays, shape (k,)."""
+    """Return the median angles of surveyed control points and their rays, radians, shape (k,)."""
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
     seen = seen_by(network, state, network.image_points[rows])
     angles = _angles(seen, replace(state, x_m=with_surveyed(network, state.x_m)))
@@ -126,7 +126,7 @@ def _angles(seen: Seen, state: State) -> Array:
 
 
 def with_surveyed(network: Network, x_m: Array) -> Array:
-    """Return the coordinates of points, those of control points replaced by surveyed ones."""
+    """Return coordinates of points (n, 3), those of control points replaced by surveyed ones."""
     out = x_m.copy()
     out[network.control.point_idx] = network.control.x_m
     return out

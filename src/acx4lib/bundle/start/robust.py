@@ -142,7 +142,7 @@ def _loss(groups: Sequence[Residuals], name: str, width: float, shown: tuple[Arr
 
 
 def sizes(v: Array, sigma: Array) -> Array:
-    """Return ``|v| / sigma``: lengths of vectors for image points, each component for others."""
+    """Return abs(v) / sigma: of image points the length of the vector, of others each component."""
     u = np.abs(v / sigma)
     return np.linalg.norm(u, axis=1, keepdims=True) if v.shape[1] == 2 else u
 

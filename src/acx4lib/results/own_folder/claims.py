@@ -15,18 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from acx4lib.errors import FlightError, OutputError
+from acx4lib.results.own_folder import marks
 from acx4lib.results.own_folder.locks import LOCK, locked, writer
-from acx4lib.results.own_folder.marks import (
-    MARK,
-    SCRATCH,
-    Written,
-    bears,
-    changes,
-    mark_all,
-    read_mark,
-    write_mark,
-    written,
-)
 from acx4lib.results.own_folder.places import check_place
 
 OF_A_FILE = b'"made_by": "acx4 '
@@ -48,7 +38,7 @@ class OwnFolder:
 
     path: Path
     command: str
-    files: dict[str, Written] = field(default_factory=dict)
+    files: dict[str, marks.Written] = field(default_factory=dict)
 
     def expect(self, names: Iterable[str]) -> None:
         """Say which files will be written; they are listed before they are there.
@@ -63,14 +53,14 @@ class OwnFolder:
             if name not in self.files and (self.path / name).exists():
                 msg = f"{self.path / name}: was not written by {self.command}; move it away"
                 raise OutputError(msg)
-            self.files.setdefault(name, Written())
-        write_mark(self.path, self.command, self.files)
+            self.files.setdefault(name, marks.Written())
+        marks.write_mark(self.path, self.command, self.files)
 
     def seal(self) -> None:
         """Note the checksums of all files that are there; those that are not stay expected."""
         there = ((name, self.path / name) for name in self.files)
-        self.files = {n: written(p) if p.is_file() else Written() for n, p in there}
-        write_mark(self.path, self.command, self.files)
+        self.files = {n: marks.written(p) if p.is_file() else marks.Written() for n, p in there}
+        marks.write_mark(self.path, self.command, self.files)
 
     def remove(self, names: Iterable[str]) -> None:
         """Remove files that the command wrote, and folders that are then empty."""
@@ -78,7 +68,7 @@ class OwnFolder:
             self._check_links(name)
             (self.path / name).unlink(missing_ok=True)
             _prune((self.path / name).parent, self.path)
-            self.files[name] = Written()
+            self.files[name] = marks.Written()
 
     def _check_links(self, name: str) -> None:
         """Refuse to write through a link."""
@@ -92,9 +82,9 @@ class OwnFolder:
         listed = self.files.items()
         self.files = {n: w for n, w in listed if w.sha256 or (self.path / n).is_file()}
         if self.files:
-            write_mark(self.path, self.command, self.files)
+            marks.write_mark(self.path, self.command, self.files)
         else:
-            (self.path / MARK).unlink(missing_ok=True)
+            (self.path / marks.MARK).unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -147,10 +137,10 @@ def placed(folder: str | Path, *, command: str) -> Iterator[Path]:
     path = Path(folder).resolve()
     made = _made(path.parent)
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=SCRATCH) as temporary:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=marks.SCRATCH) as temporary:
             draft = Path(temporary) / path.name
             yield draft
-            mark_all(draft, command)
+            marks.mark_all(draft, command)
             beside = [other for other in draft.parent.iterdir() if other != draft]
             if path.exists():
                 path.rmdir()
@@ -178,7 +168,7 @@ def verify(folder: Path, names: Iterable[str] | None = None, *, cure: str) -> No
         A line for each file that was changed, cut or removed, or for who is writing there.
     """
     busy = writer(folder)
-    lines = [busy] if busy else [f"{line}; {cure}" for line in changes(folder, names)]
+    lines = [busy] if busy else [f"{line}; {cure}" for line in marks.changes(folder, names)]
     if lines:
         raise FlightError(lines)
 
@@ -191,22 +181,22 @@ def clear(path: Path) -> None:
     OutputError
         Where it bears no mark, somebody is writing there, or a file was changed since.
     """
-    if path.is_file() and not path.is_symlink() and bears(path, OF_A_FILE):
+    if path.is_file() and not path.is_symlink() and marks.bears(path, OF_A_FILE):
         path.unlink()
         return
-    whose, files = read_mark(path)
+    whose, files = marks.read_mark(path)
     if not whose:
         msg = f"{path}: bears no mark of acx4; remove it yourself if it is not needed"
         raise OutputError(msg)
     with locked(path):
-        changed = changes(path, [name for name in files if (path / name).exists()])
+        changed = marks.changes(path, [name for name in files if (path / name).exists()])
         if changed:
             msg = f"{changed[0]}; move it away, or remove it yourself"
             raise OutputError(msg)
         own = OwnFolder(path=path, command=whose, files=_listed(path, whose))
         own.remove(list(own.files))
         _tidy(path)
-        (path / MARK).unlink()
+        (path / marks.MARK).unlink()
     with contextlib.suppress(OSError):
         path.rmdir()
 
@@ -228,10 +218,12 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             folder.rmdir()
 
 
-def _listed(path: Path, command: str) -> dict[str, Written]:
+def _listed(path: Path, command: str) -> dict[str, marks.Written]:
     """Return what a command wrote into a folder before; nothing into an empty one."""
-    others = [p.name for p in path.iterdir() if p.name != LOCK and not p.name.startswith(SCRATCH)]
-    whose, files = read_mark(path)
+    others = [
+        p.name for p in path.iterdir() if p.name != LOCK and not p.name.startswith(marks.SCRATCH)
+    ]
+    whose, files = marks.read_mark(path)
     if others and not whose:
         shown = ", ".join(sorted(others)[:3]) + (", …" if len(others) > 3 else "")
         msg = f"{path}: holds what {command} did not write ({shown}); choose a new or empty folder"
@@ -244,7 +236,7 @@ def _listed(path: Path, command: str) -> dict[str, Written]:
 
 def _tidy(path: Path) -> None:
     """Remove unfinished files that a killed command left behind."""
-    for stale in path.glob(f"{SCRATCH}*"):
+    for stale in path.glob(f"{marks.SCRATCH}*"):
         if stale.is_dir() and not stale.is_symlink():
             shutil.rmtree(stale)
         else:
