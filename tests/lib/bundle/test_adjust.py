@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.start.start_values import start_points
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
 from acx4lib.geometry.collinearity import project
@@ -334,7 +335,7 @@ def test_rays_that_part_start_on_a_ray_before_the_camera(exact_block):
     block = with_points(exact_block, [0, 2], colrow, ["parting"])
     T_m_c = block.T_m_b_images @ Pose(R=blocks.CAMERA.T_b_c.R, r=blocks.CAMERA.T_b_c.r)
     assert T_m_c.r[0, 0] < T_m_c.r[2, 0]
-    x_m, angle = bundle.start_points(block, T_m_c, np.arange(len(block.image_points)))
+    x_m, angle = start_points(block, T_m_c, np.arange(len(block.image_points)))
     assert np.isfinite(x_m).all()
     assert 400 < x_m[-1, 2] < 1400  # about the ground, at 900 m; the rays meet above 2000 m
     assert angle[-1] > np.radians(20)
