@@ -14,8 +14,7 @@ Conventions, each implemented once, in `geometry`:
 - Lengths in m, in the image in mm; angles in radians; v = estimated less observed.
 
 The five names of `__all__` are all that most programs need: ``import acx4lib as acx``, then
-``flight = acx.read("my_flight")``. They, and the rooms,
-are loaded when they are first used.
+``flight = acx.read("my_flight")``. They, and the rooms, are loaded when they are first used.
 """
 
 from importlib import import_module

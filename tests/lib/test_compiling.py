@@ -58,7 +58,9 @@ def test_what_is_not_a_number_is_found_in_a_sum():
     assert not unknown(np.inf, 1.0)
 
 
-@pytest.mark.parametrize("source", COMPILED, ids=str)
+@pytest.mark.parametrize(
+    "source", [path for path in COMPILED if "acx4lib.compiling" in path.read_text()], ids=str
+)
 def test_no_compiled_module_asks_for_finite_numbers(source):
     """In compiled code of a sum the answer is always yes."""
     assert "isfinite" not in source.read_text(encoding="utf-8")

@@ -33,7 +33,7 @@ PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
 
 READ_ALL = """
 import json, acx4lib
-from acx4book.notebooks.stages import NOTEBOOKS_PATH
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.paper import printed
 from acx4book.reference import comparisons, data
 from acx4lib.georeferencing import standards

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 import acx4sim
-from acx4book.notebooks import stages
+from acx4book.notebooks import runner
 from acx4lib import flight
 from acx4lib.calibration import mounting
 from acx4lib.georeferencing import validation
@@ -22,7 +22,7 @@ def leave_results(folder, *, design="single-head", seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS[design](seed=seed), at)
     flown = flight.read(at)
-    with claims.claim(kept, command=stages.COMMAND) as own:
+    with claims.claim(kept, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(kept, [], tables={}, summary={})
         provenance.keep(own, flown)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from acx4book.notebooks import stages
+from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from support.flights import other_heads, pictured
 
@@ -10,7 +10,7 @@ from support.flights import other_heads, pictured
 @pytest.mark.slow
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
     other_path = other_heads.write(tmp_path / "flight")
-    report = stages.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
+    report = runner.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
     assert report.ran == ("heads", "synthetic")
     assert report.not_determined == report.left_out == ()
     found = results.read(tmp_path / "results")
@@ -26,7 +26,7 @@ def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
 def test_the_notebook_runs_on_pixels(tmp_path):
     path = pictured.write_flight(tmp_path / "flight")
     folder = pictured.write_results(tmp_path / "results", path)
-    report = stages.run(path, folder, stages=("synthetic",))
+    report = runner.run(path, folder, stages=("synthetic",))
     assert report.ran == ("synthetic",)
     kept = results.read(folder)
     assert results.cameras(kept, "synthetic/refined") == pictured.HEADS

@@ -122,7 +122,7 @@ def run(
 ) -> None:
     """Run the stages of a flight."""
     terminal.need_book("run")
-    from acx4book.notebooks import stages as runner  # noqa: PLC0415 quick help
+    from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 
     chosen = [stage.strip() for stage in stages.split(",")]

@@ -20,7 +20,7 @@ import typer
 from acx4book.typesetting.plain_text import shown
 
 if TYPE_CHECKING:
-    from acx4book.notebooks.stages import Tell
+    from acx4book.notebooks.runner import Tell
 
 
 Flight = Annotated[

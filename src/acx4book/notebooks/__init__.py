@@ -1,5 +1,5 @@
 """The notebooks run with parameters, stage after stage (``acx4 run``).
 
-`stages` knows which notebook is which stage of the paper, which of them a flight has data for, and
+`runner` knows which notebook is which stage of the paper, which of them a flight has data for, and
 moves results in place when a notebook has run to its end. `execute` runs one of them.
 """

@@ -16,7 +16,7 @@ import nbformat
 from matplotlib.figure import Figure
 
 from acx4book.chapters.mounting import determination
-from acx4book.notebooks import execute, stages
+from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, provenance, simulation
 from acx4book.pages.benchmarks import rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
@@ -80,16 +80,16 @@ def fill(flight_path: Path, results_path: Path, book: Path) -> None:
 
 def write_notebooks(results_path: Path, executed: Path) -> None:
     """Write a page for every notebook: those of a run, and those of `ALWAYS`, run here."""
-    for name in stages.NOTEBOOKS.values():
+    for name in runner.NOTEBOOKS.values():
         done = results_path / "notebooks" / f"{name}.ipynb"
         if done.is_file():
             fold(done, executed / done.name)
         else:
-            heading = title(stages.NOTEBOOKS_PATH / done.name)
+            heading = title(runner.NOTEBOOKS_PATH / done.name)
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
             (executed / f"{name}.md").write_text(text, encoding="utf-8")
     for name in ALWAYS:
-        source = stages.NOTEBOOKS_PATH / f"{name}.ipynb"
+        source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
         values = execute.with_defaults(source, {"results_path": str(results_path)})
         execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         execute.scrub(executed / source.name)

@@ -13,7 +13,7 @@ import zlib
 import pytest
 
 from acx4book.command.acx4 import main
-from acx4book.notebooks import stages
+from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder.marks import MARK
@@ -50,7 +50,7 @@ def flight(tmp_path_factory):
 
 @pytest.fixture
 def notebooks(tmp_path):
-    for name in stages.NOTEBOOKS.values():
+    for name in runner.NOTEBOOKS.values():
         write(tmp_path / "notebooks" / f"{name}.ipynb", PARAMETERS, "seed")
     return tmp_path / "notebooks"
 

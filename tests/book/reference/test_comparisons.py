@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from acx4book.notebooks import execute
-from acx4book.notebooks.stages import NOTEBOOKS_PATH
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import comparisons, figures
 from acx4book.reference.dbat import comparison
 from acx4book.reference.nist import regressions

@@ -210,7 +210,7 @@ FULL = """
 import resource, signal, sys
 import numpy as np
 from pathlib import Path
-from acx4lib.synthetic_tiff import Format, write
+from acx4lib.production.tiff import Format, write
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
 form = Format(height=1301, width=1100, bands=3, dtype="uint16", pixel_mm=0.0056)

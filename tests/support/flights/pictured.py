@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import tifffile
 
-from acx4book.notebooks import stages
+from acx4book.notebooks import runner
 from acx4lib import flight as flown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.frames import Pose
@@ -106,7 +106,7 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    with claims.claim(folder, command=stages.COMMAND) as own:
+    with claims.claim(folder, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(folder, [], tables={}, summary={})
         provenance.keep(own, flown.read(flight))

@@ -14,7 +14,7 @@ from typing import Any
 import nbformat
 
 from acx4book.notebooks import execute
-from acx4book.notebooks.stages import NOTEBOOKS_PATH
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.report.material import Material, read
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.typesetting.plain_text import shown

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from acx4lib.compiling import uncounted_inlined
-from acx4lib.synthetic_image.compiled.pixel_lanes import LANES, MOST_BANDS
+from acx4lib.synthetic_image.compiled.interpolation import LANES, MOST_BANDS
 
 MARGIN = 4  # px; at this distance from its border an image is read without a check
 TALLEST = 1024  # px; number of rows of an image that can be reached from one position in it
@@ -49,7 +49,7 @@ class Recipe(NamedTuple):
     out_bits : int
         Bits of the result; 32 makes it floats, NaN where no head sees.
     method : int
-        A `pixel_lanes.method_number`.
+        An `interpolation.method_number`.
     cubic : bool
     feather : float
         Width of the transition between heads, px; 0 for a seam.
@@ -99,7 +99,7 @@ class Work(NamedTuple):
     spread : ndarray of float32, shape (line,)
         Weights of a row, one for each number.
     scratch : tuple of ndarray
-        For `pixel_lanes.sample_line`.
+        For `interpolation.sample_line`.
     weights : ndarray of float32, shape (n_heads, step * step)
     best, norm : ndarray of float32, shape (step * step,)
         The largest distance from a border, px; the sum of the weights.

@@ -21,13 +21,13 @@ from acx4lib.synthetic_image.compiled.blend_weights import (
     Work,
     find_heads,
 )
-from acx4lib.synthetic_image.compiled.memory_hints import ask_to_read, ask_to_write
-from acx4lib.synthetic_image.compiled.pixel_lanes import (
+from acx4lib.synthetic_image.compiled.interpolation import (
     add_line,
     read_number,
     sample_line,
     write_line,
 )
+from acx4lib.synthetic_image.compiled.memory_hints import ask_to_read, ask_to_write
 
 LINE = 64  # bytes that the processor loads from memory at a time
 

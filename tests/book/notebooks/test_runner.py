@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book.notebooks import stages
+from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
 from acx4lib.errors import OutputError
 from acx4lib.results import folder as results
@@ -45,7 +45,7 @@ def notebooks_path(tmp_path):
     folder = tmp_path / "notebooks"
     write(folder / "00-flight.ipynb", PARAMETERS, "import os\nassert os.path.isdir(flight_path)")
     for stage, method in (("mounting", "single_step"), ("validation", "single_step")):
-        write(folder / f"{stages.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
+        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
     return folder
 
 
@@ -64,18 +64,18 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
     told = []
     for name in ("one", "two"):
         folder = tmp_path / name / "results"
-        with claims.claim(folder, command=stages.COMMAND) as own:
+        with claims.claim(folder, command=runner.COMMAND) as own:
             own.expect(results.FILES)
             results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
             own.seal()
-        report = stages.run(
+        report = runner.run(
             flight_path, folder, notebooks_path=notebooks_path, tell=lambda *step: told.append(step)
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
         [f"results/{name}" for name in (*results.FILES, provenance.FILE, MARK)]
         + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
-        + [f"results/notebooks/{stages.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
+        + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
     )
     # The folder's own name stands in the cell of the parameters, and so in its checksum.
     del one[f"results/{MARK}"], two[f"results/{MARK}"]
@@ -95,8 +95,8 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
 
 @pytest.mark.slow
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
-    stages.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
-    stages.run(
+    runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    runner.run(
         flight_path,
         tmp_path / "results",
         stages=["validation"],
@@ -114,13 +114,13 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     mounting = notebooks_path / "03-mounting-calibration.ipynb"
     undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
     write(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
-    stages.run(flight_path, folder, notebooks_path=notebooks_path)
+    runner.run(flight_path, folder, notebooks_path=notebooks_path)
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
     write(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
     with pytest.raises(NotebookError) as caught:
-        stages.run(flight_path, folder, notebooks_path=notebooks_path)
+        runner.run(flight_path, folder, notebooks_path=notebooks_path)
     assert (
         str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
     )
@@ -130,7 +130,7 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     assert after.pop(MARK) != before[MARK]
     assert after == {name: content for name, content in before.items() if name != MARK}
     (notebooks_path / name).write_bytes(good)
-    report = stages.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
+    report = runner.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
     assert contents(folder) == before
     assert report.not_determined == ()
 
@@ -144,7 +144,7 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
     write(mounting, PARAMETERS, keep("mounting", "single_step", extra))
     validation = notebooks_path / "04-validation.ipynb"
     write(validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]}))
-    report = stages.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    report = runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
 
@@ -153,7 +153,7 @@ def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebook
     folder = tmp_path / "results"
 
     def run(**arguments):
-        stages.run(flight_path, folder, **{"notebooks_path": notebooks_path, **arguments})
+        runner.run(flight_path, folder, **{"notebooks_path": notebooks_path, **arguments})
 
     with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
         run(stages=["mountain"])
@@ -174,7 +174,7 @@ def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, not
     pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
     before = contents(folder)
     with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
-        stages.run(flight_path, folder, notebooks_path=notebooks_path)
+        runner.run(flight_path, folder, notebooks_path=notebooks_path)
     assert contents(folder) == before
 
 
@@ -185,12 +185,12 @@ def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     folder = tmp_path / "notebooks"
     write(folder / "00-flight.ipynb", PARAMETERS, "seed")
     for stage in results.STAGES:
-        write(folder / f"{stages.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
+        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
     of_rig = keep("mounting", "rig").replace('["mounting"]', '["mounting/rig"]')
-    write(folder / f"{stages.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    write(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
     write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
-    report = stages.run(flight, tmp_path / "results", notebooks_path=folder)
+    report = runner.run(flight, tmp_path / "results", notebooks_path=folder)
     assert report.not_determined == ("no heads",)
     found = results.read(tmp_path / "results").parameters
     assert list(found["stage"]) == ["heads", "mounting", "mounting", "validation"]
@@ -213,8 +213,8 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
             table[table["image"].str.endswith("LEFT")].to_csv(path / "heads" / name, index=False)
     left_out = keep("mounting", "rig", {"left_out": ["mounting/rig: no"], "notes": ["hm"]})
     of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
-    write(notebooks_path / f"{stages.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
-    report = stages.run(
+    write(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    report = runner.run(
         path, tmp_path / "results", stages=["mounting"], notebooks_path=notebooks_path
     )
     no_block = "mounting: skipped, the flight has no block calibration"
@@ -231,7 +231,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
     (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
-    stages.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
+    runner.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
         *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
     }
@@ -244,7 +244,7 @@ def test_a_validation_without_a_point_in_two_images_is_skipped(
     shutil.copytree(flight_path, alone)
     points = pd.read_csv(alone / "validation" / "image_points.csv", dtype=str)
     points.drop_duplicates("point").to_csv(alone / "validation" / "image_points.csv", index=False)
-    report = stages.run(
+    report = runner.run(
         alone, tmp_path / "results", stages=["validation"], notebooks_path=notebooks_path
     )
     reason = "no check point of block validation is measured in two images"

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from acx4book.chapters.mounting import tables
+from acx4book.paper import printed
+from acx4book.typesetting import labels
 
 
 @pytest.mark.parametrize(
@@ -18,11 +19,9 @@ from acx4book.chapters.mounting import tables
     ],
 )
 def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
-    assert tables.value_and_sigma(value, sigma) == text
+    assert labels.value_and_sigma(value, sigma) == text
 
 
 def test_every_printed_parameter_has_a_label():
-    from acx4book.paper import printed  # noqa: PLC0415 used once
-
     for number in (1, 2, 3, 4):
-        assert set(printed.table(number)["parameter"]) <= set(tables.LABELS)
+        assert set(printed.table(number)["parameter"]) <= set(labels.LABELS)

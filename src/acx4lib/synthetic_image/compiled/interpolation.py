@@ -1,4 +1,4 @@
-"""Lines of samples read and pixels written with all bands at once, for compiled code.
+"""Pixels interpolated and written, all bands of a pixel at once, for compiled code.
 
 The compiler does not make these instructions by itself. A pixel and its right neighbour are
 neighbours in memory, with all their bands. One instruction loads or computes both.
