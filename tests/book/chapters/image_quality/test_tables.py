@@ -125,9 +125,7 @@ def test_the_fields_have_one_scale(exposure, examined):
     keys = {text.get_text() for ax in fig.axes for text in ax.texts if "px" in text.get_text()}
     keys = {key for key in keys if re.fullmatch(r"[\d.]+ px", key)}
     assert len(keys) == 1
-    longest = [
-        np.hypot(q.U, q.V).max() for q in [arrows for ax in fig.axes for arrows in quivers(ax)]
-    ]
+    longest = [np.hypot(q.U, q.V).max() for ax in fig.axes for q in quivers(ax)]
     assert longest[0] > 2 * longest[4]  # turned heads leave little
 
 
