@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import uses
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
-from acx4lib.calibration import heads as relative_orientation
 from acx4lib.calibration import mounting
+from acx4lib.calibration.heads import calibrate_heads
 from acx4lib.flight.block import select_camera
 from acx4sim.plan import GrossErrors
 from support.flights.simulated import (
@@ -65,7 +65,7 @@ def spoil(design, *, seed, block="calibration", n_ties=None):
 
 def outcome(flown, bundle):
     """Compare what a bundle rejected with what was wrong in its images."""
-    block = adjust.network.block
+    block = bundle.network.block
     in_block = set(block.images.names)
     rays = dict(zip(block.points, block.rays, strict=True))
     wrong, certain = set(), set()
@@ -78,7 +78,7 @@ def outcome(flown, bundle):
                 certain.add(name)
     return Outcome(
         wrong=wrong,
-        rejected=named(block, adjust.rejected),
+        rejected=named(block, bundle.rejected),
         certain=certain,
         n_measured=len(block.image_points),
     )
@@ -142,9 +142,7 @@ def test_with_ten_times_as_many_tie_points_only_what_cannot_be_told_apart_is_mis
 def test_heads_one_by_one_are_cleaned():
     """Control of 1 m off is found where the head alone can see it; 2 rays hide which is wrong."""
     flown = spoil("acx4", seed=2, block="heads")
-    fits = relative_orientation.calibrate_heads(
-        flown.flight.heads, HEADS, free=flown.flight.estimate_heads
-    )
+    fits = calibrate_heads(flown.flight.heads, HEADS, free=flown.flight.estimate_heads)
     assert not fits.failures
     heads = [outcome(flown, fit) for fit in fits.bundles.values()]
     for found in heads:

@@ -1,13 +1,9 @@
 """Tables, sentences and figures on the quality of the synthetic image say what was found."""
 
 import re
-import warnings
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.quiver import Quiver
 
 from acx4book.chapters.image_quality import tables
 from acx4book.chapters.image_quality.examined import (
@@ -29,9 +25,8 @@ from acx4book.chapters.image_quality.known_exposure import heads_response
 from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
 from acx4book.chapters.synthetic_image.wrong_heads import every_refinement
 from acx4book.paper import printed
+from support.figures import drawn, quivers
 from support.pictures.known import known
-
-mpl.use("agg")
 
 WAYS = ["true", "before", "mean shift", "rotations", "six"]
 
@@ -69,13 +64,6 @@ def draws(exposure):
 @pytest.fixture(scope="module")
 def targets(exposure):
     return border_distortion_of_targets(exposure, 20, sigma_px=0.5, seed=1)
-
-
-def drawn(fig):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        FigureCanvasAgg(fig).draw()
-    return fig
 
 
 # --- tables and sentences --------------------------------------------------------------------
@@ -130,10 +118,6 @@ def test_the_draws_are_tabled_by_refinement(draws):
 # --- figures ---------------------------------------------------------------------------------
 
 
-def quivers(fig):
-    return [a for ax in fig.axes for a in ax.get_children() if isinstance(a, Quiver)]
-
-
 def test_the_fields_have_one_scale(exposure, examined):
     fields = tables.self_calibration_fields(examined)
     assert len(fields) == 6
@@ -141,7 +125,7 @@ def test_the_fields_have_one_scale(exposure, examined):
     keys = {text.get_text() for ax in fig.axes for text in ax.texts if "px" in text.get_text()}
     keys = {key for key in keys if re.fullmatch(r"[\d.]+ px", key)}
     assert len(keys) == 1
-    longest = [np.hypot(q.U, q.V).max() for q in quivers(fig)]
+    longest = [np.hypot(q.U, q.V).max() for ax in fig.axes for q in quivers(ax)]
     assert longest[0] > 2 * longest[4]  # turned heads leave little
 
 
