@@ -13,7 +13,7 @@ from support.figures import drawn
 
 def test_the_style_leaves_pyplot_as_it_found_it():
     before = dict(mpl.rcParams), plt.get_fignums()
-    with style.style():
+    with style.applied():
         fig, ax = plt.subplots()
         assert not ax.spines["top"].get_visible()
     assert (dict(mpl.rcParams), plt.get_fignums()) == before
@@ -23,7 +23,7 @@ def test_the_style_leaves_pyplot_as_it_found_it():
 
 def test_the_style_closes_its_figures_also_after_an_error():
     before = plt.get_fignums()
-    with pytest.raises(ValueError, match="FixedLocator"), style.style():
+    with pytest.raises(ValueError, match="FixedLocator"), style.applied():
         plt.subplots(subplot_kw={"xlim": (0, 1)}, figsize=(2, 2))[1].set_xticks([9], ["9", "9"])
     assert plt.get_fignums() == before
 
