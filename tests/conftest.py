@@ -7,6 +7,8 @@ from hypothesis import settings
 from acx4lib.bundle import adjust, uses
 from support import blocks
 
+pytest_plugins = ["support.flights.scene"]
+
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
 

@@ -241,10 +241,8 @@ def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlig
 
     Parameters
     ----------
-    seed : int
-        The same seed gives the same bytes.
-    options : Options
-        Noise, tie points, GNSS errors, blocks.
+    seed, options
+        As in `acx4`.
     """
     return simulate_plan(single_head_plan(), seed, options)
 

@@ -62,13 +62,14 @@ def fill(flight_path: Path, results_path: Path, book: Path) -> None:
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
     write_notebooks(results_path, executed)
+    adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path),
-        *texts_of_benchmarks(),
+        *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book, flight_path, results_path),
     ):
         (generated / name).write_text(text, encoding="utf-8")
-    for name, figure in figures_of_benchmarks():
+    for name, figure in figures_of_benchmarks(adjusted, errors):
         with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
             figure.savefig(generated / name, metadata={"Date": None})
     frames.draw(generated)
@@ -136,10 +137,11 @@ def texts_of_run(flight_path: Path, results_path: Path) -> Iterator[tuple[str, s
     yield "provenance.md", provenance.page(flight_path, results_path)
 
 
-def texts_of_benchmarks() -> Iterator[tuple[str, str]]:
+def texts_of_benchmarks(
+    adjusted: speed.Benchmark, errors: sigma.Errors
+) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, rendering, and errors over their standard deviations."""
-    adjusted, rendered = speed.read(BENCHMARKS), rendering_goals.read(BENCHMARKS)
-    errors = sigma.read(BENCHMARKS)
+    rendered = rendering_goals.read(BENCHMARKS)
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)
@@ -154,9 +156,10 @@ def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[
     yield "library.txt", example.output(code, flight, results)
 
 
-def figures_of_benchmarks() -> Iterator[tuple[str, Figure]]:
+def figures_of_benchmarks(
+    adjusted: speed.Benchmark, errors: sigma.Errors
+) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""
-    yield "speed.svg", seconds_by_points(speed.read(BENCHMARKS).sweep)
-    errors = sigma.read(BENCHMARKS)
+    yield "speed.svg", seconds_by_points(adjusted.sweep)
     own = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
     yield "coverage.svg", normalised_errors(*own)

@@ -15,35 +15,10 @@ from support.flights import pictured
 K = pictured.REDUCTION
 
 
-@pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    return pictured.write_flight(tmp_path_factory.mktemp("pixels") / "flight")
-
-
-@pytest.fixture(scope="module")
-def flight(path):
-    return flights.read(path)
-
-
-@pytest.fixture(scope="module")
-def orientation():
-    return pictured.orientation()
-
-
-@pytest.fixture(scope="module")
-def pictures(flight, orientation):
-    return taken.read_pictures(flight, orientation)
-
-
-@pytest.fixture(scope="module")
-def found(pictures, orientation):
-    return taken.find(pictures, orientation)
-
-
-def test_pixels_can_be_averaged_first(flight, orientation, pictures):
-    half = taken.read_pictures(flight, orientation, reduce=2)
+def test_pixels_can_be_averaged_first(scene_flight, scene_orientation, scene_pictures):
+    half = taken.read_pictures(scene_flight, scene_orientation, reduce=2)
     assert half.reduction == 2 * K
-    one, two = (read.exposed[0].images[0].astype(float) for read in (pictures, half))
+    one, two = (read.exposed[0].images[0].astype(float) for read in (scene_pictures, half))
     rows, cols = two.shape[:2]
     top, left = (one.shape[0] - 2 * rows) // 2, (one.shape[1] - 2 * cols) // 2
     assert two[3, 5] == pytest.approx(
@@ -51,24 +26,26 @@ def test_pixels_can_be_averaged_first(flight, orientation, pictures):
     )
 
 
-def test_the_middle_of_a_picture_is_the_middle_of_the_sensor(orientation):
-    head = orientation.heads[0]
+def test_the_middle_of_a_picture_is_the_middle_of_the_sensor(scene_orientation):
+    head = scene_orientation.heads[0]
     reduced = np.array([[head.width_px // K - 1, head.height_px // K - 1]]) / 2
-    full = taken.full_size(reduced, np.array([0]), orientation, K)
+    full = taken.full_size(reduced, np.array([0]), scene_orientation, K)
     assert full[0] == pytest.approx([(head.width_px - 1) / 2, (head.height_px - 1) / 2], abs=1e-12)
 
 
-def test_tie_points_are_where_both_heads_see_one_place(found, orientation):
+def test_tie_points_are_where_both_heads_see_one_place(scene_ties, scene_orientation):
     """The orientation is exact; a tenth of a pixel of the reduced pictures is a poor match."""
-    d = np.hypot(*tie_differences(orientation, found.ties).T) / pictured.REDUCED.pixel_mm
+    d = np.hypot(*tie_differences(scene_orientation, scene_ties.ties).T) / pictured.REDUCED.pixel_mm
     assert len(d) > 400  # of 432 cells
     assert np.quantile(d, 0.95) < 0.1
-    assert set(found.ties.exposure_idx) == {0, 1}
+    assert set(scene_ties.ties.exposure_idx) == {0, 1}
 
 
-def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(path, orientation, tmp_path):
-    spoilt = shutil.copytree(path, tmp_path / "flight")
+def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(
+    scene_path, scene_orientation, tmp_path
+):
+    spoilt = shutil.copytree(scene_path, tmp_path / "flight")
     file = pictured.head_path(spoilt, "E1", "RIGHT")
     tifffile.imwrite(file, tifffile.imread(file)[::-1, ::-1], photometric="rgb")
     with pytest.raises(FlightError, match=r"^exposure E1: .*turned by 180 degrees"):
-        taken.read_pictures(flights.read(spoilt), orientation)
+        taken.read_pictures(flights.read(spoilt), scene_orientation)

@@ -3,7 +3,6 @@
 import shutil
 
 import numpy as np
-import pytest
 
 from acx4book.chapters.synthetic_image import sentences, tables
 from acx4lib import flight as flights
@@ -13,31 +12,6 @@ from acx4lib.synthetic_image.frame import head_from_synthetic
 from support.flights import pictured
 
 K = pictured.REDUCTION
-
-
-@pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    return pictured.write_flight(tmp_path_factory.mktemp("pixels") / "flight")
-
-
-@pytest.fixture(scope="module")
-def flight(path):
-    return flights.read(path)
-
-
-@pytest.fixture(scope="module")
-def orientation():
-    return pictured.orientation()
-
-
-@pytest.fixture(scope="module")
-def pictures(flight, orientation):
-    return taken.read_pictures(flight, orientation)
-
-
-@pytest.fixture(scope="module")
-def found(pictures, orientation):
-    return taken.find(pictures, orientation)
 
 
 def stage_of(flight, orientation, pictures, found):
@@ -50,31 +24,31 @@ def stage_of(flight, orientation, pictures, found):
     )
 
 
-def test_a_flight_without_files_has_no_pictures(path, orientation, tmp_path):
-    bare = shutil.copytree(path, tmp_path / "flight")
+def test_a_flight_without_files_has_no_pictures(scene_path, scene_orientation, tmp_path):
+    bare = shutil.copytree(scene_path, tmp_path / "flight")
     table = (bare / "heads" / "images.csv").read_text()
     lines = [line.rpartition(",")[0] for line in table.splitlines()]
     (bare / "heads" / "images.csv").write_text("\n".join(lines) + "\n")
     read = flights.read(bare)
-    assert taken.read_pictures(read, orientation) is None
+    assert taken.read_pictures(read, scene_orientation) is None
     assert "nothing is rendered" in sentences.pixels(read, None)
-    table = tables.found(stage_of(read, orientation, None, None))
+    table = tables.found(stage_of(read, scene_orientation, None, None))
     assert table.to_dict("records") == [tables.NO_PIXELS]
 
 
-def test_the_size_of_the_files_says_by_how_much_they_are_reduced(flight, pictures):
-    assert pictures.reduction == K
-    assert [one.exposure for one in pictures.exposed] == ["E0", "E1"]
-    assert f"at 1/{K} of the full size" in sentences.pixels(flight, pictures)
+def test_the_size_of_the_files_says_by_how_much_they_are_reduced(scene_flight, scene_pictures):
+    assert scene_pictures.reduction == K
+    assert [one.exposure for one in scene_pictures.exposed] == ["E0", "E1"]
+    assert f"at 1/{K} of the full size" in sentences.pixels(scene_flight, scene_pictures)
 
 
 def test_refining_what_is_right_moves_it_by_hundredths_of_a_pixel(
-    flight, orientation, pictures, found
+    scene_flight, scene_orientation, scene_pictures, scene_ties
 ):
-    stage = stage_of(flight, orientation, pictures, found)
+    stage = stage_of(scene_flight, scene_orientation, scene_pictures, scene_ties)
     corner = 0.4 * np.array([[67.2, 90.72]])
     places = [
-        head_from_synthetic(o, 1, corner) for o in (orientation, stage.refinement.orientation)
+        head_from_synthetic(o, 1, corner) for o in (scene_orientation, stage.refinement.orientation)
     ]
     assert np.linalg.norm(places[1] - places[0]) < 0.05 * K
     assert tables.ways(stage)["Refined by"].iloc[-1] == tables.EACH
