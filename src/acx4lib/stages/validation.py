@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,15 +22,19 @@ class ValidationStage:
     Attributes
     ----------
     block : Block
+        Carried into the synthetic image where it is measured in heads.
     calibrations : dict of str to Calibration
         By method, those whose parameters are all determined.
     validations : list of Validation
         One for each of them.
+    in_heads : list of Validation
+        One for each rig, in the images of the heads; empty where the block is not measured there.
     """
 
     block: Block
     calibrations: dict[str, Calibration]
     validations: list[Validation]
+    in_heads: list[Validation]
 
 
 def run(flight: Flight, results_path: str | Path) -> ValidationStage:
@@ -50,9 +55,22 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
     found = folder.read(results_path)
     block = mounted_block(flight, "validation", results_path)
     calibrations = read_back.calibrations_for(flight, found, block.cameras)
-    validations = [
+    validations = _validated(flight, block, calibrations)
+    in_heads = []
+    if "validation" in flight.carried:
+        measured = flight.block("validation")
+        rigs = read_back.rigs_for(found, measured.cameras)
+        in_heads = _validated(flight, measured, rigs)
+    adjustments.write(results_path, "validation", of_validations([*validations, *in_heads]))
+    return ValidationStage(
+        block=block, calibrations=calibrations, validations=validations, in_heads=in_heads
+    )
+
+
+def _validated(
+    flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
+) -> list[Validation]:
+    return [
         validate(block, calibration, method=method, refraction=flight.refraction)
         for method, calibration in calibrations.items()
     ]
-    adjustments.write(results_path, "validation", of_validations(validations))
-    return ValidationStage(block=block, calibrations=calibrations, validations=validations)
