@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib.conventions.sightings import Sightings
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, Interior, correct, correct_jacobian, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
 from acx4lib.geometry.frames import Pose, exp, skew, transform
@@ -242,7 +242,7 @@ def _stepped(
     v, A, B = linear
     u = np.nan_to_num(np.linalg.norm(v, axis=1), nan=np.inf) / (WIDTH * state.misfit)
     weight = np.square(1 / (1 + u**2)) / state.misfit**2
-    good: Mask = np.isfinite(v).all(axis=1)
+    good = np.all(np.isfinite(v), axis=1)
     weight, v = np.where(good, weight, 0.0), np.where(good[:, None], v, 0.0)
     A, B = np.where(good[:, None, None], A, 0.0), np.where(good[:, None, None], B, 0.0)
     ties = np.flatnonzero(np.isnan(seen.x_m[:, 0]))
