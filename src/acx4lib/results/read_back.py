@@ -147,10 +147,15 @@ def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibra
 
 
 def calibrated_methods(found: folder.Results) -> tuple[str, ...]:
-    """Return the methods of the mounting stage that determined all their parameters."""
+    """Return the methods of the mounting stage that determined all their parameters.
+
+    Not those of which too much would have been rejected: their data contradict each other.
+    """
     said = {method: found.summary.get(f"mounting/{method}", {}) for method in METHODS}
     return tuple(
         method
         for method, entry in said.items()
-        if entry.get("converged") and not folder.messages(entry, "not_determined")
+        if entry.get("converged")
+        and not folder.messages(entry, "not_determined")
+        and not folder.messages(entry, "stopped")
     )

@@ -13,6 +13,7 @@ from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
+from acx4lib.stages.explained import explained
 
 
 class Settings(TypedDict):
@@ -89,5 +90,5 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     """
     stage = calibrate(flight)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    adjustments.write(results_path, "mounting", records)
+    adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
     return stage

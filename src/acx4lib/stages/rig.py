@@ -13,6 +13,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +44,7 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     results_path : path
     """
     stage = calibrate(flight)
-    write(results_path, "mounting/rig", records(stage))
+    write(results_path, "mounting/rig", explained(records(stage), flight, "heads"))
     return stage
 
 

@@ -11,6 +11,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, folder, read_back
 from acx4lib.results.validations import of_validations
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,5 +53,6 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
         validate(block, calibration, method=method, refraction=flight.refraction)
         for method, calibration in calibrations.items()
     ]
-    adjustments.write(results_path, "validation", of_validations(validations))
+    records = explained(of_validations(validations), flight, "validation")
+    adjustments.write(results_path, "validation", records)
     return ValidationStage(block=block, calibrations=calibrations, validations=validations)
