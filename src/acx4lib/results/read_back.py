@@ -173,10 +173,15 @@ def rigs_for(found: folder.Results, cameras: Sequence[Camera]) -> dict[str, Cali
 
 
 def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) -> tuple[str, ...]:
-    """Return the methods of the mounting stage that determined all their parameters."""
+    """Return the methods of the mounting stage that determined all their parameters.
+
+    Not those of which too much would have been rejected: their data contradict each other.
+    """
     said = {method: found.summary.get(f"mounting/{method}", {}) for method in methods}
     return tuple(
         method
         for method, entry in said.items()
-        if entry.get("converged") and not folder.messages(entry, "not_determined")
+        if entry.get("converged")
+        and not folder.messages(entry, "not_determined")
+        and not folder.messages(entry, "stopped")
     )

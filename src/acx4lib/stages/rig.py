@@ -14,6 +14,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,12 +54,12 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     RigStage
         Of the block heads.
     """
-    stages = [calibrate(flight)]
+    stages = [(calibrate(flight), "heads")]
     if "calibration" in flight.carried:
-        stages.append(calibrate(flight, method="rig_calibration"))
-    for stage in stages:
-        write(results_path, f"mounting/{stage.method}", records(stage))
-    return stages[0]
+        stages.append((calibrate(flight, method="rig_calibration"), "calibration"))
+    for stage, block in stages:
+        write(results_path, f"mounting/{stage.method}", explained(records(stage), flight, block))
+    return stages[0][0]
 
 
 def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:

@@ -13,6 +13,7 @@ from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, folder, read_back
 from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +62,8 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
         measured = flight.block("validation")
         rigs = read_back.rigs_for(found, measured.cameras)
         in_heads = _validated(flight, measured, rigs)
-    adjustments.write(results_path, "validation", of_validations([*validations, *in_heads]))
+    records = explained(of_validations([*validations, *in_heads]), flight, "validation")
+    adjustments.write(results_path, "validation", records)
     return ValidationStage(
         block=block, calibrations=calibrations, validations=validations, in_heads=in_heads
     )
