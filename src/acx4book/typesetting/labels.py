@@ -15,6 +15,7 @@ TITLES = {
     "two_step_gnss": "Two-step, GNSS positions",
     "single_step": "Single-step",
     "rig": "Rig",
+    "rig_calibration": "Rig, calibration block",
     "given": "As given",
 }
 """Names of the methods in headings."""

@@ -14,8 +14,9 @@ from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, SurveyedPoints
-from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
+from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
+from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.georeferencing import direct
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.covariance import propagate

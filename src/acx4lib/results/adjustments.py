@@ -13,7 +13,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
-from acx4lib.calibration import determination, gnss_shift
+from acx4lib.calibration import determination, gnss_shift, rig
 from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
@@ -34,7 +34,7 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
 )
 """Entries of summary.json for an adjustment that was not made or failed."""
 
-OPTIONAL = (*TWO_STEP, "rig")
+OPTIONAL = (*TWO_STEP, *rig.METHODS)
 """Methods that need more than every flight has: if they fail, a run goes on."""
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import import_module, util
 
+from acx4lib.conventions import search
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record
 from acx4lib.results.folder import messages
-
-SEARCH = "acx4lib.conventions.search"
 
 
 def reading(flight: Flight, block_name: str) -> str:
@@ -22,9 +20,7 @@ def reading(flight: Flight, block_name: str) -> str:
     block_name : str
         One of its blocks.
     """
-    if util.find_spec(SEARCH.rpartition(".")[0]) is None:
-        return ""
-    found = import_module(SEARCH).best_reading(flight, block_name)
+    found = search.best_reading(flight, block_name)
     return found.sentence if found else ""
 
 
