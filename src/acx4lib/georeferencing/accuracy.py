@@ -10,6 +10,7 @@ from scipy import stats
 
 from acx4lib import expected
 from acx4lib.expected import Array
+from acx4lib.least_squares.covariance import sigmas
 
 Triple = tuple[float, float, float]
 
@@ -128,7 +129,8 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
 def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     """Test whether the mean errors are zero (Student).
 
-    Valid for two or more points with normally distributed errors.
+    Valid for two or more points with independent, normally distributed errors. Where their
+    covariance is known, `bias_test` takes it into account.
 
     Parameters
     ----------
@@ -150,6 +152,34 @@ def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     t = np.where(mean == 0.0, 0.0, t) * np.sqrt(accuracy.n)
     critical = stats.t.ppf(0.5 + probability / 2, accuracy.n - 1)
     return AxisTest(statistic=triple(t), critical=float(critical))
+
+
+def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> AxisTest:
+    """Test whether the mean errors are zero, where the covariance of the mean is known.
+
+    Valid for correlated points, too, if the covariance is (`error_sources.mean_covariance`).
+
+    Parameters
+    ----------
+    mean : ndarray, shape (3,)
+        East, north, height, m.
+    mean_cov : ndarray, shape (3, 3)
+        m^2.
+    probability : float
+        Probability of accepting errors without bias, two-sided.
+
+    Returns
+    -------
+    AxisTest
+        mean / sigma, normally distributed.
+    """
+    mean = expected.numbers("mean", mean, (3,))
+    expected.shape("mean_cov", mean_cov, (3, 3))
+    expected.probability("probability", probability)
+    statistic = np.asarray(mean) / sigmas(mean_cov)
+    return AxisTest(
+        statistic=triple(statistic), critical=float(stats.norm.ppf(0.5 + probability / 2))
+    )
 
 
 def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 0.9) -> AxisTest:
