@@ -114,6 +114,16 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
         return float(d @ by_S - (K_by_S.T @ d) @ shared)
 
 
+def axis_covariances(sources: ErrorSources) -> Array:
+    """Return the covariances between the points, an axis at a time, shape (3, n, n), m^2."""
+    n = len(sources)
+    if n == 0:
+        return np.zeros((3, 0, 0))
+    K = sources.by_parameters @ half(sources.cov_parameters)
+    S = _without_parameters(sources)
+    return np.stack([S[i::3, i::3].toarray() + K[:, i] @ K[:, i].T for i in range(3)])
+
+
 def _without_parameters(sources: ErrorSources) -> sparse.csc_array:
     """Return the joint covariance from image points, survey and trajectory, shape (3 n, 3 n)."""
     n, n_exposures = len(sources), len(sources.cov_body)

@@ -14,8 +14,9 @@ from acx4book.typesetting.plain_text import Markup
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing import accuracy, error_sources, standards
 from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import sigmas
 
 
 def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
@@ -86,31 +87,49 @@ def _printed_validation(column: str) -> dict[str, str]:
     return cells
 
 
+TOGETHER = ("Method", "Points", "Degrees of freedom", "χ²", "p")
+
+
+def together(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Return the joint test of all differences of a method, with their full covariance."""
+    rows = [
+        (
+            *(TITLES[found.method], len(found.points), found.joint_dof),
+            *(found.joint_chi_square, found.joint_chi_square_p),
+        )
+        for found in validations
+    ]
+    return pd.DataFrame(rows, columns=list(TOGETHER))
+
+
 BIAS = (
-    *("Method", "Axis", "Points", "Mean (m)", "RMS (m)"),
-    *("RMS, 95 % limits (m)", "t", "critical", "bias"),
+    *("Method", "Axis", "Points", "Mean (m)", "σ of the mean (m)", "mean / σ", "critical"),
+    *("bias", "RMS (m)", "RMS, 95 % limits (m)"),
 )
 
 
 def bias(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return Student's t of the means, one difference per point, with the verdicts."""
+    """Return the tests of the means, one difference per point, with the verdicts."""
     rows = []
     for validation in validations:
         said = accuracy.from_differences(validation.points.d)
-        test = accuracy.mean_test(said)
+        test = accuracy.bias_test(np.array(said.mean), validation.mean_cov)
+        among = error_sources.axis_covariances(validation.points.sources)
         for axis, name in enumerate(AXES):
-            interval = accuracy.rms_interval(said.rms[axis], said.n)
+            n = accuracy.effective_number(among[axis])
+            interval = accuracy.rms_interval(said.rms[axis], n)
             rows.append(
                 {
                     "Method": TITLES[validation.method],
                     "Axis": name,
                     "Points": said.n,
                     "Mean (m)": said.mean[axis],
-                    "RMS (m)": said.rms[axis],
-                    "RMS, 95 % limits (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
-                    "t": test.statistic[axis],
+                    "σ of the mean (m)": sigmas(validation.mean_cov)[axis],
+                    "mean / σ": test.statistic[axis],
                     "critical": test.critical,
                     "bias": "none seen" if test.accepted[axis] else "significant",
+                    "RMS (m)": said.rms[axis],
+                    "RMS, 95 % limits (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
                 }
             )
     return pd.DataFrame(rows, columns=list(BIAS))
