@@ -242,6 +242,8 @@ class Plan:
     ----------
     name, title : str
         Its names in the simulator and in flight.toml.
+    draws : str
+        Name of its random numbers: plans that share it share trajectories, targets and errors.
     crs : str
         CRS of the grid.
     ground_m : float
@@ -267,6 +269,7 @@ class Plan:
     """
 
     name: str
+    draws: str
     title: str
     crs: str
     ground_m: float

@@ -198,7 +198,7 @@ def test_heads_share_tie_points_at_one_exposure(flight):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_validation_gives_about_the_papers_262_pairs(seed):
     options = acx4sim.Options(blocks=("validation",))
-    measured = acx4sim.acx4(seed=seed, options=options).tables["validation/image_points.csv"]
+    measured = acx4sim.acx4_ideal(seed=seed, options=options).tables["validation/image_points.csv"]
     rays = measured.groupby("point").size()
     assert len(rays) == 36
     assert rays.min() >= 2
@@ -206,8 +206,8 @@ def test_validation_gives_about_the_papers_262_pairs(seed):
     assert measured["sigma_px"].between(1, 2).all()
 
 
-def test_head_mounts_are_table_1_rounded(flight):
-    cameras = tomllib.loads(flight.toml)["cameras"]
+def test_head_mounts_are_table_1_rounded():
+    cameras = tomllib.loads(acx4sim.acx4().toml)["cameras"]
     assert cameras["CAM1"] == {
         "width_px": 8984,
         "height_px": 6732,
@@ -220,9 +220,30 @@ def test_head_mounts_are_table_1_rounded(flight):
     assert "mount_omega_deg" not in cameras["SYN"]
 
 
+def test_the_ideal_cameras_mount_is_table_3_rounded_and_turns_the_heads_with_it(flight):
+    cameras = tomllib.loads(flight.toml)["cameras"]
+    declared = {key: value for key, value in cameras["SYN"].items() if "mount" in key}
+    assert declared == {"mount_omega_deg": 0.5, "mount_phi_deg": -1.6, "mount_kappa_deg": 0.1}
+    R_b_s = earth.rotation_from_opk_deg(tuple(declared.values()))
+    for name, angles in flight.truth["heads_in_synthetic_frame"].items():
+        true = flight.truth["cameras"][name]
+        boresight = [true[f"boresight_{angle}_deg"] for angle in ("omega", "phi", "kappa")]
+        R_s_h = R_b_s.inv() * earth.rotation_from_opk_deg(tuple(boresight))
+        assert_allclose(R_s_h.as_euler("XYZ", degrees=True), list(angles.values()), atol=1e-9)
+        mount = [cameras[name][f"mount_{angle}_deg"] for angle in ("omega", "phi", "kappa")]
+        assert_allclose(mount, boresight, atol=0.051)
+
+
+def test_the_ideal_design_has_the_trajectories_and_targets_of_the_other(flight):
+    other = acx4sim.acx4(seed=1)
+    for path, table in flight.tables.items():
+        if path.endswith(("trajectory.csv", "control_points.csv")):
+            pd.testing.assert_frame_equal(table, other.tables[path])
+
+
 def test_blocks_can_be_simulated_alone(flight):
     options = acx4sim.Options(blocks=("calibration",))
-    alone = acx4sim.acx4(seed=1, options=options)
+    alone = acx4sim.acx4_ideal(seed=1, options=options)
     assert set(alone.tables) == {
         "control_points.csv",
         "calibration/images.csv",
@@ -236,11 +257,11 @@ def test_blocks_can_be_simulated_alone(flight):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive"),
+        (lambda: acx4sim.acx4_ideal(seed=-1), "seed must be zero or positive"),
         (lambda: acx4sim.Options(image_noise=-1.0), "image_noise must be"),
         (lambda: acx4sim.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
         (
-            lambda: acx4sim.single_head(options=acx4sim.Options(blocks=("heads",))),
+            lambda: acx4sim.DESIGNS["single-head"](options=acx4sim.Options(blocks=("heads",))),
             r"blocks \['heads'\] asked for",
         ),
     ],

@@ -64,7 +64,7 @@ class RunOutcome:
         Stages whose block the flight does not have.
     not_determined : tuple of str
         Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and on
-        the error that stopped a stage of `order.ENDS`.
+        the error that stopped a stage that is an end.
     notes : tuple of str
         Other remarks of the stages on the data.
     left_out : tuple of str
@@ -143,7 +143,7 @@ def run(
     _check_known(parameters or {}, jobs)
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
-        done, failed = _run_jobs(jobs, own, tell)
+        done, failed = _run_jobs(jobs, flight, own, tell)
     return RunOutcome(
         ran=tuple(ran[1:]),
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
@@ -153,8 +153,10 @@ def run(
     )
 
 
-def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
-    """Run the stages; return those that ran, and the errors that stopped some of `order.ENDS`."""
+def _run_jobs(
+    jobs: Sequence[_Job], flight: flights.Flight, own: OwnFolder, tell: Tell
+) -> tuple[list[str], list[str]]:
+    """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
     failed: list[str] = []
     try:
@@ -163,7 +165,7 @@ def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[st
                 _run_job(job, own, tell)
                 done.append(order.PART_OF.get(job.stage, job.stage))
             except AdjustmentError as error:
-                if job.stage not in order.ENDS:
+                if not order.is_end(flight, job.stage):
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:

@@ -92,6 +92,12 @@ class Flight(Setup):
         return tuple(name for name in named if name in present)
 
     @property
+    def carried(self) -> tuple[str, ...]:
+        """Blocks that are measured in heads and carried into the synthetic image."""
+        here = [name for name in ("calibration", "validation") if name in self.blocks]
+        return tuple(here) if self.measured_in_heads else ()
+
+    @property
     def synthetic_camera(self) -> Camera | None:
         """Camera of the synthetic image; None where flight.toml has no table [synthetic]."""
         return self.cameras[self.synthetic.camera] if self.synthetic else None
@@ -134,7 +140,8 @@ def _read(folder: Path, pictures: Path) -> Flight:
     problems += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
     for tables in blocks:
         problems += _block_problems(tables, toml, setup)
-    problems = problems or [*uncalibrated_problems(blocks)]
+    if setup is not None and not problems:
+        problems = [*uncalibrated_problems(blocks, setup)]
     if problems or setup is None:
         raise FlightError(lines_of(problems))
     notes = [f"{path} is in no block and is not read" for path in _strays(folder)]

@@ -175,6 +175,16 @@ def inside(camera: Camera, colrow: Array) -> np.ndarray:
     return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
 
 
+def border_distance(camera: Camera, colrow: Array) -> Array:
+    """Return the distances of pixels from the sensor's outer edges, px, shape (...).
+
+    Negative outside; NaN where a pixel is.
+    """
+    upper = np.array([camera.width_px, camera.height_px]) - 0.5
+    nearest: Array = np.minimum(colrow + 0.5, upper - colrow).min(axis=-1)
+    return nearest
+
+
 def distortion(interior: Interior, xy: Array) -> Array:
     """Compute the lens distortion at measured image points.
 
@@ -258,6 +268,11 @@ def correct_jacobian(interior: Interior, xy: Array) -> Array:
     out[:, 0, 7], out[:, 1, 7] = -2 * x * y, -(r2 + 2 * y * y)
     out[:, :, 8] = by_point[:, :, 0] * xy[:, :1]
     return out
+
+
+def correct_by_point(interior: Interior, xy: Array) -> Array:
+    """Return d(correct) / d(measured point) at measured points (n, 2), mm; shape (n, 2, 2)."""
+    return _by_reduced_point(interior, reduced(interior, xy)) * np.array([1 + interior.b1, 1.0])
 
 
 def _by_reduced_point(interior: Interior, bar: Array) -> Array:

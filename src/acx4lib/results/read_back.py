@@ -125,18 +125,26 @@ def read_calibration(
     return replace(reported, cov=propagate(back, cov))
 
 
-def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibration]:
+def calibrations_for(
+    flight: Flight, found: folder.Results, cameras: Sequence[Camera]
+) -> dict[str, Calibration]:
     """Return the calibrations for the validation of a flight, by method.
 
     A method with a parameter that is not determined is left out. For a flight without a
     calibration block, the method is ``given``: the declared cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    found : Results
+    cameras : sequence of Camera
+        As declared.
 
     Raises
     ------
     FlightError
         Where the flight has a calibration block whose results are not in the folder.
     """
-    cameras = flight.validation.cameras if flight.validation else ()
     if flight.calibration is None:
         return {"given": given(cameras)}
     folder.rows(found, "parameters", "mounting")  # raises where the stage has not been run

@@ -1,4 +1,4 @@
-"""Allowed and required entries of summary.json, checked when it is read."""
+"""The entries of summary.json: as they are written, and checked when they are read."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 Test = Callable[[Any], bool]
 
@@ -72,6 +74,10 @@ def _points(value: object) -> bool:
     )
 
 
+def _checksums(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(one, str) for one in value.values())
+
+
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
 _TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
@@ -90,6 +96,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),
+    "measured": (_checksums, "checksums by file"),
 }
 """Tests of the known entries by name, each with what it expects; others are not read."""
 
@@ -121,6 +128,24 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
     wrong = [f"{path}: {line}; remove the results and run again" for line in wrong_entries(summary)]
     problems += wrong
     return {} if wrong else summary
+
+
+def summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
+    """Return the text of summary.json; a number that is not finite becomes null."""
+    plain = _plain(summary)
+    return json.dumps(plain, indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:

@@ -10,6 +10,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, folder, read_back
+from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
 
 
@@ -46,8 +47,9 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
     FlightError
         Where the results of stage mounting are missing.
     """
-    block = flight.block("validation")
-    calibrations = read_back.calibrations_for(flight, folder.read(results_path))
+    found = folder.read(results_path)
+    block = mounted_block(flight, "validation", results_path)
+    calibrations = read_back.calibrations_for(flight, found, block.cameras)
     validations = [
         validate(block, calibration, method=method, refraction=flight.refraction)
         for method, calibration in calibrations.items()

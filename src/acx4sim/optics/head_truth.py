@@ -7,6 +7,7 @@ parameters. The simulator needs the true ones.
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from acx4sim.earth import chained_deg
 from acx4sim.optics.lens import Camera
 
 # Table 1 of the paper: omega, phi, kappa, deg, of the heads in the synthetic frame.
@@ -78,8 +79,16 @@ HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] =
 )
 
 
-def head(name: str) -> Camera:
-    """Return one head; the synthetic frame is the body frame, as its mount_* are zero."""
+def head(name: str, mount_deg: tuple[float, float, float]) -> Camera:
+    """Return one head on the IMU.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    mount_deg : tuple of float
+        Omega, phi, kappa of the synthetic frame in the body frame, as flight.toml declares them.
+    """
     (f, xp, yp, k1, p1, p2), lever = HEAD_TRUTH[name]
     return Camera(
         width_px=8984,
@@ -91,6 +100,6 @@ def head(name: str) -> Camera:
         k1=k1,
         p1=p1,
         p2=p2,
-        boresight_deg=HEAD_ANGLES_DEG[name],
+        boresight_deg=chained_deg(mount_deg, HEAD_ANGLES_DEG[name]),
         lever_m=lever,
     )

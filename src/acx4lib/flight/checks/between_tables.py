@@ -41,6 +41,8 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
+    elif toml.get("synthetic", "measured_in") == "heads":
+        yield from _other_cameras(tables.images, toml, ", since measured_in is 'heads'")
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
@@ -85,28 +87,34 @@ def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
     if not isinstance(heads, list) or "camera" not in images.text:
         return
-    names, cameras = images.text["camera"], toml.table("cameras")
-    declared = [head for head in heads if isinstance(head, str)]
-    others = set(names) & cameras.keys() - set(declared)
-    yield from counted(
-        [row for row, name in enumerate(names) if name in others],
-        lambda row: images.problem(
-            row,
-            "camera",
-            f"{names[row]!r} is no head",
-            f"must be one of synthetic.heads in {toml.file}",
-        ),
-    )
-    for head in declared:
-        if head not in set(names) and head in cameras:
+    yield from _other_cameras(images, toml, "")
+    names, cameras = set(images.text["camera"]), toml.table("cameras")
+    for head in heads:
+        if isinstance(head, str) and head not in names and head in cameras:
             expected = f"every head needs images in {images.file}"
             yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
 
 
-def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
-    """Yield the cameras of the validation block that are not in the calibration block."""
+def _other_cameras(images: Table, toml: Toml, since: str) -> Iterator[Problem]:
+    """Yield the images of declared cameras that are no heads."""
+    heads = toml.get("synthetic", "heads")
+    names = images.text.get("camera", ())
+    known = [head for head in heads if isinstance(head, str)] if isinstance(heads, list) else names
+    others = set(names) & toml.table("cameras").keys() - set(known)
+    expected = f"must be one of synthetic.heads in {toml.file}{since}"
+    yield from counted(
+        [row for row, name in enumerate(names) if name in others],
+        lambda row: images.problem(row, "camera", f"{names[row]!r} is no head", expected),
+    )
+
+
+def uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Iterator[Problem]:
+    """Yield the cameras of the validation block that are not in the calibration block.
+
+    Where both are carried into the synthetic image, its camera is calibrated.
+    """
     images = {tables.name: tables.images for tables in blocks}
-    if not {"calibration", "validation"} <= images.keys():
+    if setup.measured_in_heads or not {"calibration", "validation"} <= images.keys():
         return
     calibrated = images["calibration"].text.get("camera", ())
     validated, known = images["validation"].text.get("camera", ()), set(calibrated)

@@ -25,7 +25,7 @@ def flight():
     options = acx4sim.Options(
         tie_points={"heads": 60, "calibration": 150}, blocks=("heads", "calibration")
     )
-    return read_back(acx4sim.acx4(options=options)).flight
+    return read_back(acx4sim.acx4_ideal(options=options)).flight
 
 
 def with_positions(block):
