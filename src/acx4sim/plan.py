@@ -88,8 +88,8 @@ class Options:
     Attributes
     ----------
     image_noise, control_noise, gnss_noise, attitude_noise : float
-        Factors on the standard deviations: 1 is the design's noise, 0 gives exact data. The
-        flight's files have the changed sigma, or that of the design where the factor is 0.
+        Factors on the noise: 1 is the design's, 0 gives exact data, -1 the same noise with the
+        other sign. The flight's files have the changed sigma, or the design's where a factor is 0.
     tie_points : mapping of str to int
         By block, number of tie points with at least three rays in every camera; other blocks
         have the design's number.
@@ -140,13 +140,18 @@ class Options:
                 raise ValueError(msg)
 
 
+def stated(factor: float) -> float:
+    """Return the factor on the standard deviations that a flight's files state."""
+    return abs(factor) or 1.0
+
+
 def _check_factor(name: str, factor: object) -> None:
-    """Raise a ValueError where a factor on noise is neither zero nor a positive number."""
+    """Raise a ValueError where a factor on noise is no finite number."""
     if not isinstance(factor, int | float):
         msg = f"{name} must be a number, got {factor!r}"
         raise ValueError(msg)
-    if not 0 <= factor < np.inf:
-        msg = f"{name} must be zero or positive, got {factor}"
+    if not np.isfinite(factor):
+        msg = f"{name} must be finite, got {factor}"
         raise ValueError(msg)
 
 

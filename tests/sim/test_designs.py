@@ -254,11 +254,33 @@ def test_blocks_can_be_simulated_alone(flight):
         pd.testing.assert_frame_equal(table, flight.tables[path])
 
 
+def test_noise_of_the_other_sign_is_the_same_noise():
+    """Errors of both flights add to zero, but for the order of small rotations; sigmas agree."""
+    kinds = ("image_noise", "control_noise", "gnss_noise", "attitude_noise")
+    plus, exact, minus = (
+        acx4sim.single_head(
+            seed=1,
+            options=acx4sim.Options(
+                blocks=("calibration",),
+                tie_points={"calibration": 50},
+                **dict.fromkeys(kinds, factor),
+            ),
+        )
+        for factor in (1.0, 0.0, -1.0)
+    )
+    assert plus.toml == minus.toml
+    for path, table in exact.tables.items():
+        numbers = table.select_dtypes("number")
+        error, other = (f.tables[path][numbers.columns] - numbers for f in (plus, minus))
+        assert path.endswith("images.csv") or np.abs(error.to_numpy()).max() > 1e-3
+        np.testing.assert_allclose(error + other, 0.0, atol=1e-5)  # files have six decimals
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: acx4sim.acx4_ideal(seed=-1), "seed must be zero or positive"),
-        (lambda: acx4sim.Options(image_noise=-1.0), "image_noise must be"),
+        (lambda: acx4sim.Options(image_noise=float("nan")), "image_noise must be"),
         (lambda: acx4sim.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
         (
             lambda: acx4sim.DESIGNS["single-head"](options=acx4sim.Options(blocks=("heads",))),

@@ -148,6 +148,12 @@ class GroupTest:
         return float(stats.f.sf(self.f_ratio, len(self.keys), max(self.redundancy, 1)))
 
 
+def undistorted(camera: Camera) -> Camera:
+    """Return a camera to test against: it has no distortion, and keeps its mounting."""
+    interior = camera.interior
+    return camera.with_interior(Interior(f=interior.f, xp=interior.xp, yp=interior.yp))
+
+
 def group_tests(
     calibration: Calibration, against: Sequence[Camera], *, redundancy: int
 ) -> list[GroupTest]:

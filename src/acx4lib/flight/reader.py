@@ -33,6 +33,7 @@ from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
+from acx4lib.flight.text.table import Table
 from acx4lib.geometry.camera import Camera
 
 
@@ -50,6 +51,8 @@ class Flight(Setup):
         Checksum of every table that was read, by its path below the folder.
     blocks : dict of str to Block
         The blocks that exist: heads, calibration, validation.
+    trajectories : dict of str to Table
+        For every block, its trajectory as the file has it.
     image_files : dict of str to tuple of Path or None
         For every block, the image file of every image, None without one.
     notes : tuple of str
@@ -60,6 +63,7 @@ class Flight(Setup):
     pictures: Path
     sha256: dict[str, str]
     blocks: dict[str, Block]
+    trajectories: dict[str, Table]
     image_files: dict[str, tuple[Path | None, ...]]
     notes: tuple[str, ...]
 
@@ -203,6 +207,7 @@ def _flight(
         pictures=blocks[0].pictures if blocks else toml.folder,
         sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
         blocks=assembled,
+        trajectories={tables.name: tables.trajectory for tables in blocks},
         image_files={tables.name: _image_files(tables) for tables in blocks},
         notes=tuple(dict.fromkeys(map(visible, notes))),
     )

@@ -13,13 +13,13 @@ from acx4lib.flight.block import Block, mountings
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import (
     Measurement,
-    as_seen,
     directions,
     image_derivatives,
     mounted_jacobian,
 )
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.intersection import intersect
+from acx4lib.geometry.refraction import as_seen
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate
 

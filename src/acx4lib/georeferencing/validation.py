@@ -8,13 +8,15 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
+from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
 from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
-from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
+from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
+from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.georeferencing import direct, error_sources
 from acx4lib.georeferencing.differences import Differences, differences_at
 from acx4lib.least_squares.adjustment import two_sided_p
@@ -35,6 +37,8 @@ class Validation:
         One per point, from all its rays.
     rejected : tuple of Rejection
         In these, a ``control_point`` is one of the block's check points.
+    stopped : tuple of Stopped
+        Groups of which too much would have been rejected, and so nothing was.
     n_failed : int
         Pairs whose rays meet at less than 2 degrees, or behind the cameras.
     n_left_out : int
@@ -54,6 +58,7 @@ class Validation:
     pairs: Differences
     points: Differences
     rejected: tuple[Rejection, ...]
+    stopped: tuple[Stopped, ...]
     n_failed: int
     n_left_out: int
     cost: float
@@ -92,9 +97,8 @@ def validate(
 ) -> Validation:
     """Intersect every check point from pairs of rays and from all rays, and compare.
 
-    First, a measurement is rejected if the point has three or more rays and it does not fit the
-    others. Then a check point is rejected if its surveyed position is far from where its rays
-    meet, unlike the other check points.
+    First, a measurement is rejected that does not fit the others of its point, of three or more.
+    Then a check point is, if it was surveyed far from where its rays meet, unlike the others.
 
     Parameters
     ----------
@@ -123,10 +127,12 @@ def validate(
     georeferenced = direct.georeference(block, calibration)
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
-    rejected = tuple(
-        Rejection(kind="image_point", row=int(rows[i]), component=-1, statistic=float(statistic[i]))
-        for i in np.flatnonzero(~kept)
-    )
+    unfit = [
+        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
+        for row, w in zip(rows[~kept], statistic[~kept], strict=True)
+    ]
+    rejected, stopped = within_limits(block, rows, unfit)
+    kept = ~np.isin(rows, [r.row for r in rejected])
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])
     seen = direct.measured(block, georeferenced, selected)
     absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
@@ -147,6 +153,7 @@ def validate(
         pairs=differences_at(block, georeferenced, *pairs, refraction),
         points=at_points,
         rejected=rejected,
+        stopped=stopped,
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
         cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
@@ -174,10 +181,7 @@ def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
 def _fitting(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
 ) -> tuple[Mask, Array]:
-    """Return which measurements fit the other rays of their point, and the w of the others.
-
-    The test includes the trajectory's sigma.
-    """
+    """Return which rays fit the others of their point within all sigma, and w of the rest."""
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
     while True:

@@ -37,6 +37,16 @@ def _pairs(value: object) -> bool:
     )
 
 
+def _groups(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list)
+        and len(one) == 3
+        and isinstance(one[0], str)
+        and all(map(_number, one[1:]))
+        for one in value
+    )
+
+
 def _by_name(test: Test) -> Test:
     return lambda value: isinstance(value, dict) and all(map(test, value.values()))
 
@@ -85,10 +95,13 @@ _TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "j
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (*_COUNT, *_OF_PAIRS, *_TESTED, "joint_dof", "n_exposures"),
+        (*_COUNT, *_OF_PAIRS, *_TESTED, "joint_dof", "n_exposures", "expected_rejections"),
         (_or_null(_number), "a number or null"),
     ),
-    **dict.fromkeys(("left_out", "not_determined", "notes"), (_sentences, "a list of sentences")),
+    **dict.fromkeys(
+        ("left_out", "not_determined", "stopped", "notes"), (_sentences, "a list of sentences")
+    ),
+    "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(
         ("weakest", "largest_correlations"), (_by_name(_or_null(_number)), "numbers by name")

@@ -15,7 +15,7 @@ from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results import folder
-from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out
+from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
 from acx4lib.results.rows import exterior_table, point_table, rejected_table
 
 MANY = 0.1
@@ -93,6 +93,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
+        **stopped_entries(f"validation/{validation.method}", validation.stopped),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,

@@ -14,6 +14,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
 from acx4lib.results.carried import mounted_block
+from acx4lib.stages.explained import explained
 
 
 class Settings(TypedDict):
@@ -97,5 +98,5 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     block = mounted_block(flight, "calibration", results_path)
     stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    adjustments.write(results_path, "mounting", records)
+    adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
     return stage

@@ -15,7 +15,7 @@ from acx4sim.fly import Track, fly, record, stream
 from acx4sim.gross_errors import spoil
 from acx4sim.observe import Sight, ground_points, look, strew_tie_points
 from acx4sim.pictures.photography import Photography, order, told
-from acx4sim.plan import BlockPlan, Options, Plan
+from acx4sim.plan import BlockPlan, Options, Plan, stated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -228,5 +228,5 @@ def _pointing(
         }
     )
     if len(block.targets):
-        points["sigma_px"] = sigma * (options.image_noise or 1.0)
+        points["sigma_px"] = sigma * stated(options.image_noise)
     return points

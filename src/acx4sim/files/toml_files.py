@@ -7,7 +7,7 @@ from typing import Any
 from acx4sim.earth import Array
 from acx4sim.files.csv_files import grid_attitude_deg
 from acx4sim.fly import Track
-from acx4sim.plan import Options, Plan
+from acx4sim.plan import Options, Plan, stated
 
 MADE_BY = "acx4 simulate"
 """The maker of a truth; the command looks for it before it replaces one."""
@@ -51,8 +51,8 @@ def flight_toml(plan: Plan, options: Options) -> str:
 
 def _apriori(plan: Plan, options: Options) -> dict[str, float]:
     noise = plan.noise
-    image, gnss = options.image_noise or 1.0, options.gnss_noise or 1.0
-    attitude = options.attitude_noise or 1.0
+    image, gnss = stated(options.image_noise), stated(options.gnss_noise)
+    attitude = stated(options.attitude_noise)
     return {
         "image_point_px": image * noise.image_px,
         "gnss_horizontal_m": gnss * noise.gnss_horizontal_m,

@@ -34,7 +34,9 @@ def folder(tmp_path_factory, flown, mountings):
     found = results.read(path)
     validations = [
         validation.validate(flown.validation, said, method=method)
-        for method, said in read_back.calibrations_for(flown, found).items()
+        for method, said in read_back.calibrations_for(
+            flown, found, flown.validation.cameras
+        ).items()
     ]
     adjustments.write(path, "validation", validation_records.of_validations(validations))
     return path
@@ -98,7 +100,9 @@ def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
 
 
 def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
-    without = read_back.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    without = read_back.calibrations_for(
+        _only_validation(flown), results.read(tmp_path), flown.validation.cameras
+    )
     assert list(without) == ["given"]
     assert without["given"].n_columns == 0
     checked = validation.validate(flown.validation, without["given"], method="given")
