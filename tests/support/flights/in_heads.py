@@ -14,6 +14,7 @@ from acx4sim.designs import acx4_plan
 from acx4sim.files.flights import simulate_plan
 from acx4sim.optics.lens import Camera as Lens
 from acx4sim.plan import Options
+from support.flights import written
 from support.flights.simulated import EXACT, HEADS, read_back
 
 LENS = ("xp", "yp", "k1", "k2", "k3", "p1", "p2")
@@ -83,3 +84,13 @@ def small(*, seed=1, n_ties=60):
     """Simulate the paper's flight, small, with its blocks 2 and 3 measured in the heads."""
     options = acx4sim.Options(tie_points={"heads": n_ties, "calibration": n_ties})
     return acx4sim.acx4(seed=seed, options=options)
+
+
+def write(folder, blocks=("heads", "calibration", "validation")):
+    """Write a small flight of two heads without errors; every block is measured in them."""
+    written.write_flight(folder, blocks=blocks, mounted=("LEFT", "RIGHT"))
+    if "heads" in blocks:
+        toml = folder / "flight.toml"
+        key = 'measured_in = "heads"\n'
+        toml.write_text(toml.read_text().replace("[synthetic]\n", f"[synthetic]\n{key}"))
+    return folder
