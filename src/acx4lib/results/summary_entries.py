@@ -88,7 +88,7 @@ def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
 def _points(value: object) -> bool:
     return (
         isinstance(value, dict)
-        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms"))
+        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms", "mean_sigma"))
         and _classes(value.get("classes", {}))
     )
 
@@ -99,19 +99,12 @@ def _checksums(value: object) -> bool:
 
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
+_TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
 
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (
-            *_COUNT,
-            *_OF_PAIRS,
-            "n_exposures",
-            "sigma0_squared",
-            "chi_square_p",
-            "condition",
-            "expected_rejections",
-        ),
+        (*_COUNT, *_OF_PAIRS, *_TESTED, "joint_dof", "n_exposures", "expected_rejections"),
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(

@@ -14,6 +14,7 @@ from acx4sim.designs import acx4_plan
 from acx4sim.files.flights import simulate_plan
 from acx4sim.optics.lens import Camera as Lens
 from acx4sim.plan import Options
+from support.flights import written
 from support.flights.simulated import EXACT, HEADS, read_back
 
 LENS = ("xp", "yp", "k1", "k2", "k3", "p1", "p2")
@@ -92,3 +93,12 @@ def measured_in_heads(toml):
     """Return the text of a flight.toml that says so."""
     key = 'measured_in = "heads"\n'
     return toml if key in toml else toml.replace("[synthetic]\n", f"[synthetic]\n{key}")
+
+
+def write(folder, blocks=("heads", "calibration", "validation")):
+    """Write a small flight of two heads without errors; every block is measured in them."""
+    written.write_flight(folder, blocks=blocks, mounted=("LEFT", "RIGHT"))
+    if "heads" in blocks:
+        toml = folder / "flight.toml"
+        toml.write_text(measured_in_heads(toml.read_text()))
+    return folder
