@@ -23,10 +23,20 @@ ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name i
 
 @dataclass(frozen=True, kw_only=True)
 class Synthetic:
-    """The virtual camera of the synthetic images, and the heads that make them."""
+    """The virtual camera of the synthetic images, and the heads that make them.
+
+    Attributes
+    ----------
+    camera : str
+    heads : tuple of str
+    measured_in : str
+        The images in which the blocks calibration and validation are measured: ``synthetic``, or
+        ``heads``.
+    """
 
     camera: str
     heads: tuple[str, ...]
+    measured_in: str = "synthetic"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +85,11 @@ class Setup:
     gnss: tuple[str, ...]
     weights: str
 
+    @property
+    def measured_in_heads(self) -> bool:
+        """Whether the blocks calibration and validation are measured in images of the heads."""
+        return self.synthetic is not None and self.synthetic.measured_in == "heads"
+
 
 def setup_of(toml: Toml) -> Setup:
     """Return the content of a flight.toml in which no problem was found."""
@@ -87,9 +102,7 @@ def setup_of(toml: Toml) -> Setup:
         grid=grid_of(toml),
         refraction=toml.values.get("refraction", "none"),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
-        synthetic=Synthetic(camera=synthetic["camera"], heads=tuple(synthetic["heads"]))
-        if synthetic
-        else None,
+        synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
@@ -97,6 +110,11 @@ def setup_of(toml: Toml) -> Setup:
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
     )
+
+
+def _synthetic_of(table: dict[str, Any]) -> Synthetic:
+    measured_in = table.get("measured_in", "synthetic")
+    return Synthetic(camera=table["camera"], heads=tuple(table["heads"]), measured_in=measured_in)
 
 
 def camera_of(name: str, table: dict[str, Any]) -> Camera:

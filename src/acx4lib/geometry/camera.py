@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
 
 
@@ -175,6 +175,16 @@ def inside(camera: Camera, colrow: Array) -> np.ndarray:
     return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
 
 
+def border_distance(camera: Camera, colrow: Array) -> Array:
+    """Return the distances of pixels from the sensor's outer edges, px, shape (...).
+
+    Negative outside; NaN where a pixel is.
+    """
+    upper = np.array([camera.width_px, camera.height_px]) - 0.5
+    nearest: Array = np.minimum(colrow + 0.5, upper - colrow).min(axis=-1)
+    return nearest
+
+
 def distortion(interior: Interior, xy: Array) -> Array:
     """Compute the lens distortion at measured image points.
 
@@ -260,6 +270,11 @@ def correct_jacobian(interior: Interior, xy: Array) -> Array:
     return out
 
 
+def correct_by_point(interior: Interior, xy: Array) -> Array:
+    """Return d(correct) / d(measured point) at measured points (n, 2), mm; shape (n, 2, 2)."""
+    return _by_reduced_point(interior, reduced(interior, xy)) * np.array([1 + interior.b1, 1.0])
+
+
 def _by_reduced_point(interior: Interior, bar: Array) -> Array:
     """Return d(correct) / d(reduced point), shape (n, 2, 2)."""
     x, y = bar[:, 0], bar[:, 1]
@@ -298,14 +313,29 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     unscale = np.array([1 / (1 + interior.b1), 1.0])
     xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
     for _ in range(steps):
-        error = correct(interior, xy) - ideal
-        J = _by_reduced_point(interior, reduced(interior, xy))
-        trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
+        step, error, valid = _newton(interior, xy, ideal)
         misfit = np.abs(error).max(axis=-1, initial=0.0)
         if not np.any(misfit > 1e-13):
             break
-        J_adj = trace[:, None, None] * np.eye(2) - J
-        xy = xy - transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+        xy = xy - step
     # beyond the largest valid radius there are other roots, on the opposite side of the image
-    found = (misfit < 1e-9) & (det > 0) & (trace > 0)
-    return np.where(found[:, None], xy, np.nan)
+    return np.where(((misfit < 1e-9) & valid)[:, None], xy, np.nan)
+
+
+def nearer(interior: Interior, xy: Array, ideal: Array) -> Array:
+    """Return measured points after one step of Newton's method to where `correct` is `ideal`.
+
+    All arrays are as those of `distort`; NaN where the step is not defined.
+    """
+    return xy - _newton(interior, xy, ideal)[0]
+
+
+def _newton(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Array, Mask]:
+    """Return a step to be subtracted, the error before it, and where the model is valid."""
+    error = correct(interior, xy) - ideal
+    J = _by_reduced_point(interior, reduced(interior, xy))
+    trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
+    J_adj = trace[:, None, None] * np.eye(2) - J
+    unscale = np.array([1 / (1 + interior.b1), 1.0])
+    step = transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+    return step, error, (det > 0) & (trace > 0)

@@ -24,7 +24,7 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing.validation import compare
+from acx4lib.georeferencing.differences import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results import folder
 

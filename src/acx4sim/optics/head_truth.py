@@ -5,92 +5,82 @@ parameters. The simulator needs the true ones.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
+from acx4sim.earth import chained_deg
 from acx4sim.optics.lens import Camera
 
-# Table 1 of the paper: omega, phi, kappa, deg, of the heads in the synthetic frame.
-HEAD_ANGLES_DEG = MappingProxyType(
-    {
-        "CAM1": (-14.809011, 12.809331, 92.975179),
-        "CAM2": (14.782598, 12.163894, -93.408507),
-        "CAM3": (14.689320, -9.877792, -87.634640),
-        "CAM4": (-14.920852, -9.596413, 87.434563),
-    }
-)
+_HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 
-# True f, xp, yp, k1, p1, p2 (mm, mm^-2, mm^-1) and lever arm (m, forward, left, up).
-#
 # With f held at 74 mm, the distance of a head from the ground appears 74/f times as large as it
-# is. Hence, to first order, Zc of Table 1 gives f_1 / f_h = 1 + (Zc_h - 74) / 74. Table 1 does not
-# give f_1. With 74.136 the largest and the smallest f differ equally from 74; then terrain causes
-# the smallest misfit. A wrong f in an oblique head also shifts its x_p and y_p (by up to 0.04 mm
-# here) and turns it (by up to 0.03 deg). With these constants an adjustment of exact data of seed
-# 1 gives x_p, y_p, k1, p1, p2 and Zc of Table 1; tests/support/flights/find_head_truth.py found
-# them. The lens centres form a square of 16 cm around that of the synthetic camera.
-HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] = MappingProxyType(
+# is, and a wrong f in an oblique head shifts its x_p and y_p (by up to 0.04 mm here) and turns it
+# (by up to 0.03 deg). With these constants an adjustment of exact data of seed 1 gives omega, phi,
+# kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
+# size follows from Table 3: the calibration block, measured in these heads, carried into the
+# synthetic image and adjusted in a single step, gives the f that is printed there.
+# tests/support/flights/find_head_truth.py found the constants. The lens centres form a square of
+# 16 cm around that of the synthetic camera.
+HEADS: Mapping[str, Camera] = MappingProxyType(
     {
-        "CAM1": (
-            (
-                74.136,
-                0.005975483345,
-                -0.04493369593,
-                2.277202705e-6,
-                3.107557742e-6,
-                -7.119293656e-6,
-            ),
-            (0.143, -0.479, -0.201),
+        "CAM1": replace(
+            _HEAD,
+            f_mm=74.43891211,
+            xp_mm=-0.08080746287,
+            yp_mm=0.02094122703,
+            k1=2.291741278e-6,
+            p1=2.745151444e-6,
+            p2=-7.121418584e-6,
+            boresight_deg=(-14.913740208, 12.884544665, 92.998828055),
+            lever_m=(0.143, -0.479, -0.201),
         ),
-        "CAM2": (
-            (
-                73.863353,
-                0.1011944753,
-                0.1048741053,
-                2.070101412e-6,
-                -1.141690995e-6,
-                -2.713552706e-6,
-            ),
-            (0.143, -0.319, -0.201),
+        "CAM2": replace(
+            _HEAD,
+            f_mm=74.16489615,
+            xp_mm=0.02863401576,
+            yp_mm=0.0309554604,
+            k1=2.068907993e-6,
+            p1=-1.100386425e-6,
+            p2=-2.797273584e-6,
+            boresight_deg=(14.816526265, 12.190429834, -93.415601438),
+            lever_m=(0.143, -0.319, -0.201),
         ),
-        "CAM3": (
-            (
-                73.98380272,
-                0.265901166,
-                -0.05432755368,
-                1.960532123e-6,
-                -7.359213611e-6,
-                5.230666725e-7,
-            ),
-            (0.303, -0.319, -0.201),
+        "CAM3": replace(
+            _HEAD,
+            f_mm=74.28495397,
+            xp_mm=0.1887307131,
+            yp_mm=0.006501528272,
+            k1=1.951955257e-6,
+            p1=-7.39040112e-6,
+            p2=4.907780545e-7,
+            boresight_deg=(14.747053586, -9.919189293, -87.624864963),
+            lever_m=(0.303, -0.319, -0.201),
         ),
-        "CAM4": (
-            (
-                74.06428651,
-                -0.1977375532,
-                -0.002137874081,
-                2.149797908e-6,
-                1.365247211e-6,
-                2.362553564e-6,
-            ),
-            (0.303, -0.479, -0.201),
+        "CAM4": replace(
+            _HEAD,
+            f_mm=74.3636979,
+            xp_mm=-0.2839088059,
+            yp_mm=-0.06411115604,
+            k1=2.151536399e-6,
+            p1=1.214397838e-6,
+            p2=2.217764653e-6,
+            boresight_deg=(-15.003488816, -9.649322003, 87.420655664),
+            lever_m=(0.303, -0.479, -0.201),
         ),
     }
 )
+"""The heads; their boresight_deg are omega, phi, kappa in the synthetic frame."""
 
 
-def head(name: str) -> Camera:
-    """Return one head; the synthetic frame is the body frame, as its mount_* are zero."""
-    (f, xp, yp, k1, p1, p2), lever = HEAD_TRUTH[name]
-    return Camera(
-        width_px=8984,
-        height_px=6732,
-        pixel_um=6.0,
-        f_mm=f,
-        xp_mm=xp,
-        yp_mm=yp,
-        k1=k1,
-        p1=p1,
-        p2=p2,
-        boresight_deg=HEAD_ANGLES_DEG[name],
-        lever_m=lever,
-    )
+def mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
+    """Return a head on the IMU.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    mount_deg : tuple of float
+        Omega, phi, kappa of the synthetic frame in the body frame, as flight.toml declares them.
+    """
+    head = HEADS[name]
+    return replace(head, boresight_deg=chained_deg(mount_deg, head.boresight_deg))

@@ -74,7 +74,7 @@ def station(plan: Plan, exposure: str, *, seed: int = 1) -> Station:
     """
     some = []
     for name, block in plan.blocks.items():
-        track = fly(plan, block, stream(seed, plan.name, name, "fly"))
+        track = fly(plan, block, stream(seed, plan.draws, name, "fly"))
         if exposure in track.exposure:
             return _station(plan, name, track, track.exposure.index(exposure))
         some += [track.exposure[0], track.exposure[-1]]

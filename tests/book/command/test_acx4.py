@@ -84,7 +84,7 @@ def test_a_simulated_flight_is_found_good(acx4, flight):
 def test_simulate_names_what_it_knows_and_never_writes_over_a_flight(acx4, flight, tmp_path):
     status, out, err = acx4("simulate", "acx5", "--out", tmp_path / "new")
     assert (status, out) == (2, "")
-    assert err == "unknown flight 'acx5'; known: acx4, single-head\n"
+    assert err == "unknown flight 'acx5'; known: acx4, acx4-ideal, single-head\n"
     before = (flight / "flight.toml").read_bytes()
     status, out, err = acx4("simulate", "single-head", "--out", flight, "--seed", 9)
     assert (status, out) == (2, "")
