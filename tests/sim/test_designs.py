@@ -258,7 +258,7 @@ def test_noise_of_the_other_sign_is_the_same_noise():
     """Errors of both flights add to zero, but for the order of small rotations; sigmas agree."""
     kinds = ("image_noise", "control_noise", "gnss_noise", "attitude_noise")
     plus, exact, minus = (
-        acx4sim.single_head(
+        acx4sim.DESIGNS["single-head"](
             seed=1,
             options=acx4sim.Options(
                 blocks=("calibration",),
