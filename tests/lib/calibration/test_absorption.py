@@ -26,7 +26,7 @@ SIDE = replace(
 @pytest.fixture(scope="module")
 def exact():
     """The study's block 2 without noise, cameras at their true values."""
-    block = fly("acx4", seed=1, blocks=("calibration",), exact=True).flight.calibration
+    block = fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight.calibration
     return replace(block, cameras=mounting.single_step(block, free=FREE).calibration.cameras)
 
 
@@ -120,7 +120,7 @@ def test_differences_are_as_large_as_their_covariance_says(cameras):
 
 
 def test_methods_that_share_their_data_differ_by_far_less_than_their_sigmas():
-    block = fly("acx4", seed=1, blocks=("calibration",)).flight.calibration
+    block = fly("acx4-ideal", seed=1, blocks=("calibration",)).flight.calibration
     found = mounting.calibrate(block, free=FREE)
     compared = absorption(found)
     single = found["single_step"].calibration
