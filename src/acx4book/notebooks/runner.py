@@ -150,7 +150,11 @@ def run(
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
         not_determined=(*_wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
-        notes=tuple(_messages(folder, done, "notes", done)),
+        notes=tuple(
+            line
+            for key in ("not_confirmed", "notes")
+            for line in _messages(folder, done, key, done)
+        ),
     )
 
 

@@ -131,7 +131,7 @@ def texts_of_run(flight_path: Path, results_path: Path) -> Iterator[tuple[str, s
     flown, found = read_kept(results_path / KEPT), results.read(results_path)
     true = truth_path(flight_path)
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
-    yield "scorecard.md", scorecard_page.page(found, flown, simulated=truth is not None)
+    yield from scorecard_page.texts(found, flown, simulated=truth is not None).items()
     yield "simulation.md", simulation.page(flown, truth)
     yield "geometry.md", determination.geometry_page()
     yield "provenance.md", provenance.page(flight_path, results_path)

@@ -30,6 +30,9 @@ SETTLED = 0.003
 WIDTH = 4.0
 """Residual, in misfits, that has a quarter of its weight."""
 
+FREE_POSE, ENOUGH_LEFT = 6, 4
+"""Unknowns of a free pose, and observations that must be left beyond them."""
+
 LEVER_M, DELAY_S = 1.0, 10.0
 """Prior sigma of lever arm, m, and delay, s: where both are the same, it is a delay."""
 
@@ -190,6 +193,36 @@ def size(v: Array) -> float:
     u = np.nan_to_num(np.abs(v), nan=np.inf)
     each = np.quantile(u, QUANTILE, axis=0, method="higher") / NORMAL
     return float(np.sqrt(np.mean(each**2)))
+
+
+def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
+    """Return what rays miss their points by when every exposure is turned and moved freely.
+
+    Parameters
+    ----------
+    seen : Sightings
+    T_m_b : Pose
+    found : Mounted
+
+    Returns
+    -------
+    float
+        Standard deviation of a component, median of the exposures, radians; NaN where none has
+        measurements enough.
+    """
+    v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
+    ok = np.all(np.isfinite(v), axis=1)
+    variances = []
+    for exposure in range(len(T_m_b)):
+        own = np.flatnonzero(ok & (seen.exposure_idx == exposure))
+        cameras = np.unique(seen.camera_idx[own])
+        if 2 * len(own) < FREE_POSE + ENOUGH_LEFT or len(cameras) != 1:
+            continue
+        c = N_CAMERA * int(cameras[0])
+        J = np.concatenate([A[own, :, c : c + 3], B[own]], axis=2).reshape(-1, FREE_POSE)
+        left = v[own].ravel() - J @ np.linalg.lstsq(J, v[own].ravel(), rcond=None)[0]
+        variances.append(left @ left / (len(left) - FREE_POSE))
+    return float(np.sqrt(np.median(variances))) if variances else np.nan
 
 
 def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool, delayed: bool) -> Array:

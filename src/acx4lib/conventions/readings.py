@@ -9,7 +9,7 @@ import numpy as np
 
 from acx4lib.conventions.sightings import Sightings
 from acx4lib.expected import Array, Index
-from acx4lib.flight import readings as of_trajectory
+from acx4lib.flight import readings as of_flight
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import index_of, poses
 from acx4lib.flight.design import strip_of_exposure
@@ -63,9 +63,9 @@ def readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Readi
 def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Reading]:
     names = [block.trajectory.exposures[i] for i in given.seen.exposures]
     rows = index_of(names, table.text["exposure"])
-    others = list(of_trajectory.readings(table, block.frame.grid))
+    others = list(of_flight.readings(table, block.frame.grid))
     if len(block.cameras) == 1:
-        others += of_trajectory.of_cameras(table, block.cameras[0].T_b_c.R)
+        others += of_flight.of_cameras(table, block.cameras[0].T_b_c.R)
     for other in others:
         with np.errstate(all="ignore"):  # changed positions may not be on the earth
             T_m_b = _poses(other.table, rows, block.frame)
@@ -103,9 +103,12 @@ def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
     lonlat = frame.grid.lonlat_from_grid(enh[:, :2])
     others = [
         (f"height of control points {meaning}", np.column_stack([enh[:, :2], height]))
-        for meaning, height in of_trajectory.height_readings(enh[:, 2], lonlat, frame.grid)
+        for meaning, height in of_flight.height_readings(enh[:, 2], lonlat, frame.grid)
     ]
-    others.append(("east, north of control points exchanged", enh[:, [1, 0, 2]]))
+    others += [
+        (f"east, north of control points {meaning}", np.column_stack([east_north, enh[:, 2]]))
+        for meaning, east_north in of_flight.plane_readings(enh[:, :2])
+    ]
     for name, other in others:
         x_m = given.seen.x_m.copy()
         with np.errstate(all="ignore"):  # changed positions may not be on the earth
@@ -118,14 +121,7 @@ def _of_images(given: Reading) -> Iterator[Reading]:
     """Pixel coordinates with other axes, origins and units."""
     seen = given.seen
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
-    per_mm = np.array([1 / c.pixel_mm for c in seen.cameras])[seen.camera_idx, None]
-    col, row = seen.colrow.T
-    middle = (size - 1) / 2
-    for name, colrow in (
-        ("row counted from the bottom", np.column_stack([col, size[:, 1] - 1 - row])),
-        ("col counted from the right", np.column_stack([size[:, 0] - 1 - col, row])),
-        ("col, row exchanged", np.column_stack([row, col])),
-        ("col, row from the middle in mm", middle + seen.colrow * per_mm * [1, -1]),
-        ("col, row in mm", seen.colrow * per_mm - 0.5),
-    ):
-        yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
+    pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
+    for name, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
+        plain = name.replace("_px", "")
+        yield replace(given, name=plain, quantity="image", seen=replace(seen, colrow=colrow))

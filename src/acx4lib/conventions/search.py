@@ -9,14 +9,19 @@ import numpy as np
 from acx4lib.conventions.mounted import Mounted, mounted, started
 from acx4lib.conventions.readings import Reading, readings
 from acx4lib.conventions.sightings import Sightings, sightings
+from acx4lib.conventions.sigma_units import Unit, other_unit
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
 
-BETTER = 3.0
-"""Ratio of the given reading's misfit to another's from which the other is named.
+BETTER = 2.0
+"""Ratio of the given reading's misfit to another's below which no other is named."""
 
-Misfits of attitudes at six exposures have at least fifteen degrees of freedom; a ratio of three
-comes by chance once in 20 000 times, and a wrong reading adds to the misfit what it changes.
+CERTAIN = 5.0
+"""Logarithm of that ratio, in its standard deviations, below which no other is named.
+
+Every exposure has two independent components of attitude or more, and the quantile of the misfit
+needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
+freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt(n).
 """
 
 ALIKE = 1.25
@@ -58,7 +63,8 @@ class Found:
     def sentence(self) -> str:
         """One sentence on the reading, with its figure beside the given one's."""
         given, found = (_shown(value, self.unit) for value in (self.given, self.found))
-        return f"with {self.name} the residuals of {self.quantity} fall from {given} to {found}"
+        change = "fall" if self.found < self.given else "rise"
+        return f"with {self.name} the residuals of {self.quantity} {change} from {given} to {found}"
 
 
 def _shown(value: float, unit: str) -> str:
@@ -95,14 +101,23 @@ def best_reading(flight: Flight, block_name: str) -> Found | None:
         promising = started(reading.seen, reading.T_m_b).misfit < PROMISING * usual
         if promising or reading.velocity is not None:
             tried.append((reading, mounted(reading.seen, reading.T_m_b, reading.velocity)))
-    return _best(tried, given, seen)
+    return _best(tried, given, seen) or _of_sigma(other_unit(block, seen, given))
+
+
+def _of_sigma(unit: Unit | None) -> Found | None:
+    if unit is None:
+        return None
+    return Found(
+        name=unit.name, quantity=unit.quantity, given=unit.given, found=unit.found, unit="σ"
+    )
 
 
 def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
     """Return the simplest of the best readings, if it is much better than the given one."""
     camera = seen.cameras[0]
     floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
-    good = [(r, m) for r, m in tried if BETTER * (m.misfit + floor) < given.misfit + floor]
+    better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
+    good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
     if not good:
         return None
     least = min(m.misfit for _, m in good) + floor

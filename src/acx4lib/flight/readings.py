@@ -1,4 +1,4 @@
-"""What the numbers of a trajectory may have meant: every usual sign, order, unit and row."""
+"""What the numbers of a flight may have meant: every usual sign, order, unit, axis and row."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ ANGLES = {
 SIGNS = sorted(product((1, -1), repeat=3), key=lambda signs: signs.count(-1))[1:]
 """Signs of three angles, those with the fewest changes first."""
 
-QUARTERS = (90, 180, -90)
+QUARTERS = {
+    90: "90 degrees too small",
+    180: "180 degrees too small",
+    -90: "90 degrees too large",
+}
 FOOT = 0.3048
 """International foot, m; that of the US survey is longer by a hundredth of a millimetre in 5 m."""
 
@@ -47,6 +51,11 @@ class Reading:
     columns: tuple[str, ...]
     meaning: str
     table: Table
+
+    @property
+    def says(self) -> str:
+        """The end of a sentence that begins with "it looks as if"."""
+        return f"{', '.join(self.columns)} were {self.meaning}"
 
     @property
     def name(self) -> str:
@@ -105,10 +114,10 @@ def _headings(table: Table, grid: GridSystem) -> Iterator[Reading]:
     """Headings from other zero directions."""
     heading = angle_columns(table)[2]
     value = table.numbers[heading]
-    other = "counted from east" if heading == "heading_deg" else "a heading from north"
+    other = "an angle from east" if heading == "heading_deg" else "a heading from north"
     yield _attitude(table, other, **{heading: 90.0 - value})
-    for k in QUARTERS:
-        yield _attitude(table, f"{k} degrees too small", **{heading: value + k})
+    for k, wrong in QUARTERS.items():
+        yield _attitude(table, wrong, **{heading: value + k})
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
         convergence = np.degrees(grid.convergence(_lonlat(table, grid)))
     north = "from grid north" if heading == "heading_deg" else "from true north"
@@ -202,6 +211,33 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
     if np.any(undulation != 0):
         yield "above the ellipsoid", height - undulation
         yield "above the geoid, its height added twice", height + undulation
+
+
+def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
+    """Yield east and north of points, shape (n, 2), in their other readings."""
+    yield "exchanged", east_north[:, ::-1]
+
+
+def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, Array]]:
+    """Yield image measurements in their other readings, with the name of each.
+
+    Half a pixel is not among them: no measurement tells it from the principal point.
+
+    Parameters
+    ----------
+    colrow : ndarray, shape (n, 2)
+        As they are given.
+    size : ndarray, shape (n, 2)
+        Width and height of the image of each, px.
+    pixel_mm : ndarray, shape (n, 1)
+    """
+    col, row = colrow.T
+    right, bottom = (size - 1 - colrow).T
+    yield "row_px counted from the bottom", np.column_stack([col, bottom])
+    yield "col_px counted from the right", np.column_stack([right, row])
+    yield "col_px, row_px exchanged", np.column_stack([row, col])
+    yield "col_px, row_px in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield "col_px, row_px in mm from the corner", colrow / pixel_mm - 0.5
 
 
 def _rows(table: Table) -> Iterator[Reading]:

@@ -11,6 +11,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.prior import Prior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +87,8 @@ class Camera:
         Known values, or approximate values for an adjustment.
     T_b_c : Pose
         Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), known or approximate.
+    prior : Prior
+        Which parts of the mounting are declared, and how well they are known.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class Camera:
     pixel_mm: float
     interior: Interior
     T_b_c: Pose = field(default_factory=lambda: Pose(R=np.eye(3), r=np.zeros(3)))
+    prior: Prior = field(default_factory=Prior)
 
     def __post_init__(self) -> None:
         expected.text("name", self.name)
@@ -114,6 +118,7 @@ class Camera:
             raise ValueError(msg)
         expected.instance("interior", self.interior, Interior)
         expected.instance("T_b_c", self.T_b_c, Pose)
+        expected.instance("prior", self.prior, Prior)
         expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
         expected.finite("T_b_c.R", self.T_b_c.R)
         expected.finite("T_b_c.r", self.T_b_c.r)

@@ -14,6 +14,7 @@ from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
 from acx4lib.calibration import determination, gnss_shift, rig
+from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
@@ -124,6 +125,7 @@ def of_bundle(
         **stopped_entries(key, bundle.stopped),
         "n_left_out": sum(bundle.network.left_out.values()),
         **determination.as_json(bundle, said),
+        **_declared_entries(key, method, bundle),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
@@ -142,6 +144,25 @@ def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     return {
         "stopped": [f"{key}: {group.sentence}" for group in stopped],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
+    }
+
+
+def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object]:
+    """Return the entries of summary.json on declared mountings.
+
+    None for two steps, whose bundle has no mountings, nor where the data contradict each other.
+    """
+    found = [] if bundle.stopped or method in TWO_STEP else confirmations(bundle)
+    return {
+        "declared": {
+            f"{c.camera}/{c.part.replace(' ', '_')}": {
+                "difference": list(c.difference),
+                "p": c.p,
+                "confirmed": not c.objection,
+            }
+            for c in found
+        },
+        "not_confirmed": [f"{key}: {c.sentence}" for c in found if c.objection],
     }
 
 

@@ -72,6 +72,15 @@ def _is_object(value: object) -> bool:
     return isinstance(value, dict)
 
 
+def _is_compared(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and _three(value.get("difference"))
+        and _or_null(_number)(value.get("p"))
+        and isinstance(value.get("confirmed"), bool)
+    )
+
+
 def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
 
@@ -99,8 +108,10 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(
-        ("left_out", "not_determined", "stopped", "notes"), (_sentences, "a list of sentences")
+        ("left_out", "not_determined", "stopped", "not_confirmed", "notes"),
+        (_sentences, "a list of sentences"),
     ),
+    "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
     "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(

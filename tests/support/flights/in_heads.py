@@ -14,6 +14,7 @@ from acx4sim.designs import acx4_plan
 from acx4sim.files.flights import simulate_plan
 from acx4sim.optics.lens import Camera as Lens
 from acx4sim.plan import Options
+from support.flights import written
 from support.flights.simulated import EXACT, HEADS, read_back
 
 LENS = ("xp", "yp", "k1", "k2", "k3", "p1", "p2")
@@ -34,7 +35,7 @@ def one_centre_plan():
     ideal = Lens(
         width_px=12000, height_px=16200, pixel_um=5.6, f_mm=heads["CAM1"].f_mm, lever_m=lever
     )
-    block = replace(plan.blocks["calibration"], cameras=(*HEADS, "SYN"))
+    block = replace(plan.blocks["calibration"], cameras=(*HEADS, "SYN"), frame="")
     return replace(
         plan,
         cameras={**heads, "SYN": ideal},
@@ -81,14 +82,15 @@ def _camera(name, lens):
 
 def small(*, seed=1, n_ties=60):
     """Simulate the paper's flight, small, with its blocks 2 and 3 measured in the heads."""
-    plan = acx4_plan()
-    blocks = {name: replace(block, cameras=HEADS) for name, block in plan.blocks.items()}
     options = acx4sim.Options(tie_points={"heads": n_ties, "calibration": n_ties})
-    flown = simulate_plan(replace(plan, blocks=blocks), seed, options)
-    return replace(flown, toml=measured_in_heads(flown.toml))
+    return acx4sim.acx4(seed=seed, options=options)
 
 
-def measured_in_heads(toml):
-    """Return the text of a flight.toml that says so."""
-    key = 'measured_in = "heads"\n'
-    return toml if key in toml else toml.replace("[synthetic]\n", f"[synthetic]\n{key}")
+def write(folder, blocks=("heads", "calibration", "validation")):
+    """Write a small flight of two heads without errors; every block is measured in them."""
+    written.write_flight(folder, blocks=blocks, mounted=("LEFT", "RIGHT"))
+    if "heads" in blocks:
+        toml = folder / "flight.toml"
+        key = 'measured_in = "heads"\n'
+        toml.write_text(toml.read_text().replace("[synthetic]\n", f"[synthetic]\n{key}"))
+    return folder

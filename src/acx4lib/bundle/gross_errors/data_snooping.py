@@ -174,7 +174,7 @@ def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
 
 def _misfits(network: Network, state: State) -> Array:
     """Return the residuals divided by their sigma and by the spread of their kind."""
-    groups = network.residuals(state)
+    groups = network.residuals(state)[: len(KINDS)]
     return flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 

@@ -6,7 +6,7 @@ with itself and prove nothing. Then nothing of this group is rejected, and the g
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,18 +102,37 @@ def within_limits(
         Its image points that were tested.
     rejected : sequence of Rejection
     """
+    rayless = _without_rays(block, rows, rejected)
     stopped = [
-        *(_of_rows(block, rejected, kind) for kind in NAMES),
+        *(_of_rows(block, [*rejected, *rayless], kind) for kind in NAMES),
         *_of_rays(block, rows, rejected),
     ]
     found = tuple(group for group in stopped if group is not None)
-    return tuple(r for r in rejected if not any(_is_of(block, r, s) for s in found)), found
+    points = {int(block.control.point_idx[r.row]) for r in rayless}
+    kept = (r for r in rejected if not any(_is_of(block, r, s, points) for s in found))
+    return tuple(kept), found
 
 
-def _is_of(block: Block, one: Rejection, group: Stopped) -> bool:
-    """Tell whether a rejection belongs to a group."""
-    if one.kind != group.kind or one.kind != "image_point":
+def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> list[Rejection]:
+    """Return the control points all of whose rays would be rejected, and so they themselves."""
+    out = [r.row for r in rejected if r.kind == "image_point"]
+    left = np.setdiff1d(rows, out)
+    point_idx = block.image_points.point_idx
+    lost = np.isin(block.control.point_idx, np.setdiff1d(point_idx[out], point_idx[left]))
+    return [
+        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
+        for row in np.flatnonzero(lost)
+    ]
+
+
+def _is_of(block: Block, one: Rejection, group: Stopped, rayless: Set[int]) -> bool:
+    """Tell whether a rejection belongs to a group; rays of points without others to the points."""
+    if one.kind != "image_point":
         return one.kind == group.kind
+    if group.kind == "control_point":
+        return int(block.image_points.point_idx[one.row]) in rayless
+    if group.kind != "image_point":
+        return False
     image = block.image_points.image_idx[one.row]
     camera = block.cameras[block.images.camera_idx[image]].name
     return f"image {block.images.names[image]}" in group.names or f"camera {camera}" in group.names

@@ -120,7 +120,7 @@ def judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdict
     out : ndarray, shape (n,)
         Which are rejected.
     """
-    groups, outs = bundle.solution.groups, by_group(bundle.network, out)
+    groups, outs = bundle.solution.groups[: len(KINDS)], by_group(bundle.network, out)
     tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
     limit = [
         np.full(group.v.shape, value)
@@ -149,5 +149,6 @@ def expected_failures(bundle: Bundle, *, critical: float = CRITICAL) -> float:
     critical : float
         Critical value of a normal variable, two-sided.
     """
-    n = sum(int(np.sum(g.used & (g.redundancy > CONTROLLED))) for g in bundle.solution.groups)
+    groups = bundle.solution.groups[: len(KINDS)]
+    n = sum(int(np.sum(g.used & (g.redundancy > CONTROLLED))) for g in groups)
     return n * float(2 * stats.norm.sf(critical))

@@ -148,6 +148,16 @@ def test_many_images_make_one_short_sentence(noisy_block):
     assert " in the first: " in stopped.sentence
 
 
+def test_control_points_do_not_go_by_way_of_their_rays(noisy_block):
+    """Points 300 m off are no longer seen where they should be: every ray of them would go."""
+    wrong = [0, 4, 7]
+    spoilt = with_errors(noisy_block, "control_point", wrong, 0, 300.0)
+    with pytest.raises(
+        AdjustmentError, match=r"would reject 3 of 9 control points: .* with them, "
+    ):
+        adjusted(spoilt)
+
+
 def test_where_nothing_converges_with_the_group_the_group_is_still_named(noisy_block):
     """Three of nine control points lie kilometres off: no single error any more."""
     spoilt = with_errors(noisy_block, "control_point", [0, 4, 7], 0, [3e5, -4e5, 2e5])
