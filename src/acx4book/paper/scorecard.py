@@ -15,18 +15,6 @@ from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder
 
-RULE = (
-    "A number *agrees* where it differs from the printed one by at most two combined standard "
-    "deviations, is *near* up to three, and *differs* beyond. Combined are: our standard "
-    "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
-    "scatter or an RMS over n points it is the one that n independent points give it, of a count "
-    "its square root. A standard deviation itself depends on the number and the spread of "
-    "tie points, which the paper does not tell: it is taken to be known to 20 %. The paper's "
-    "two-step column is compared with the two-step method that has GNSS positions in its bundle, "
-    "since the printed standard deviations are those of that reading."
-)
-"""The rule of the verdict, printed above the table."""
-
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
 """The reading of the two-step method that gives the printed standard deviations."""

@@ -169,10 +169,11 @@ def rms_mm(found: Sequence[Overlap]) -> float:
 
 
 def turns(refinement: Refinement) -> pd.DataFrame:
-    """Return how the refinement turns every head, with the standard deviations after it."""
-    before, after = refinement.before, refinement.orientation
+    """Return how the refinement turns every head, with the standard deviations of the turns."""
+    before, fit = refinement.before, refinement.fits.get("rotations")
+    after = before if fit is None else fit.orientation
+    sigma = np.zeros_like(before.opk) if fit is None else np.degrees(fit.turn_sigma)
     turned_by = np.degrees(after.opk - before.opk)
-    sigma = np.degrees(after.sigma[:, 3:])
     names = ("\\omega", "\\varphi", "\\kappa")
     return pd.DataFrame(
         [
