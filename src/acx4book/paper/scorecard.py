@@ -224,7 +224,7 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
     entry = found.summary[key]
     n_points, n_pairs = _summary(found, key, "n_points"), _summary(found, key, "n_pairs")
     failed = _summary(found, key, "n_failed_pairs")
-    gsd = ground_sample_m(flight.validation) if flight.validation else np.nan
+    gsd = ground_sample_m(flight.mounted("validation")) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
     if axis >= 0 and kind in ("mean", "std", "rms"):
