@@ -11,21 +11,21 @@ import pandas as pd
 
 from acx4book.paper import printed as paper
 from acx4book.paper.roles import ROLES
-from acx4lib.expected import Array
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
 
 RULE = (
     "A number *agrees* where it differs from the printed one by at most two combined standard "
     "deviations, is *near* up to three, and *differs* beyond. Combined are: our standard "
     "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
-    "scatter or an RMS over n points it is the one that n independent points give it; that of a "
-    "mean is multiplied by what the points' full covariance adds, since they share one "
-    "calibration. Of a count it is its square root. A standard deviation itself depends on the number and the spread of "
-    "tie points, which the paper does not tell: it is taken to be known to 20 %. The paper's "
-    "two-step column is compared with the two-step method that has GNSS positions in its bundle, "
-    "since the printed standard deviations are those of that reading."
+    "scatter or an RMS over n points it is the one that n independent points give it; a mean's is "
+    "multiplied by what the covariance between the points adds. Of a count it is its square root. "
+    "A standard deviation itself depends on the number and the spread of tie points, which the "
+    "paper does not tell: it is taken to be known to 20 %. The paper's two-step column is compared "
+    "with the two-step method that has GNSS positions in its bundle, since the printed standard "
+    "deviations are those of that reading."
 )
 """The rule of the verdict, printed above the table."""
 
@@ -274,20 +274,15 @@ def _moment(
     kind = name.split("_", maxsplit=1)[0]
     values, std = (np.array(entry[key], dtype=float) for key in (kind, "std"))
     scale = 1 / gsd if name.endswith("_px") else 1.0
-    sharing = _sharing(entry, points)[axis] if kind == "mean" else 1.0
+    sharing = _sharing(entry, points, axis) if kind == "mean" else 1.0
     spread = sharing * std[axis] / np.sqrt(len(points) if kind == "mean" else 2 * len(points))
-    return Ours(
-        value=float(scale * values[axis]), sigma=float(scale * spread), sharing=float(sharing)
-    )
+    return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), sharing=sharing)
 
 
-def _sharing(entry: dict[str, object], points: pd.DataFrame) -> Array:
-    """Return the sigma of the points' mean, over that of independent points, shape (3,)."""
-    said = entry["points"]
-    mean_sigma = np.array(said["mean_sigma"]) if isinstance(said, dict) else np.full(3, np.nan)
-    sigma = points[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
-    out: Array = mean_sigma / (np.sqrt(np.sum(sigma**2, axis=0)) / len(points))
-    return out
+def _sharing(entry: Mapping[str, Any], points: pd.DataFrame, axis: int) -> float:
+    """Return the sigma of the points' mean along an axis, over that of independent points."""
+    sigma = points[f"sigma_{AXES[axis]}_m"].to_numpy()
+    return float(entry["points"]["mean_sigma"][axis] * len(sigma) / np.linalg.norm(sigma))
 
 
 # --- reasons ---------------------------------------------------------------------------------
