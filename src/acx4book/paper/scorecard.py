@@ -16,19 +16,6 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
 
-RULE = (
-    "A number *agrees* where it differs from the printed one by at most two combined standard "
-    "deviations, is *near* up to three, and *differs* beyond. Combined are: our standard "
-    "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
-    "scatter or an RMS over n points it is the one that n independent points give it; a mean's is "
-    "multiplied by what the covariance between the points adds. Of a count it is its square root. "
-    "A standard deviation itself depends on the number and the spread of tie points, which the "
-    "paper does not tell: it is taken to be known to 20 %. The paper's two-step column is compared "
-    "with the two-step method that has GNSS positions in its bundle, since the printed standard "
-    "deviations are those of that reading."
-)
-"""The rule of the verdict, printed above the table."""
-
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
 """The reading of the two-step method that gives the printed standard deviations."""
@@ -242,7 +229,7 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
     entry = found.summary[key]
     n_points, n_pairs = _summary(found, key, "n_points"), _summary(found, key, "n_pairs")
     failed = _summary(found, key, "n_failed_pairs")
-    gsd = ground_sample_m(flight.validation) if flight.validation else np.nan
+    gsd = ground_sample_m(flight.mounted("validation")) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
     points = folder.rows(found, "check_points", key)
