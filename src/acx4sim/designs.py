@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from acx4sim.files.flights import SimulatedFlight, simulate_plan
-from acx4sim.optics.head_truth import HEAD_ANGLES_DEG, HEAD_TRUTH, head
+from acx4sim.optics import head_truth
 from acx4sim.optics.lens import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
@@ -52,7 +52,7 @@ def _heads_block() -> BlockPlan:
     low = Strip(n=7, height_m=1600.0, base_m=190.0)
     return BlockPlan(
         letter="H",
-        cameras=tuple(HEAD_TRUTH),
+        cameras=tuple(head_truth.HEADS),
         centre_m=_FIELD,
         azimuth_deg=_FIELD_AZIMUTH,
         strips=(
@@ -117,8 +117,16 @@ def _validation_block() -> BlockPlan:
 
 
 def acx4_plan() -> Plan:
-    """Plan the paper's flight."""
-    return _four_heads("acx4", "Trimble ACx4 near Curitiba, simulated", mount_deg=(0.0, 0.0, 0.0))
+    """Plan the paper's flight: the heads measure in every block."""
+    plan = _four_heads(
+        "acx4", "Trimble ACx4 near Curitiba, simulated", mount_deg=SYNTHETIC.boresight_deg
+    )
+    in_heads = {
+        name: replace(block, cameras=plan.heads, frame=plan.synthetic)
+        for name, block in plan.blocks.items()
+        if block.cameras == (plan.synthetic,)
+    }
+    return replace(plan, blocks={**plan.blocks, **in_heads})
 
 
 def acx4_ideal_plan() -> Plan:
@@ -133,7 +141,7 @@ def acx4_ideal_plan() -> Plan:
 
 def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float]) -> Plan:
     """Plan the flight of the four heads; the synthetic frame is turned by `mount_deg`."""
-    heads = {name: head(name, mount_deg) for name in HEAD_TRUTH}
+    heads = {name: head_truth.mounted(name, mount_deg) for name in head_truth.HEADS}
     return Plan(
         name=name,
         draws="acx4",
@@ -146,7 +154,7 @@ def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float])
                 name: {"focal_mm": 74.0, **_mount(camera.boresight_deg, decimals=1)}
                 for name, camera in heads.items()
             },
-            "SYN": {"focal_mm": 74.0, **(_mount(mount_deg) if any(mount_deg) else {})},
+            "SYN": {"focal_mm": 74.0, **_mount(mount_deg)},
         },
         noise=Noise(
             image_px=0.5,
@@ -163,8 +171,8 @@ def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float])
             "validation": _validation_block(),
         },
         synthetic="SYN",
-        heads=tuple(HEAD_TRUTH),
-        head_angles_deg=HEAD_ANGLES_DEG,
+        heads=tuple(head_truth.HEADS),
+        head_angles_deg={name: head.boresight_deg for name, head in head_truth.HEADS.items()},
     )
 
 

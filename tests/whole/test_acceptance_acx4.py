@@ -39,22 +39,6 @@ def test_every_head_parameter_of_seed_1_is_within_4_sigma(method):
     flown.assert_within_4_sigma(flown.head_errors(method, seed=1), found)
 
 
-def test_exact_heads_round_to_what_table_1_prints():
-    """Half a unit of the last digit: four decimals of x_p, y_p, three digits of k1, p1, p2."""
-    found = flown.head_estimates(seed=1, exact=True)
-    oriented = found["relative_orientation"]
-    height = dict(zip(oriented.names, oriented.values, strict=True))
-    for head in HEADS:
-        values = dict(zip(found[head].names, found[head].values, strict=True))
-        for name in ("xp_mm", "yp_mm"):
-            assert abs(values[f"{head} {name}"] - paper.value(1, name, head)) < 0.5e-4
-        for name in ("k1", "p1", "p2"):
-            printed = paper.value(1, name, head)
-            unit = 10.0 ** (np.floor(np.log10(abs(printed))) - 2)
-            assert abs(values[f"{head} {name}"] - printed) < 0.5 * unit
-        assert abs(height[f"{head} Zc"] - paper.value(1, "Zc_mm", head)) < 0.5e-3
-
-
 @pytest.mark.parametrize("method", ["single_step", "two_step"])
 def test_exact_data_give_back_the_truth(method):
     """Files round to a micrometre and a millionth of a pixel, 1e-4 of every sigma in them."""
@@ -134,15 +118,16 @@ def test_the_independent_block_has_the_papers_number_of_pairs():
 
 @pytest.mark.slow
 def test_check_points_pass_their_tests_as_often_as_they_should():
-    """Both accept 90 %, 54 of 60 axes, give or take 2.3; shared errors make the t larger."""
+    """Both accept 90 %, 54 of 60 axes, give or take 2.3."""
     accepted = {"mean": 0, "precision": 0}
     for seed in SEEDS:
-        points = flown.validations("acx4-ideal", seed=seed)["single_step"].points
-        summed = accuracy.from_differences(points.d)
+        found = flown.validations("acx4-ideal", seed=seed)["single_step"]
+        points, summed = found.points, accuracy.from_differences(found.points.d)
         predicted = accuracy.triple(np.sqrt(np.mean(points.sigma**2, axis=0)))
-        accepted["mean"] += sum(accuracy.mean_test(summed).accepted)
+        bias = accuracy.bias_test(points.d.mean(axis=0), found.mean_cov)
+        accepted["mean"] += sum(bias.accepted)
         accepted["precision"] += sum(accuracy.precision_test(summed, predicted).accepted)
-    assert 42 <= accepted["mean"] < 60
+    assert 47 <= accepted["mean"] < 60
     assert 46 <= accepted["precision"] < 60
 
 

@@ -12,10 +12,13 @@ from acx4lib.flight.text.files import named_file
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.prior import Prior
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+SIGMAS = ("lever_sigma_m", "mount_sigma_deg")
+"""Standard deviations of the declared mounting: a number, or a list of three."""
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
 """Interior parameters that a stage may estimate, with the library's names for them."""
@@ -129,7 +132,16 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
         pixel_mm=float(table["pixel_um"]) / 1000.0,
         interior=Interior(f=float(table["focal_mm"]), **lens),
         T_b_c=Pose(R=rotation_from_opk(opk), r=lever),
+        prior=_prior(table),
     )
+
+
+def _prior(table: dict[str, Any]) -> Prior:
+    """Return what a camera's table says of its mounting: a value is declared if it is written."""
+    declared = [key in table for key in (*LEVER, *MOUNT)]
+    given = [np.broadcast_to(table.get(key, np.inf), 3).astype(float) for key in SIGMAS]
+    sigma = np.where(declared, np.concatenate([given[0], np.radians(given[1])]), np.inf)
+    return Prior(declared=tuple(declared), sigma=tuple(sigma.tolist()))
 
 
 def grid_of(toml: Toml) -> GridSystem:

@@ -37,6 +37,16 @@ def _pairs(value: object) -> bool:
     )
 
 
+def _groups(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list)
+        and len(one) == 3
+        and isinstance(one[0], str)
+        and all(map(_number, one[1:]))
+        for one in value
+    )
+
+
 def _by_name(test: Test) -> Test:
     return lambda value: isinstance(value, dict) and all(map(test, value.values()))
 
@@ -62,6 +72,15 @@ def _is_object(value: object) -> bool:
     return isinstance(value, dict)
 
 
+def _is_compared(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and _three(value.get("difference"))
+        and _or_null(_number)(value.get("p"))
+        and isinstance(value.get("confirmed"), bool)
+    )
+
+
 def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
 
@@ -69,7 +88,7 @@ def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
 def _points(value: object) -> bool:
     return (
         isinstance(value, dict)
-        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms"))
+        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms", "mean_sigma"))
         and _classes(value.get("classes", {}))
     )
 
@@ -80,14 +99,20 @@ def _checksums(value: object) -> bool:
 
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
+_TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
 
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (*_COUNT, *_OF_PAIRS, "n_exposures", "sigma0_squared", "chi_square_p", "condition"),
+        (*_COUNT, *_OF_PAIRS, *_TESTED, "joint_dof", "n_exposures", "expected_rejections"),
         (_or_null(_number), "a number or null"),
     ),
-    **dict.fromkeys(("left_out", "not_determined", "notes"), (_sentences, "a list of sentences")),
+    **dict.fromkeys(
+        ("left_out", "not_determined", "stopped", "not_confirmed", "notes"),
+        (_sentences, "a list of sentences"),
+    ),
+    "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
+    "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(
         ("weakest", "largest_correlations"), (_by_name(_or_null(_number)), "numbers by name")

@@ -12,6 +12,9 @@ PART_OF: Mapping[str, str] = {"rig": "mounting"}
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
 
+CONSISTENT = (*DECISIVE, "mounting/rig", "validation/single_step", "validation/given")
+"""Methods of which data snooping must not want to reject a large part of a group."""
+
 NO_RIG = "there are no heads"
 """Why a flight has no rig that nobody expects: the stage heads says so already."""
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import acx4sim
+from acx4sim.optics import head_truth
 
 
 def all_bytes(folder):
@@ -33,7 +34,9 @@ def test_truth_lies_beside_the_flight_and_never_inside(flight, tmp_path):
     truth = json.loads((tmp_path / "my_flight.truth.json").read_text())
     assert truth["seed"] == 1
     assert truth["cameras"]["SYN"]["lever_y_m"] == -0.399
-    assert truth["heads_in_synthetic_frame"]["CAM2"]["kappa_deg"] == -93.408507
+    assert tuple(truth["heads_in_synthetic_frame"]["CAM2"].values()) == (
+        head_truth.HEADS["CAM2"].boresight_deg
+    )
     assert truth["rendered_boresight"]["boresight_phi_deg"] == -1.6
     assert len(truth["exposures"]["validation"]) == 268
     assert len(truth["control_points"]) == 56 + 36

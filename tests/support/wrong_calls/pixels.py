@@ -208,10 +208,6 @@ def pixels() -> list[Wrong]:
             r"image: expected shape \(rows, cols\), got \(60, 80, 3\)",
         ),
         Wrong(
-            lambda: least_squares_matching.noise_correlation(0.0),
-            "scale: expected a positive number, got 0.0",
-        ),
-        Wrong(
             lambda: correlate(PICTURE, PICTURE, at, near, half=5, search=3),
             r"a: expected shape \(rows, cols\), got \(60, 80, 3\)",
         ),

@@ -141,8 +141,8 @@ def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
         camera, mine = setup.cameras[name], np.flatnonzero((camera_idx == i) & finite)
         rows = mine[~inside(camera, colrow[mine])]
         swapped = partial(_inside_if_swapped, camera, colrow)
-        sensor_px = np.array([camera.width_px, camera.height_px])
-        mm = bool(np.all(np.abs(colrow[mine]) <= (sensor_px + 1) / 2 * camera.pixel_mm))
+        sides = np.array([camera.width_px, camera.height_px])
+        mm = bool(np.all(np.abs(colrow[mine]) <= (sides + 1) / 2 * camera.pixel_mm))
         beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
         for column, size, outside in (
             ("col_px", camera.width_px, rows[beyond_col]),

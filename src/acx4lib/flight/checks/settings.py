@@ -15,6 +15,7 @@ from acx4lib.flight.setup import (
     LENS,
     LEVER,
     MOUNT,
+    SIGMAS,
     SIZE,
     Apriori,
     Synthetic,
@@ -159,8 +160,10 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
     for name in toml.table("cameras"):
         keys = ("cameras", name)
         known = (*SIZE, *LENS, *MOUNT, *LEVER)
-        wrong = list(_keys(toml, keys, known, SIZE))
+        wrong = list(_keys(toml, keys, (*known, *SIGMAS), SIZE))
         wrong += _numbers(toml, keys, {key: RANGES[key] for key in known})
+        for key, of in zip(SIGMAS, (LEVER, MOUNT), strict=True):
+            wrong += _sigma_problems(toml, (*keys, key), of)
         if not isinstance(toml.get(*keys), dict):
             wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
         if not _is_name(name):
@@ -169,6 +172,23 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
         if fault:
             wrong.append(toml.problem(keys, *fault))
         yield from wrong or _lens_problems(toml, keys)
+
+
+def _sigma_problems(toml: Toml, keys: tuple[str, ...], of: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield what is wrong with the sigma of a mounting: one number, or one for each axis."""
+    value = toml.get(*keys)
+    if value is None:
+        return
+    each = value if isinstance(value, list) else [value]
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in each)
+    if not numbers or (isinstance(value, list) and len(value) != 3):
+        yield toml.problem(keys, quoted(value), "must be a number or a list of three")
+    elif not all(one in POSITIVE for one in each):
+        yield toml.problem(keys, quoted(value), str(POSITIVE))
+    elif isinstance(toml.get(*keys[:-1]), dict) and not any(
+        key in toml.table(*keys[:-1]) for key in of
+    ):
+        yield toml.problem(keys, "sigma of nothing", f"needs the values it is of: {', '.join(of)}")
 
 
 def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:

@@ -56,6 +56,9 @@ NETWORKS = {
     "refraction": lambda f: uses.mounted_orientation(
         f.calibration, free=("f",), refraction="standard"
     ),
+    "distortion at the measured points": lambda f: replace(
+        uses.mounted_orientation(f.calibration, free=ALL), distortion_at="measured"
+    ),
     "a rig of four heads": lambda f: uses.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
     ),
