@@ -24,6 +24,9 @@ QUANTILE, NORMAL = 0.75, 1.1503
 TURNS, STEPS = 8, 12
 """Largest numbers of closed-form turns, and of adjustment steps after them."""
 
+LARGEST_TURN = 0.5
+"""Of one step, radians."""
+
 SETTLED = 0.003
 """Relative decrease of the misfit below which no further step is made."""
 
@@ -182,7 +185,10 @@ def _adjusted(
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
             break
-        state = _stepped(seen, state, (v, A, B), prior)
+        dx, x_m = _step(seen, state, (v, A, B), prior)
+        if not np.all(np.isfinite(dx)):
+            break
+        state = _moved(state, dx, x_m)
     return best
 
 
@@ -269,10 +275,10 @@ def _linear(
     return v, A, B
 
 
-def _stepped(
+def _step(
     seen: Sightings, state: Mounted, linear: tuple[Array, Array, Array], prior: Array
-) -> Mounted:
-    """Return the state after one reweighted step; points are eliminated."""
+) -> tuple[Array, Array]:
+    """Return one reweighted step of the unknowns, and the moved points, which are eliminated."""
     u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (WIDTH * state.misfit)
     v, A, B = (np.nan_to_num(part) for part in linear)
     weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
@@ -290,7 +296,7 @@ def _stepped(
     h -= np.einsum("pki,pk->i", DC, g)
     dx = -np.linalg.solve(N, h)
     step = np.linalg.solve(C, (g + D @ dx)[..., None])[..., 0]
-    return _moved(state, dx, np.where(surveyed[:, None], state.x_m, state.x_m - step))
+    return dx, np.where(surveyed[:, None], state.x_m, state.x_m - step)
 
 
 def _from_declared(seen: Sightings, state: Mounted) -> Array:
@@ -309,9 +315,10 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
     cameras = []
     for k, camera in enumerate(state.cameras):
         d = dx[N_CAMERA * k : N_CAMERA * (k + 1)]
+        turn = d[:3] * min(1.0, LARGEST_TURN / max(float(np.linalg.norm(d[:3])), 1e-300))
         lens = camera.interior.to_array()
         lens[:N_LENS] += d[N_MOUNT:]
         lens[0] = max(lens[0], 0.5 * camera.interior.f)
-        mount = Pose(R=camera.T_b_c.R @ exp(d[:3]), r=camera.T_b_c.r + d[3:N_MOUNT])
+        mount = Pose(R=camera.T_b_c.R @ exp(turn), r=camera.T_b_c.r + d[3:N_MOUNT])
         cameras.append(replace(camera, interior=Interior.from_array(lens), T_b_c=mount))
     return replace(state, cameras=tuple(cameras), x_m=x_m, delay_s=state.delay_s + float(dx[-1]))

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib.conventions.mounted import Mounted, mounted, started
 from acx4lib.conventions.readings import Reading, readings
 from acx4lib.conventions.sightings import Sightings, sightings
 from acx4lib.conventions.sigma_units import Unit, other_unit
+from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.table import Table
 from acx4lib.geometry.frames import log
 
 BETTER = 2.0
@@ -98,13 +101,19 @@ def best_reading(flight: Flight, block_name: str) -> Found | None:
     FlightError
         Where the flight has no such block.
     """
+    expected.instance("flight", flight, Flight)
     block = flight.block(block_name)
     seen = sightings(block)
     if seen is None:
         return None
+    with np.errstate(all="ignore"):  # readings may be absurd
+        return _searched(block, flight.trajectories[block_name], seen)
+
+
+def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
     T_m_b = block.trajectory.T_m_b[seen.exposures]
     given = mounted(seen, T_m_b)
-    others = list(readings(block, flight.trajectories[block_name], seen))
+    others = list(readings(block, trajectory, seen))
     tried = [
         (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
         for reading in _promising(others, started(seen, T_m_b).misfit)
@@ -134,6 +143,7 @@ def notes(flight: Flight) -> Iterator[str]:
     ----------
     flight : Flight
     """
+    expected.instance("flight", flight, Flight)
     for name in flight.blocks:
         found = best_reading(flight, name)
         if found is not None:
