@@ -129,6 +129,7 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
+        "height_scale_error": height_scale(bundle) - 1,
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],
     }
     return Record(
