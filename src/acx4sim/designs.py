@@ -117,14 +117,10 @@ def _validation_block() -> BlockPlan:
 
 
 def acx4_plan() -> Plan:
-    """Plan the paper's flight."""
-    return _four_heads(
+    """Plan the paper's flight: the heads measure in every block."""
+    plan = _four_heads(
         "acx4", "Trimble ACx4 near Curitiba, simulated", mount_deg=SYNTHETIC.boresight_deg
     )
-
-
-def measured_in_heads(plan: Plan) -> Plan:
-    """Return a plan whose heads measure what was to be measured in the synthetic image."""
     in_heads = {
         name: replace(block, cameras=plan.heads, frame=plan.synthetic)
         for name, block in plan.blocks.items()

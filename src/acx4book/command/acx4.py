@@ -154,14 +154,15 @@ pictures of all cameras that expose together, 16 bit.
 
 \b
 NAME is one of
-  acx4         the paper's: four heads, a synthetic camera, three blocks
+  acx4         the paper's: four heads that measure in all three blocks
+  acx4-ideal   the same with an ideal synthetic camera in the blocks 2 and 3
   single-head  one ordinary camera, turned on its mount
 
 \b
 Examples:
   acx4 simulate single-head --out my_flight --seed 3
   acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
-  acx4 simulate acx4 --out my_flight --images H3-04,H1-05 --reduce 4
+  acx4 simulate acx4 --out my_flight --images H3-04,C2-05 --reduce 4
 """
 )
 def simulate(  # noqa: PLR0913, PLR0917 one for every option

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acx4book.pages import chosen
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, UNITS, with_unit
 from acx4book.typesetting.myst import myst_table
@@ -46,7 +47,7 @@ def page(flight: Flight, truth: Truth | None) -> str:
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if printed.applies(flight) else "",
         myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
-        _chosen(flight) if printed.applies(flight) else "",
+        chosen.page(flight, truth) if printed.applies(flight) else "",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -130,24 +131,3 @@ def _plan_height(sigma: Array) -> str:
         return ""
     plan, height = np.median(sigma[:, :2]), np.median(sigma[:, 2])
     return f"{plan:.3g}, {height:.3g}"
-
-
-def _chosen(flight: Flight) -> str:
-    """Say which numbers of the design were chosen, since the paper does not give them."""
-    block = flight.calibration
-    if block is None:
-        return ""
-    surveyed = len(block.control) + len(block.check)
-    n_tie = int(np.sum(block.rays > 0)) - surveyed
-    gnss = np.median(block.trajectory.sigma_position, axis=0)
-    best, worst = printed.statement("gnss_best_m"), printed.statement("gnss_worst_m")
-    return (
-        "The noise of the attitude and of the survey, the blocks, their strips and heights are the "
-        "paper's (sections 3.1, 3.2 and 4.3). Two things it does not tell, and they were *chosen* "
-        f"so that the standard deviations of its Table 3 come out: the {n_tie} tie points of the "
-        f"calibration block, and a GNSS noise of {100 * gnss[0]:g} cm in plan and "
-        f"{100 * gnss[2]:g} cm in height. Section 3.1 speaks of {best:.2f} to {worst:.2f} m; with "
-        "that the focal length and the lever arm's height could not be as precise as printed. The "
-        "agreement of those standard deviations is therefore no independent confirmation of any "
-        "of them; that two choices serve all of them at once is."
-    )

@@ -31,6 +31,7 @@ from acx4lib.flight.checks.oddities import area_notes, control_notes, without_si
 from acx4lib.flight.checks.settings import toml_problems
 from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
+from acx4lib.flight.synthetic_images import synthetic_images
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.table import Table
@@ -100,6 +101,16 @@ class Flight(Setup):
         """Blocks that are measured in heads and carried into the synthetic image."""
         here = [name for name in ("calibration", "validation") if name in self.blocks]
         return tuple(here) if self.measured_in_heads else ()
+
+    def mounted(self, name: str) -> Block:
+        """Return a block as its mounted camera exposed it.
+
+        For a block that is carried these are its synthetic images, without measurements.
+        """
+        synthetic = self.synthetic_camera
+        if name not in self.carried or synthetic is None:
+            return self.block(name)
+        return synthetic_images(self.block(name), synthetic)
 
     @property
     def synthetic_camera(self) -> Camera | None:

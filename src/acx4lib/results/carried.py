@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -68,7 +67,7 @@ def _table(block: Block, carried: CarriedPoints) -> pd.DataFrame:
     )
 
 
-def mounted_block(flight: Flight, name: str, results_path: str | Path) -> Block:
+def mounted_block(flight: Flight, name: str, found: folder.Results) -> Block:
     """Return a block with the camera that is mounted: carried, where it is measured in heads.
 
     Parameters
@@ -76,8 +75,8 @@ def mounted_block(flight: Flight, name: str, results_path: str | Path) -> Block:
     flight : Flight
     name : str
         ``calibration`` or ``validation``.
-    results_path : path
-        Only read where the block is measured in heads.
+    found : Results
+        Only looked at where the block is measured in heads.
 
     Raises
     ------
@@ -88,7 +87,7 @@ def mounted_block(flight: Flight, name: str, results_path: str | Path) -> Block:
     block, synthetic = flight.block(name), flight.synthetic_camera
     if name not in flight.carried or synthetic is None:
         return block
-    return synthetic_block(block, _read(flight, block, folder.read(results_path)), synthetic)
+    return synthetic_block(block, _read(flight, block, found), synthetic)
 
 
 def _read(flight: Flight, block: Block, found: folder.Results) -> CarriedPoints:

@@ -59,6 +59,9 @@ _COUNT = {"n_images"}
 FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
 
+EARLIEST = tuple(file for file in FILES if file != "synthetic_points.csv")
+"""Those that results of every version have."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Results:

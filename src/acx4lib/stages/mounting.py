@@ -12,7 +12,7 @@ from acx4lib.calibration import mounting, weights
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.results import adjustments
+from acx4lib.results import adjustments, folder
 from acx4lib.results.carried import mounted_block
 from acx4lib.stages.explained import explained
 
@@ -95,7 +95,9 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     AdjustmentError
         As `calibrate`.
     """
-    block = mounted_block(flight, "calibration", results_path)
+    block = flight.block("calibration")
+    if "calibration" in flight.carried:
+        block = mounted_block(flight, "calibration", folder.read(results_path))
     stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
     adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))

@@ -54,7 +54,7 @@ def run(flight: Flight, results_path: str | Path) -> ValidationStage:
         Where the results of stage mounting are missing.
     """
     found = folder.read(results_path)
-    block = mounted_block(flight, "validation", results_path)
+    block = mounted_block(flight, "validation", found)
     calibrations = read_back.calibrations_for(flight, found, block.cameras)
     validations = _validated(flight, block, calibrations)
     in_heads = []

@@ -15,7 +15,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images
+from acx4lib.flight.block import Block, ImagePoints
+from acx4lib.flight.synthetic_images import first_images, synthetic_images
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy, inside
 from acx4lib.synthetic_image.frame import synthetic_from_head, synthetic_from_head_jacobian
 
@@ -133,15 +134,8 @@ def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]
     return chosen[np.argsort(at, kind="stable")]
 
 
-def first_images(block: Block) -> Index:
-    """Return the first image of every exposure, shape (n_exposures,); n_images for none."""
-    first = np.full(len(block.trajectory), len(block.images))
-    np.minimum.at(first, block.images.exposure_idx, np.arange(len(block.images)))
-    return first
-
-
 def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> Block:
-    """Return the block of synthetic images, which bear the names of their exposures.
+    """Return a block's synthetic images with the measurements that were carried into them.
 
     Parameters
     ----------
@@ -153,22 +147,13 @@ def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> 
     Returns
     -------
     Block
-        Points, control and trajectory are those of `block`. Images are in the order of the
-        exposures' first images. A measurement's sigma is the root mean square of its two.
+        As `synthetic_images` has it. A measurement's sigma is the root mean square of its two.
     """
-    first = first_images(block)
-    exposures = np.argsort(first, kind="stable")[: int(np.sum(first < len(block.images)))]
-    place = np.full(len(first), -1)
-    place[exposures] = np.arange(len(exposures))
+    images = synthetic_images(block, synthetic)
+    place = np.full(len(block.trajectory), -1)
+    place[images.images.exposure_idx] = np.arange(len(images.images))
     return replace(
-        block,
-        cameras=(synthetic,),
-        images=Images(
-            names=tuple(block.trajectory.exposures[i] for i in exposures),
-            camera_idx=np.zeros(len(exposures), dtype=np.intp),
-            exposure_idx=exposures,
-            strips=tuple(block.images.strips[i] for i in first[exposures]),
-        ),
+        images,
         image_points=ImagePoints(
             image_idx=place[carried.exposure_idx],
             point_idx=carried.point_idx,

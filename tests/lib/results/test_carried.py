@@ -36,7 +36,7 @@ def kept(tmp_path_factory, flight, carried):
 def test_both_blocks_come_back_as_they_were_carried(flight, carried, kept):
     assert flight.carried == ("calibration", "validation") == tuple(carried)
     for name, points in carried.items():
-        block = mounted_block(flight, name, kept)
+        block = mounted_block(flight, name, folder.read(kept))
         expected = synthetic_block(flight.block(name), points, flight.synthetic_camera)
         assert block.images.names == expected.images.names
         assert [camera.name for camera in block.cameras] == ["CAM"]
@@ -64,12 +64,12 @@ def test_the_table_has_a_row_for_every_image_and_point(flight, carried, kept):
 def test_a_block_measured_in_synthetic_images_is_taken_as_it_is(flight, tmp_path):
     plain = replace(flight, synthetic=replace(flight.synthetic, measured_in="synthetic"))
     assert plain.carried == ()
-    assert mounted_block(plain, "calibration", tmp_path / "none") is flight.calibration
+    assert mounted_block(plain, "calibration", folder.read(tmp_path)) is flight.calibration
 
 
 def test_without_carried_points_the_stage_to_run_is_named(flight, tmp_path):
     with pytest.raises(FlightError, match=r"no results of synthetic/points; run stage synthetic"):
-        mounted_block(flight, "calibration", tmp_path)
+        mounted_block(flight, "calibration", folder.read(tmp_path))
 
 
 @pytest.mark.parametrize("change", ["measured again", "table edited"])
@@ -84,7 +84,7 @@ def test_points_of_other_measurements_are_refused(flight, kept, tmp_path, change
         table = copy / "synthetic_points.csv"
         table.write_text(table.read_text().replace("calibration,E0,", "calibration,E99,"))
     with pytest.raises(FlightError) as error:
-        mounted_block(changed, "calibration", copy)
+        mounted_block(changed, "calibration", folder.read(copy))
     assert error.value.problems == (
         f"{copy}: block calibration is not the one whose points were carried into the synthetic "
         "image; run stage synthetic again",

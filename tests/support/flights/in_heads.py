@@ -1,11 +1,13 @@
-"""Flights whose blocks are measured in the four heads of the paper's system."""
+"""Flights of heads: with all blocks measured in them, and with others than the paper's."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pandas as pd
 
 import acx4sim
 from acx4lib.calibration.heads import RelativeOrientation
@@ -16,6 +18,8 @@ from acx4sim.optics.lens import Camera as Lens
 from acx4sim.plan import Options
 from support.flights import written
 from support.flights.simulated import EXACT, HEADS, read_back
+
+OTHER_NAMES = {"CAM2": "port", "CAM3": "starboard"}
 
 LENS = ("xp", "yp", "k1", "k2", "k3", "p1", "p2")
 
@@ -35,7 +39,7 @@ def one_centre_plan():
     ideal = Lens(
         width_px=12000, height_px=16200, pixel_um=5.6, f_mm=heads["CAM1"].f_mm, lever_m=lever
     )
-    block = replace(plan.blocks["calibration"], cameras=(*HEADS, "SYN"))
+    block = replace(plan.blocks["calibration"], cameras=(*HEADS, "SYN"), frame="")
     return replace(
         plan,
         cameras={**heads, "SYN": ideal},
@@ -82,17 +86,8 @@ def _camera(name, lens):
 
 def small(*, seed=1, n_ties=60):
     """Simulate the paper's flight, small, with its blocks 2 and 3 measured in the heads."""
-    plan = acx4_plan()
-    blocks = {name: replace(block, cameras=HEADS) for name, block in plan.blocks.items()}
     options = acx4sim.Options(tie_points={"heads": n_ties, "calibration": n_ties})
-    flown = simulate_plan(replace(plan, blocks=blocks), seed, options)
-    return replace(flown, toml=measured_in_heads(flown.toml))
-
-
-def measured_in_heads(toml):
-    """Return the text of a flight.toml that says so."""
-    key = 'measured_in = "heads"\n'
-    return toml if key in toml else toml.replace("[synthetic]\n", f"[synthetic]\n{key}")
+    return acx4sim.acx4(seed=seed, options=options)
 
 
 def write(folder, blocks=("heads", "calibration", "validation")):
@@ -100,5 +95,27 @@ def write(folder, blocks=("heads", "calibration", "validation")):
     written.write_flight(folder, blocks=blocks, mounted=("LEFT", "RIGHT"))
     if "heads" in blocks:
         toml = folder / "flight.toml"
-        toml.write_text(measured_in_heads(toml.read_text()))
+        key = 'measured_in = "heads"\n'
+        toml.write_text(toml.read_text().replace("[synthetic]\n", f"[synthetic]\n{key}"))
     return folder
+
+
+def write_other_heads(path):
+    """Write a flight of two heads into a folder that is not there yet; return the folder."""
+    options = acx4sim.Options(blocks=("heads",))
+    acx4sim.write(acx4sim.DESIGNS["acx4"](seed=1, options=options), path)
+    toml = (path / "flight.toml").read_text()
+    toml = re.sub(r"\[cameras\.CAM[14]\]\n(.+\n)+\n", "", toml)
+    for old, new in {**OTHER_NAMES, "SYN": "virtual"}.items():
+        toml = toml.replace(f"cameras.{old}]", f"cameras.{new}]").replace(f'"{old}"', f'"{new}"')
+    toml = toml.replace('"CAM1", ', "").replace(', "CAM4"', "")
+    (path / "flight.toml").write_text(toml)
+    images = pd.read_csv(path / "heads" / "images.csv", dtype=str)
+    images = images[images["camera"].isin(OTHER_NAMES)]
+    points = pd.read_csv(path / "heads" / "image_points.csv", dtype=str)
+    points = points[points["image"].isin(images["image"])]
+    images.assign(camera=images["camera"].map(OTHER_NAMES)).to_csv(
+        path / "heads" / "images.csv", index=False
+    )
+    points.to_csv(path / "heads" / "image_points.csv", index=False)
+    return path

@@ -10,7 +10,7 @@ import numpy as np
 from acx4lib.bundle.uses import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block
-from acx4lib.flight.design import directions, levels, strip_of_exposure
+from acx4lib.flight.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
 
 ALONG, ACROSS = 0.9, 0.3
 """Cosines of flying directions that are opposite, and of those that are crosswise."""
@@ -109,10 +109,10 @@ def features(block: Block) -> frozenset[str]:
     Any of ``heights``, ``control``, ``opposite``, ``crosswise``, ``corners``, ``sides`` and
     ``overlap``.
     """
-    way = directions(block)
+    way, height = directions(block), flying_heights(block)
     turns = way @ way.T
     found = {
-        "heights": len(levels(block)) > 1,
+        "heights": bool(height.min() < (1 - SAME_HEIGHT) * height.max()),
         "control": _has_control(block),
         "opposite": bool(np.any(turns < -ALONG)),
         "crosswise": bool(np.any(np.abs(turns) < ACROSS)),

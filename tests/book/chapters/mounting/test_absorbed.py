@@ -12,7 +12,7 @@ FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
 
 @pytest.fixture(scope="module")
 def mountings():
-    flown = simulated.fly("acx4", seed=1).flight
+    flown = simulated.fly("acx4-ideal", seed=1).flight
     return mounting.calibrate(flown.calibration, free=FREE)
 
 
