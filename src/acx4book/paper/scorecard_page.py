@@ -30,7 +30,10 @@ RULE = (
 
 OUR_SIGMA = (
     ("a parameter", "as the adjustment has it, a posteriori"),
-    (Markup("a mean over $n$ points that scatter by $s$"), Markup("$s/\\sqrt{n}$")),
+    (
+        Markup("a mean over $n$ points that scatter by $s$"),
+        Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
+    ),
     (Markup("a scatter or an RMS over $n$ points"), Markup("$s/\\sqrt{2n}$")),
     (Markup("a number $m$ of pairs"), Markup("$\\sqrt{m}$")),
     (
