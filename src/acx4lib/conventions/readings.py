@@ -122,6 +122,6 @@ def _of_images(given: Reading) -> Iterator[Reading]:
     seen = given.seen
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
-    for name, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
-        plain = name.replace("_px", "")
-        yield replace(given, name=plain, quantity="image", seen=replace(seen, colrow=colrow))
+    for columns, meaning, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
+        name = f"{columns.replace('_px', '')} {meaning}"
+        yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
