@@ -205,6 +205,7 @@ def test_nothing_happens_in_the_browser(browser, made):
     for path in [
         *made.html.glob("_executed/*.html"),
         made.html / "intro.html",
+        made.html / "scorecard.html",
         made.html / "reproducibility.html",
         made.report,
     ]:

@@ -13,6 +13,11 @@ def flight():
 
 
 @pytest.fixture(scope="session")
+def in_heads():
+    return acx4sim.acx4(seed=1)
+
+
+@pytest.fixture(scope="session")
 def exact():
     return acx4sim.acx4_ideal(seed=1, options=EXACT)
 

@@ -234,11 +234,36 @@ def test_the_ideal_cameras_mount_is_table_3_rounded_and_turns_the_heads_with_it(
         assert_allclose(mount, boresight, atol=0.051)
 
 
-def test_the_ideal_design_has_the_trajectories_and_targets_of_the_other(flight):
-    other = acx4sim.acx4(seed=1)
+def test_the_ideal_design_has_the_trajectories_and_targets_of_the_other(flight, in_heads):
     for path, table in flight.tables.items():
         if path.endswith(("trajectory.csv", "control_points.csv")):
-            pd.testing.assert_frame_equal(table, other.tables[path])
+            pd.testing.assert_frame_equal(table, in_heads.tables[path])
+
+
+@pytest.mark.parametrize("block", ["calibration", "validation"])
+def test_heads_measure_what_the_frame_of_the_ideal_camera_shows(flight, in_heads, block):
+    """Nothing else, and hardly less: points near the border of every head that sees them."""
+    shown, measured = (seen_at(flown, block) for flown in (flight, in_heads))
+    assert set(measured.index) <= set(shown.index)
+    assert len(measured) > 0.97 * len(shown)
+    assert set(measured) <= {1, 2, 3, 4}
+    assert (measured > 1).mean() > 0.1  # where heads overlap, all of them measure
+
+
+def seen_at(flown, block):
+    """Return in how many images of an exposure every point of it is measured."""
+    points, images = (flown.tables[f"{block}/{name}.csv"] for name in ("image_points", "images"))
+    return points.merge(images, on="image").groupby(["exposure", "point"]).size()
+
+
+def test_a_flight_measured_in_heads_says_so_and_has_no_true_synthetic_camera(in_heads):
+    toml = tomllib.loads(in_heads.toml)
+    assert toml["synthetic"]["measured_in"] == "heads"
+    mount = [toml["cameras"]["SYN"][f"mount_{angle}_deg"] for angle in ANGLES]
+    assert mount == [0.49665, -1.59457, 0.07984]  # Table 3
+    assert set(in_heads.truth["cameras"]) == {"CAM1", "CAM2", "CAM3", "CAM4"}
+    images = in_heads.tables["calibration/images.csv"]
+    assert images["image"].iloc[0] == "C1-01_CAM1"
 
 
 def test_blocks_can_be_simulated_alone(flight):

@@ -23,14 +23,17 @@ RULE = (
     "deviations, is *near* up to three, and *differs* beyond. Combined are the rounding of the "
     "print, the paper's standard deviation where it prints one, and ours, which is that of "
     "{numref}`tab-our-sigma`. The paper's two-step column is compared with the two-step method "
-    "that has GNSS positions in its bundle, since the printed standard deviations are those of that "
-    "reading."
+    "that has GNSS positions in its bundle, since the printed standard deviations are those of "
+    "that reading."
 )
 """The rule of the verdict, by `scorecard.line`."""
 
 OUR_SIGMA = (
     ("a parameter", "as the adjustment has it, a posteriori"),
-    (Markup("a mean over $n$ points that scatter by $s$"), Markup("$s/\\sqrt{n}$")),
+    (
+        Markup("a mean over $n$ points that scatter by $s$"),
+        Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
+    ),
     (Markup("a scatter or an RMS over $n$ points"), Markup("$s/\\sqrt{2n}$")),
     (Markup("a number $m$ of pairs"), Markup("$\\sqrt{m}$")),
     (
@@ -43,6 +46,13 @@ OUR_SIGMA = (
     ),
 )
 """What counts as our standard deviation of which number."""
+
+ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of this copy's run."
+
+MORE = (
+    "Every number stands on the {doc}`scorecard`; {doc}`reproducibility` lists what was given and "
+    "what was chosen."
+)
 
 WHY = (
     "The flight of the study is not public. This copy of the book was made from a simulated one, "
@@ -88,7 +98,7 @@ def _tables(card: pd.DataFrame) -> str:
     counted = myst_table(counts(card), "The verdicts, by role", name="tab-verdicts")
     sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
     combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
-    parts = [roles.table(), counted, RULE, combined]
+    parts = [ALL, roles.table(), counted, RULE, combined]
     for number, lines in card.groupby("table"):
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
@@ -103,11 +113,11 @@ def _tables(card: pd.DataFrame) -> str:
 def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
     """Return what stands out, as a list."""
     lines = (
-        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_flight(flight))),
+        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
         _sigma_of_table_3(card, flight),
         _rms_of_table_4(card, found),
     )
-    return "\n".join(f"- {line}" for line in lines) + "\n"
+    return "\n".join(f"- {line}" for line in lines) + f"\n\n{MORE}\n"
 
 
 def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[float, float]:
@@ -134,8 +144,8 @@ def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
     off_um = 1e3 * (absorbed_arm["shift_mm"] - absorbed_arm["expected_mm"]).abs()
     rest_mm = 1e3 * absorbed_arm["sum_effective_m"].abs()
     return (
-        f"{said} By least squares over this block, the lever arm that the paper prints makes "
-        f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm of it. The paper's own "
+        f"{said} By least squares over this block, the printed lever arm must shift them by "
+        f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm. The paper's own "
         f"two columns agree with that to {off_um.max():.1f} µm, a lever arm of "
         f"{rest_mm.min():.0f} to {rest_mm.max():.0f} mm ({{doc}}`_executed/06-errata`)."
     )

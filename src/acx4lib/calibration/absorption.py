@@ -7,17 +7,20 @@ positions. Least squares says how much goes where, and so what the two methods m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR
+from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.dense import Inverse
 
 ABSORBING = ("f", "xp", "yp")
 """The parameters of an interior orientation that take up a lever arm."""
@@ -71,8 +74,10 @@ def absorption(mountings: Mountings) -> Absorption | None:
     -----
     By Gauss and Markov the single step, which uses the same observations and the attitudes
     besides, is uncorrelated with what any other unbiased estimate differs from it by. So the
-    covariance of the difference is the difference of the covariances [1]_; both methods share
-    nearly all of their errors, and it is far smaller than either.
+    covariance of the difference is the difference of the covariances [1]_. Both methods share
+    nearly all of their errors, and it is far smaller than either. Both are therefore taken at one
+    state, that of the single step: at the two estimates they would differ by as
+    much from the derivatives alone.
 
     References
     ----------
@@ -87,24 +92,36 @@ def absorption(mountings: Mountings) -> Absorption | None:
         return None
     if np.any(gnss_errors.shift >= 0) or len(gnss_errors.drift):
         return None
-    J = by_lever_arms(gnss.bundle)
+    network, inverse = gnss.bundle.network, _inverse_at(single.bundle, gnss.bundle)
+    J, rows = by_lever_arms(network, inverse), _columns(network.layout)
     held = np.concatenate([camera.T_b_c.r for camera in two.cameras])
     return Absorption(
         cameras=tuple(camera.name for camera in one.cameras),
         by_lever=J,
         shift_mm=_interior(two) - _interior(one),
         lever_m=np.concatenate([camera.T_b_c.r for camera in one.cameras]) - held,
-        cov_mm=_covariance(two, np.zeros_like(J)) - _covariance(one, J),
+        cov_mm=inverse.at(rows[:, None], rows) - _covariance(one, J),
     )
 
 
-def by_lever_arms(bundle: Bundle) -> Array:
+def _inverse_at(single: Bundle, gnss: Bundle) -> Inverse:
+    """Return the covariance of the two-step bundle's unknowns at the single step's estimates."""
+    state = replace(
+        gnss.state, interiors=single.state.interiors, T_m_b=single.T_m_c, x_m=single.state.x_m
+    )
+    with adjustment.on_one_thread():
+        return adjustment.normals(gnss.network, state).precision().inverse
+
+
+def by_lever_arms(network: Network, inverse: Inverse) -> Array:
     """Return d(interior orientation) / d(lever arms beyond those held) of a two-step bundle.
 
     Parameters
     ----------
-    bundle : Bundle
+    network : Network
         Free exterior orientations whose positions are observed.
+    inverse : Inverse
+        Covariance of its unknowns.
 
     Returns
     -------
@@ -116,13 +133,12 @@ def by_lever_arms(bundle: Bundle) -> Array:
     An observed position that is off by e changes the unknowns by Q A^T P e. A lever arm that is
     longer than the one held by l has every position observed short of the camera by R_m_b l.
     """
-    network = bundle.network
     observed, block = network.observed, network.block
     weight = 1 / observed.sigma_position**2
     P = np.einsum("nai,na,naj->nij", observed.R_g_m, weight, observed.R_g_m)
     by_image = P @ block.T_m_b_images.R
     rows, positions = _columns(network.layout), network.layout.pose[:, :3]
-    Q = bundle.solution.inverse.at(rows[:, None, None], positions)
+    Q = inverse.at(rows[:, None, None], positions)
     n_cameras = len(block.cameras)
     J = np.zeros((len(rows), n_cameras, 3))
     for k in range(n_cameras):

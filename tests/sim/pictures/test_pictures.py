@@ -308,6 +308,17 @@ def test_an_ordinary_camera_takes_pictures_too(tmp_path, photo):
     assert tifffile.imread(folder / "calibration/images/C1-02.tif").shape == (181, 241, 3)
 
 
+def test_blocks_that_are_measured_in_heads_have_pictures_of_their_own(tmp_path, photo):
+    options = acx4sim.Options(tie_points={"heads": 0, "calibration": 0})
+    folder = with_pictures(tmp_path / "f", photo, "acx4", ["H3-04", "calibration/C2-05"], options)
+    for block, exposure in (("heads", "H3-04"), ("calibration", "C2-05")):
+        images = pd.read_csv(folder / block / "images.csv", dtype=str, keep_default_na=False)
+        named = images[images["file"] != ""]
+        assert set(named["exposure"]) == {exposure}
+        assert all((folder / block / file).is_file() for file in named["file"])
+        assert len(list((folder / block / "images").iterdir())) == 4
+
+
 def test_a_flight_without_pictures_has_no_column_for_files():
     assert "file" not in acx4sim.acx4(options=FEW).tables["heads/images.csv"]
 
