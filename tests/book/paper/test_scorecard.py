@@ -68,6 +68,6 @@ def test_counts_are_those_of_the_card():
     table = scorecard.counts(card).set_index("role")
     assert [*table.index] == [*ROLES]
     assert table.loc["given"].to_dict() == {
-        "Table 1": 2, "Table 3": 0, "numbers": 2, "agrees": 1, "near": 0, "differs": 1
+        "paper's Table 1": 2, "paper's Table 3": 0, "numbers": 2, "agrees": 1, "near": 0, "differs": 1
     }  # fmt: skip
     assert table["numbers"].sum() == 4
