@@ -159,10 +159,10 @@ def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
     gnss = np.nan if block is None else np.median(block.trajectory.sigma_position)
     return (
         f"**Chosen for.** {len(ratio)} standard deviations of the paper's Table 3 come out "
-        f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of tie "
-        f"points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper gives no "
-        "number, and a larger noise. Their agreement is no evidence; that two choices serve all of "
-        "them shows that Table 3 is consistent with the paper's block."
+        f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
+        f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
+        "gives no number, and a larger noise. Their agreement is no evidence; that two choices "
+        "serve all of them shows that Table 3 is consistent with the paper's block."
     )
 
 
