@@ -113,7 +113,7 @@ def _tables(card: pd.DataFrame) -> str:
 def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
     """Return what stands out, as a list."""
     lines = (
-        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_flight(flight))),
+        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
         _sigma_of_table_3(card, flight),
         _rms_of_table_4(card, found),
     )
