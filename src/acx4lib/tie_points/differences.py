@@ -13,6 +13,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, correct, correct_jacobian, xy_from_colrow
 from acx4lib.geometry.frames import rotation_from_opk, skew, transform
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
+from acx4lib.tie_points.overlaps import border_distance
 from acx4lib.tie_points.ties import TiePoints
 
 # --- at tie points ---------------------------------------------------------------------------
@@ -136,7 +137,7 @@ def frame_differences(
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
     xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
     seen = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
-    far = np.stack([_border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)])
+    far = np.stack([border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)])
     head = np.argmax(far, axis=0)
     d_px = np.full((len(xy), 2), np.nan)
     for k, colrow in enumerate(seen):
@@ -144,10 +145,3 @@ def frame_differences(
         d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])
-
-
-def _border_distance(camera: Camera, colrow: Array) -> Array:
-    """Return the distances of pixels from a head's border, px; negative outside it."""
-    upper = np.array([camera.width_px, camera.height_px]) - 0.5
-    inside_by = np.minimum(colrow + 0.5, upper - colrow).min(axis=1)
-    return np.nan_to_num(inside_by, nan=-1.0)
