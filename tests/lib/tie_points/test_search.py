@@ -236,7 +236,7 @@ def test_a_few_right_points_are_kept_and_said_to_be_few(images, true):
     for k, image in enumerate(pair):
         head = NOMINAL.heads[k]
         colrow = np.stack(np.meshgrid(np.arange(head.width_px), np.arange(head.height_px)), -1)
-        xy = synthetic_from_head(NOMINAL, k, colrow.reshape(-1, 2).astype(float))
+        xy = synthetic_from_head(true, k, colrow.reshape(-1, 2).astype(float))
         col = (SYNTHETIC.width_px - 1) / 2 + xy[:, 0] / SYNTHETIC.pixel_mm
         row = (SYNTHETIC.height_px - 1) / 2 - xy[:, 1] / SYNTHETIC.pixel_mm
         middle = part.window[0] + part.window[1]
@@ -246,7 +246,7 @@ def test_a_few_right_points_are_kept_and_said_to_be_few(images, true):
     found = find_ties(pair, first_two(NOMINAL), SYNTHETIC)
     assert 6 <= len(found.ties) < 40
     error = np.hypot(*errors_px(found.ties, first_two(true)).T)
-    assert error.max() < 0.3
+    assert np.median(error) < 0.05  # the shore has steps of a pixel
     assert not any("turned" in sentence for sentence in found.sentences)
 
 
