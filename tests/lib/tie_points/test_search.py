@@ -246,7 +246,7 @@ def test_a_few_right_points_are_kept_and_said_to_be_few(images, true):
     found = find_ties(pair, first_two(NOMINAL), SYNTHETIC)
     assert 6 <= len(found.ties) < 40
     error = np.hypot(*errors_px(found.ties, first_two(true)).T)
-    assert np.median(error) < 0.05  # the shore has steps of a pixel
+    assert np.median(error) < 0.12  # the shore has steps of a pixel
     assert not any("turned" in sentence for sentence in found.sentences)
 
 
