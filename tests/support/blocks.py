@@ -12,9 +12,10 @@ import numpy as np
 
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior, inside
-from acx4lib.geometry.collinearity import project, refraction_lift
+from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+from acx4lib.geometry.refraction import refraction_lift
 
 FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
 GROUND_M = 900.0
@@ -238,6 +239,13 @@ def changed(block, kind, by):
     else:
         T = Pose(R=T.R @ exp(by), r=T.r)
     return replace(block, trajectory=replace(trajectory, T_m_b=T))
+
+
+def surveyed_off(block, by):
+    """Return the block with the survey of its check points moved by east, north, height, m."""
+    R_m_g = np.swapaxes(block.check.R_g_m, 1, 2)
+    x_m = block.check.x_m + transform(R_m_g, np.broadcast_to(by, block.check.x_m.shape))
+    return replace(block, check=replace(block.check, x_m=x_m))
 
 
 def observed_sigmas(block):

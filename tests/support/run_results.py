@@ -35,7 +35,7 @@ def _compute(flown, kept):
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
     adjustments.write(kept, "mounting", adjustments.of_mountings(found))
     provenance.stamp(kept, "mounting")
-    calibrations = read_back.calibrations_for(flown, results.read(kept))
+    calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()

@@ -7,13 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from acx4book.report.estimates import SIGNIFICANCE, STRONG, Estimate, estimates, strong_pairs
+from acx4book.report.estimates import (
+    SIGNIFICANCE,
+    STRONG,
+    Estimate,
+    estimates,
+    joint_tests,
+    strong_pairs,
+)
 from acx4book.report.groups import Quality, qualities, ratio_limits
 from acx4book.report.material import Material
 from acx4book.report.stability import Drift
 from acx4book.report.verdict import Finding
 from acx4book.report.words import heading, pair_text, parameter_title
-from acx4book.typesetting.labels import value_and_sigma, with_unit
+from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.mounting import METHODS
@@ -125,6 +132,24 @@ def _strongest(p: Estimate) -> Markup:
     if not p.strongest:
         return Markup("–")
     return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
+
+
+def joint_table(material: Material) -> pd.DataFrame:
+    """Return the tests of several parameters of the calibration at once."""
+    found = joint_tests(material, material.calibration) if material.calibration else []
+    several = len({test.camera for test in found}) > 1
+    rows = [
+        {
+            **({"Camera": test.camera} if several else {}),
+            "Parameters": group_label(test.keys),
+            "Largest single t": test.largest,
+            "F": test.f_ratio,
+            "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
+            "p": p_value(test.p),
+        }
+        for test in found
+    ]
+    return pd.DataFrame(rows)
 
 
 def correlation_sentence(material: Material) -> str:

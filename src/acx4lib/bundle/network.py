@@ -15,6 +15,7 @@ from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
     control_equations,
+    mounting_equations,
     position_equations,
     position_errors,
 )
@@ -24,13 +25,13 @@ from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.geometry.camera import INTERIOR, Interior, xy_from_colrow
 from acx4lib.geometry.collinearity import (
     Measurement,
-    as_seen,
     image_derivatives,
     image_residuals,
     mounted_jacobian,
 )
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import AXES, MOUNT, POSE
+from acx4lib.geometry.refraction import as_seen
 from acx4lib.least_squares.adjustment import Normals
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 
@@ -95,6 +96,8 @@ class Network:
     start : State
     refraction : str
         ``"none"`` or ``"standard"``.
+    distortion_at : str
+        ``"adjusted"``, or ``"measured"`` as many programs have it: `collinearity.image_residuals`.
     left_out : dict of str to int
         Number of tie points not used, by the reason.
     """
@@ -109,6 +112,7 @@ class Network:
     observed: PoseObservations
     start: State
     refraction: str = "none"
+    distortion_at: str = "adjusted"
     left_out: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -170,12 +174,12 @@ class Network:
         )
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points, control points, positions and attitudes."""
+        """Return v and sigma of image points, control, positions, attitudes and mountings."""
         others = [(e.v, e.sigma) for e in _other_equations(self, state)]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions and attitudes."""
+        """Linearise image points, control points, positions, attitudes and mountings."""
         return [_image_equations(self, state), *_other_equations(self, state)]
 
     def normals(self, state: State, damping: float = 0.0) -> Normals:
@@ -202,6 +206,7 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         control_equations(network.control[~network.held_control], state.x_m),
         position_equations(observed, state.T_m_b, errors, columns),
         attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
+        *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
 
 
@@ -232,7 +237,11 @@ def _seen(network: Network, state: State) -> tuple[Measurement, Array]:
     ]
     camera_idx = network.block.images.camera_idx[points.image_idx]
     return Measurement(
-        cameras=tuple(cameras), camera_idx=camera_idx, T_m_c=T_m_c, colrow=points.colrow
+        cameras=tuple(cameras),
+        camera_idx=camera_idx,
+        T_m_c=T_m_c,
+        colrow=points.colrow,
+        distortion_at=network.distortion_at,
     ), x_m
 
 
@@ -319,6 +328,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             V=np.swapaxes(B, 1, 2) @ weighted,
             h=np.einsum("mdi,md->mi", weighted, control.v),
             refraction=network.refraction == "standard",
+            adjusted=network.distortion_at == "adjusted",
             damping=damping,
         ),
         hanging=Hanging(

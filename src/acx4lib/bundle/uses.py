@@ -24,9 +24,9 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Index
 from acx4lib.flight.block import Block, mountings
 from acx4lib.geometry.camera import require_millimetres
-from acx4lib.geometry.collinearity import REFRACTION
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
+from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.least_squares import adjustment
 
 SMALLEST_ANGLE = np.radians(2.0)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.prior import Prior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +87,8 @@ class Camera:
         Known values, or approximate values for an adjustment.
     T_b_c : Pose
         Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), known or approximate.
+    prior : Prior
+        Which parts of the mounting are declared, and how well they are known.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class Camera:
     pixel_mm: float
     interior: Interior
     T_b_c: Pose = field(default_factory=lambda: Pose(R=np.eye(3), r=np.zeros(3)))
+    prior: Prior = field(default_factory=Prior)
 
     def __post_init__(self) -> None:
         expected.text("name", self.name)
@@ -114,6 +118,7 @@ class Camera:
             raise ValueError(msg)
         expected.instance("interior", self.interior, Interior)
         expected.instance("T_b_c", self.T_b_c, Pose)
+        expected.instance("prior", self.prior, Prior)
         expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
         expected.finite("T_b_c.R", self.T_b_c.R)
         expected.finite("T_b_c.r", self.T_b_c.r)
@@ -173,6 +178,16 @@ def inside(camera: Camera, colrow: Array) -> np.ndarray:
     """Tell which pixel coordinates lie on the sensor or its outer edges, shape (...)."""
     upper = np.array([camera.width_px, camera.height_px]) - 0.5
     return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
+
+
+def border_distance(camera: Camera, colrow: Array) -> Array:
+    """Return the distances of pixels from the sensor's outer edges, px, shape (...).
+
+    Negative outside; NaN where a pixel is.
+    """
+    upper = np.array([camera.width_px, camera.height_px]) - 0.5
+    nearest: Array = np.minimum(colrow + 0.5, upper - colrow).min(axis=-1)
+    return nearest
 
 
 def distortion(interior: Interior, xy: Array) -> Array:
@@ -260,6 +275,11 @@ def correct_jacobian(interior: Interior, xy: Array) -> Array:
     return out
 
 
+def correct_by_point(interior: Interior, xy: Array) -> Array:
+    """Return d(correct) / d(measured point) at measured points (n, 2), mm; shape (n, 2, 2)."""
+    return _by_reduced_point(interior, reduced(interior, xy)) * np.array([1 + interior.b1, 1.0])
+
+
 def _by_reduced_point(interior: Interior, bar: Array) -> Array:
     """Return d(correct) / d(reduced point), shape (n, 2, 2)."""
     x, y = bar[:, 0], bar[:, 1]
@@ -298,14 +318,29 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     unscale = np.array([1 / (1 + interior.b1), 1.0])
     xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
     for _ in range(steps):
-        error = correct(interior, xy) - ideal
-        J = _by_reduced_point(interior, reduced(interior, xy))
-        trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
+        step, error, valid = _newton(interior, xy, ideal)
         misfit = np.abs(error).max(axis=-1, initial=0.0)
         if not np.any(misfit > 1e-13):
             break
-        J_adj = trace[:, None, None] * np.eye(2) - J
-        xy = xy - transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+        xy = xy - step
     # beyond the largest valid radius there are other roots, on the opposite side of the image
-    found = (misfit < 1e-9) & (det > 0) & (trace > 0)
-    return np.where(found[:, None], xy, np.nan)
+    return np.where(((misfit < 1e-9) & valid)[:, None], xy, np.nan)
+
+
+def nearer(interior: Interior, xy: Array, ideal: Array) -> Array:
+    """Return measured points after one step of Newton's method to where `correct` is `ideal`.
+
+    All arrays are as those of `distort`; NaN where the step is not defined.
+    """
+    return xy - _newton(interior, xy, ideal)[0]
+
+
+def _newton(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Array, Mask]:
+    """Return a step to be subtracted, the error before it, and where the model is valid."""
+    error = correct(interior, xy) - ideal
+    J = _by_reduced_point(interior, reduced(interior, xy))
+    trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
+    J_adj = trace[:, None, None] * np.eye(2) - J
+    unscale = np.array([1 / (1 + interior.b1), 1.0])
+    step = transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
+    return step, error, (det > 0) & (trace > 0)

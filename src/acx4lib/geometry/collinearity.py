@@ -16,10 +16,13 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import (
     INTERIOR,
     Camera,
+    Interior,
     colrow_from_xy,
     correct,
+    correct_by_point,
     correct_jacobian,
     distort,
+    nearer,
     xy_from_colrow,
 )
 from acx4lib.geometry.frames import Pose, skew, transform
@@ -165,14 +168,8 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
     return transform(T_m_c.R, ray_c / np.linalg.norm(ray_c, axis=1, keepdims=True))
 
 
-LAPSE, DENSITY = 0.0065 / 288.15, 4.2559
-"""Standard atmosphere: relative decrease of temperature with height, 1/m; exponent of density."""
-
-REFRACTION = ("none", "standard")
-"""Models of refraction: straight rays, or rays bent by the standard atmosphere."""
-
-REFRACTIVITY = 2.78e-4
-"""n - 1 of visible light in air at sea level, 15 degrees Celsius and 1013.25 hPa."""
+DISTORTION_AT = ("adjusted", "measured")
+"""Points at which an adjustment evaluates Brown's correction: adjusted, or as measured."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,12 +184,23 @@ class Measurement:
         n camera poses.
     colrow : ndarray, shape (n, 2)
         Pixels.
+    distortion_at : str
+        One of `DISTORTION_AT`, see `image_residuals`.
+
+    Raises
+    ------
+    ValueError
+        For another value of `distortion_at`.
     """
 
     cameras: tuple[Camera, ...]
     camera_idx: Index
     T_m_c: Pose
     colrow: Array
+    distortion_at: str = "adjusted"
+
+    def __post_init__(self) -> None:
+        expected.one_of("distortion_at", self.distortion_at, DISTORTION_AT)
 
     def by_camera(self) -> Iterator[tuple[Camera, Mask, Array]]:
         """Yield each camera, the mask of its measurements, and these measurements in mm."""
@@ -222,7 +230,12 @@ def directions(seen: Measurement) -> Array:
 
 
 def image_residuals(seen: Measurement, x_m: Array) -> Array:
-    """Return the image residuals of eqs (1)-(11): projected minus corrected measured points.
+    """Return the image residuals of eqs (1)-(11), estimated minus observed.
+
+    Brown's correction holds at the error-free point. So the estimate is the point at which the
+    equations hold, with the distortion there. With the correction at the noisy measured point
+    instead, the coefficients go along with the noise, and are biased by its square. This is the
+    way of many programs, ``distortion_at="measured"``: projected minus corrected measured points.
 
     Parameters
     ----------
@@ -237,8 +250,23 @@ def image_residuals(seen: Measurement, x_m: Array) -> Array:
     """
     v = pinhole(seen.f, to_camera(seen.T_m_c, x_m))
     for camera, own, xy in seen.by_camera():
-        v[own] -= correct(camera.interior, xy)
+        v[own] = _misfit(seen, camera.interior, xy, v[own])[0]
     return v * seen.px_per_mm
+
+
+def _misfit(
+    seen: Measurement, interior: Interior, xy: Array, ideal: Array
+) -> tuple[Array, Array, Array]:
+    """Return residuals in mm, where to evaluate derivatives, and d(residual) / d(ideal).
+
+    Two steps of Newton's method lead from the measured point to the adjusted one. The point
+    between them is as good for the derivatives: they change by 1e-8 of their size.
+    """
+    if seen.distortion_at == "measured":
+        return ideal - correct(interior, xy), xy, np.tile(np.eye(2), (len(xy), 1, 1))
+    near = nearer(interior, xy, ideal)
+    by_ideal = np.linalg.inv(correct_by_point(interior, near))
+    return nearer(interior, near, ideal) - xy, near, by_ideal
 
 
 def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Array, Array]:
@@ -260,65 +288,13 @@ def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Arra
     """
     x_c = to_camera(seen.T_m_c, x_m)
     v = pinhole(seen.f, x_c)
-    by_interior = np.zeros((len(x_m), 2, len(INTERIOR)))
+    by_interior, by_x_c = np.zeros((len(x_m), 2, len(INTERIOR))), pinhole_jacobian(seen.f, x_c)
+    by_interior[:, :, 0] = -x_c[:, :2] / x_c[:, 2:]
     for camera, own, xy in seen.by_camera():
-        v[own] -= correct(camera.interior, xy)
-        by_interior[own] = -correct_jacobian(camera.interior, xy)
-    by_interior[:, :, 0] -= x_c[:, :2] / x_c[:, 2:]
+        v[own], at, by_ideal = _misfit(seen, camera.interior, xy, v[own])
+        by_interior[own] = by_ideal @ (by_interior[own] - correct_jacobian(camera.interior, at))
+        by_x_c[own] = by_ideal @ by_x_c[own]
     by_pose, by_point = to_camera_jacobian(seen.T_m_c, x_c)
     scale = seen.px_per_mm[:, :, None]
-    by_x_c = pinhole_jacobian(seen.f, x_c) * scale
+    by_x_c *= scale
     return v * scale[:, :, 0], by_interior * scale, by_x_c @ by_pose, by_x_c @ by_point
-
-
-def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
-    """Return the height by which refraction makes points appear too high, m.
-
-    In horizontal layers of air a ray at the angle theta from the vertical is bent by
-    K tan(theta). K is the mean refractive index between point and camera minus that at the
-    camera. The straight ray meets the point if it is raised by K (Z_c - Z) / cos^2(theta).
-
-    Parameters
-    ----------
-    r_m_c, x_m : ndarray, shape (n, 3)
-        Cameras and points, m; heights are counted from the ellipsoid, up to 11 km.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Notes
-    -----
-    In the ICAO standard atmosphere the density is (1 - LAPSE h)^DENSITY times its value at sea
-    level; n - 1 is proportional to the density.
-    """
-    camera, ground = 1 - LAPSE * r_m_c[:, 2], 1 - LAPSE * x_m[:, 2]
-    down = x_m - r_m_c
-    integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
-    K = REFRACTIVITY * (integral / -down[:, 2] - camera**DENSITY)
-    return -K * np.sum(down * down, axis=1) / down[:, 2]
-
-
-def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
-    """Return the apparent positions of points, to which rays are straight, m.
-
-    Parameters
-    ----------
-    r_m_c, x_m : ndarray, shape (n, 3)
-        Cameras and points, m.
-    refraction : str
-        ``"none"``, or ``"standard"`` for `refraction_lift`.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-
-    Raises
-    ------
-    ValueError
-        For another kind of refraction.
-    """
-    expected.one_of("refraction", refraction, REFRACTION)
-    if refraction == "none":
-        return x_m
-    return x_m + refraction_lift(r_m_c, x_m)[:, None] * np.array([0.0, 0.0, 1.0])

@@ -10,10 +10,12 @@ import pandas as pd
 
 from acx4lib.flight.block import Block
 from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
-from acx4lib.georeferencing.validation import Differences, Validation
+from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results import folder
-from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out
+from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
 from acx4lib.results.rows import exterior_table, point_table, rejected_table
 
 MANY = 0.1
@@ -85,9 +87,13 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "redundancy": validation.redundancy,
         "sigma0_squared": validation.sigma0_sq,
         "chi_square_p": validation.chi_square_p,
+        "joint_chi_square": validation.joint_chi_square,
+        "joint_dof": validation.joint_dof,
+        "joint_chi_square_p": validation.joint_chi_square_p,
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
+        **stopped_entries(f"validation/{validation.method}", validation.stopped),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
@@ -96,7 +102,8 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         **_statistics(over_pairs),
         "points": {
             **_statistics(over_points),
-            "t": _test(accuracy.mean_test(over_points)),
+            "mean_sigma": [*sigmas(validation.mean_cov)],
+            "bias": _test(accuracy.bias_test(np.array(over_points.mean), validation.mean_cov)),
             "classes": standards.classes(over_points, survey_sigma=survey_sigma),
         },
     }

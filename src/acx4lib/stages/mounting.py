@@ -12,7 +12,9 @@ from acx4lib.calibration import mounting, weights
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.results import adjustments
+from acx4lib.results import adjustments, folder
+from acx4lib.results.carried import mounted_block
+from acx4lib.stages.explained import explained
 
 
 class Settings(TypedDict):
@@ -50,30 +52,28 @@ class MountingStage:
         return self.mountings.methods.get("single_step")
 
 
-def calibrate(flight: Flight) -> MountingStage:
+def calibrate(flight: Flight, block: Block) -> MountingStage:
     """Calibrate the mounting by all methods, by the settings of flight.toml.
 
     Parameters
     ----------
     flight : Flight
-        With a block calibration.
+    block : Block
+        The calibration block, carried into synthetic images where it is measured in heads.
 
     Raises
     ------
-    FlightError
-        If the flight has no block calibration.
     AdjustmentError
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
     expected.instance("flight", flight, Flight)
-    given = flight.block("calibration")
     settings = Settings(
         free=flight.estimate_mounting,
         fix=flight.fix,
         refraction=flight.refraction,
         gnss=flight.gnss,
     )
-    block, factors = weights.weighted(given, weights=flight.weights, **settings)
+    block, factors = weights.weighted(block, weights=flight.weights, **settings)
     mountings = mounting.calibrate(block, **settings)
     return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
 
@@ -86,8 +86,19 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     flight : Flight
         With a block calibration.
     results_path : path
+        With the results of stage synthetic, where the block is measured in heads.
+
+    Raises
+    ------
+    FlightError
+        Where these are missing, or the flight has no block calibration.
+    AdjustmentError
+        As `calibrate`.
     """
-    stage = calibrate(flight)
+    block = flight.block("calibration")
+    if "calibration" in flight.carried:
+        block = mounted_block(flight, "calibration", folder.read(results_path))
+    stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    adjustments.write(results_path, "mounting", records)
+    adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
     return stage

@@ -10,10 +10,15 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, correct, correct_jacobian, xy_from_colrow
+from acx4lib.geometry.camera import (
+    Camera,
+    border_distance,
+    correct,
+    correct_jacobian,
+    xy_from_colrow,
+)
 from acx4lib.geometry.frames import rotation_from_opk, skew, transform
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
-from acx4lib.tie_points.overlaps import border_distance
 from acx4lib.tie_points.ties import TiePoints
 
 # --- at tie points ---------------------------------------------------------------------------
@@ -137,7 +142,8 @@ def frame_differences(
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
     xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
     seen = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
-    far = np.stack([border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)])
+    by_head = [border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)]
+    far = np.nan_to_num(np.stack(by_head), nan=-1.0)
     head = np.argmax(far, axis=0)
     d_px = np.full((len(xy), 2), np.nan)
     for k, colrow in enumerate(seen):

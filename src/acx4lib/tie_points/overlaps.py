@@ -10,7 +10,7 @@ import numpy as np
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import Camera, colrow_from_xy
+from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
 from acx4lib.synthetic_image.frame import (
     coverage,
     footprint,
@@ -137,14 +137,7 @@ def _depths(
         head = orientation.heads[k]
         depth = border_distance(head, head_from_synthetic(orientation, k, xy))
         found.append(depth * head.pixel_mm / synthetic.pixel_mm)
-    return np.stack(found)
-
-
-def border_distance(camera: Camera, colrow: Array) -> Array:
-    """Return the distances of pixels from a head's border, px; negative outside it."""
-    upper = np.array([camera.width_px, camera.height_px]) - 0.5
-    inside_by = np.minimum(colrow + 0.5, upper - colrow).min(axis=1)
-    return np.nan_to_num(inside_by, nan=-1.0)
+    return np.nan_to_num(np.stack(found), nan=-1.0)
 
 
 def grey(image: np.ndarray) -> Array:

@@ -23,7 +23,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotation_from_opk
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.tie_points.differences import sides, synthetic_from_head_jacobian, tie_differences
@@ -58,6 +58,9 @@ class Refined:
         Standard deviation of unit weight; one if the `sigma_px` of the tie points are right.
     rejected : ndarray, shape (n_ties,)
         Tie points that disagree with most others; they have no weight.
+    turn_sigma : ndarray, shape (n_heads, 3)
+        Of the changes of omega, phi, kappa, rad: where tie points are precise it is that of the
+        error which they took away.
     held : str
         The head whose orientation is held.
     unreached : tuple of str
@@ -67,6 +70,7 @@ class Refined:
     orientation: RelativeOrientation
     sigma0: float
     rejected: Mask
+    turn_sigma: Array
     held: str
     unreached: tuple[str, ...]
 
@@ -265,22 +269,23 @@ def _refined(
         raise AdjustmentError(msg)
     d = tie_differences(now, ties[used])
     sigma0_sq = float(np.sum(d**2 / sigma[used, None] ** 2)) / redundancy
-    cov = _covariance(start, now, N, columns, sigma0_sq * inverse.dense)
+    cov, cov_change = _covariances(start, now, N, columns, sigma0_sq * inverse.dense)
     tied = _tied(start, ties[used])
     others = np.setdiff1d(np.arange(len(start.heads)), tied)
     return Refined(
         orientation=replace(now, cov_joint=cov),
         sigma0=float(np.sqrt(sigma0_sq)),
         rejected=~used,
+        turn_sigma=sigmas(cov_change)[: 6 * len(start.heads)].reshape(-1, 6)[:, 3:],
         held=start.heads[tied[0]].name,
         unreached=tuple(start.heads[k].name for k in others),
     )
 
 
-def _covariance(
+def _covariances(
     start: RelativeOrientation, now: RelativeOrientation, N: Array, columns: Index, noise: Array
-) -> Array:
-    """Return the joint covariance after the refinement.
+) -> tuple[Array, Array]:
+    """Return the joint covariances after the refinement, and of what it changed.
 
     Estimated parameters no longer depend on their former values. They depend on the errors of the
     held parameters as far as these affect the tie points.
@@ -292,11 +297,13 @@ def _covariance(
     J = np.eye(len(N))
     J[columns] = -np.linalg.solve(N[np.ix_(columns, columns)], N[columns])
     J[np.ix_(columns, columns)] = 0.0
-    J = J[np.ix_(order, order)] @ np.linalg.inv(_angles_from_turns(start))
+    to_angles = _angles_from_turns(now)
+    J = to_angles @ J[np.ix_(order, order)] @ np.linalg.inv(_angles_from_turns(start))
     added = np.zeros_like(N)
     added[np.ix_(columns, columns)] = noise
-    to_angles = _angles_from_turns(now)
-    return propagate(to_angles, propagate(J, start.cov_joint) + added[np.ix_(order, order)])
+    by_ties = propagate(to_angles, added[np.ix_(order, order)])
+    after, change = (propagate(M, start.cov_joint) + by_ties for M in (J, J - np.eye(len(J))))
+    return after, change
 
 
 def _angles_from_turns(orientation: RelativeOrientation) -> Array:

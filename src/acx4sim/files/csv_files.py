@@ -6,7 +6,7 @@ import pandas as pd
 from acx4sim.earth import Array, Grid, opk_from_attitude, rph_from_attitude
 from acx4sim.fly import Track
 from acx4sim.observe import Sight
-from acx4sim.plan import BlockPlan, Options, Plan
+from acx4sim.plan import BlockPlan, Options, Plan, stated
 
 # A millionth of a pixel, a micrometre, and an angle that moves the ground by less than that.
 DECIMALS = {"px": 6, "m": 6, "deg": 10, "s": 3}
@@ -69,7 +69,7 @@ def control_points(
     table = pd.DataFrame(survey, columns=["east_m", "north_m", "height_m"])
     table.insert(0, "point", names)
     for name, value in zip(("east", "north", "height"), sigma, strict=True):
-        table[f"sigma_{name}_m"] = value * (options.control_noise or 1.0)
+        table[f"sigma_{name}_m"] = value * stated(options.control_noise)
     return rounded(table)
 
 

@@ -91,6 +91,15 @@ def test_no_bias_in_table_4():
     assert accuracy.mean_test(biased).accepted == (False, True, True)
 
 
+def test_bias_with_a_known_covariance():
+    """1.645 sigma at 90 %: that of the normal distribution."""
+    cov = np.diag([0.02, 0.05, 0.10]) ** 2
+    test = accuracy.bias_test(np.array([0.03, -0.10, 0.16]), cov)
+    assert_allclose(test.statistic, [1.5, -2.0, 1.6])
+    assert test.critical == pytest.approx(1.645, abs=5e-4)
+    assert test.accepted == (True, False, True)
+
+
 def test_bias_of_errors_without_scatter():
     test = accuracy.mean_test(accuracy.from_differences(np.tile([0.0, 0.5, -0.5], (9, 1))))
     assert test.statistic == (0.0, np.inf, -np.inf)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from acx4lib.compiling import inlined
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.collinearity import DENSITY, LAPSE, REFRACTIVITY
+from acx4lib.geometry.refraction import DENSITY, LAPSE, REFRACTIVITY
 
 INTERIOR, RESIDUAL = 6, 15
 """Positions, in a ray's row, of the first interior parameter and of the residual."""
@@ -67,6 +67,8 @@ class Scene(NamedTuple):
         Normal equations of some points from other observations.
     refraction : bool
         Whether rays bend in the standard atmosphere.
+    adjusted : bool
+        Whether distortion is that of the adjusted points, not of the measured ones.
     damping : float
         Added to the diagonal of the points' normal equations, as a share of it.
     """
@@ -79,12 +81,13 @@ class Scene(NamedTuple):
     V: Array
     h: Array
     refraction: bool
+    adjusted: bool
     damping: float
 
 
 @inlined
 def _appears_at(scene: Scene, i: int, p: int) -> float:
-    """Return the apparent height of a point, by `collinearity.refraction_lift`."""
+    """Return the apparent height of a point, by `refraction.refraction_lift`."""
     height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
     dx, dy = scene.x_m[p, 0] - scene.r_m_c[i, 0], scene.x_m[p, 1] - scene.r_m_c[i, 1]
     dz = z - height
@@ -92,6 +95,49 @@ def _appears_at(scene: Scene, i: int, p: int) -> float:
     integral = (ground ** (DENSITY + 1) - camera ** (DENSITY + 1)) / (LAPSE * (DENSITY + 1))
     K = REFRACTIVITY * (integral / -dz - camera**DENSITY)
     return z - K * (dx * dx + dy * dy + dz * dz) / dz
+
+
+class Corrected(NamedTuple):
+    """An image point free of distortion, mm, and its symmetric derivatives by the measured one."""
+
+    x: float
+    y: float
+    xx: float
+    yy: float
+    xy: float
+
+
+@inlined
+def _corrected(interior: Array, camera: int, x: float, y: float) -> Corrected:
+    """Correct a point relative to the principal point, as `camera.correct` does."""
+    k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
+    p1, p2 = interior[camera, 6], interior[camera, 7]
+    r2 = x * x + y * y
+    left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+    return Corrected(
+        x * left - p1 * (r2 + 2 * x * x) - 2 * p2 * x * y,
+        y * left - p2 * (r2 + 2 * y * y) - 2 * p1 * x * y,
+        left - x * x * slope - 6 * p1 * x - 2 * p2 * y,
+        left - y * y * slope - 6 * p2 * y - 2 * p1 * x,
+        -x * y * slope - 2 * p1 * y - 2 * p2 * x,
+    )
+
+
+class ByMisclosure(NamedTuple):
+    """Derivatives of a residual, over its sigma, by projected minus corrected point."""
+
+    xx: float
+    xy: float
+    yx: float
+    yy: float
+
+
+@inlined
+def _put(M: Array, k: int, column: int, by: ByMisclosure, x: float, y: float) -> None:
+    """Fill a column of M[k] with the derivatives of a residual, given those of the misclosure."""
+    M[k, 0, column] = by.xx * x + by.xy * y
+    M[k, 1, column] = by.yx * x + by.yy * y
 
 
 @inlined
@@ -111,42 +157,38 @@ def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array
     u = (r00 * dx + r10 * dy + r20 * dz) * down
     v = (r01 * dx + r11 * dy + r21 * dz) * down
     camera, interior, w = scene.camera[i], scene.interior, rays.weight[q]
-    xp, yp = interior[camera, 1], interior[camera, 2]
-    k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
-    p1, p2, b1 = interior[camera, 6], interior[camera, 7], interior[camera, 8]
-    x_i, y_i = rays.xy[q, 0], rays.xy[q, 1]
-    f = interior[camera, 0] * w
-    m = -f * down
-    J[k, 0, 0], J[k, 0, 1], J[k, 0, 2] = -m, 0.0, m * u
-    J[k, 1, 0], J[k, 1, 1], J[k, 1, 2] = 0.0, -m, m * v
-    J[k, 0, 3], J[k, 0, 4], J[k, 0, 5] = -f * u * v, f * (1 + u * u), -f * v
-    J[k, 1, 3], J[k, 1, 4], J[k, 1, 5] = -f * (1 + v * v), f * u * v, f * u
-    B[k, 0, 0], B[k, 0, 1], B[k, 0, 2] = (
-        m * (r00 - u * r02),
-        m * (r10 - u * r12),
-        m * (r20 - u * r22),
-    )
-    B[k, 1, 0], B[k, 1, 1], B[k, 1, 2] = (
-        m * (r01 - v * r02),
-        m * (r11 - v * r12),
-        m * (r21 - v * r22),
-    )
-    x, y = x_i * (1 + b1) - xp, y_i - yp
-    r2 = x * x + y * y
-    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
-    xx, yy, xy = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
-    by_x = (1 - radial - x * x * slope - 6 * p1 * x - 2 * p2 * y) * w
-    by_y = (1 - radial - y * y * slope - 6 * p2 * y - 2 * p1 * x) * w
-    mixed = (-x * y * slope - 2 * p1 * y - 2 * p2 * x) * w
-    x, y, xx, yy, xy = x * w, y * w, xx * w, yy * w, xy * w
-    r4 = r2 * r2
-    J[k, 0, 6], J[k, 0, 7], J[k, 0, 8] = -u * w, by_x, mixed
-    J[k, 1, 6], J[k, 1, 7], J[k, 1, 8] = -v * w, mixed, by_y
-    J[k, 0, 9], J[k, 0, 10], J[k, 0, 11] = x * r2, x * r4, x * r4 * r2
-    J[k, 1, 9], J[k, 1, 10], J[k, 1, 11] = y * r2, y * r4, y * r4 * r2
-    J[k, 0, 12], J[k, 0, 13], J[k, 0, 14] = xx, xy, -by_x * x_i
-    J[k, 1, 12], J[k, 1, 13], J[k, 1, 14] = xy, yy, -mixed * x_i
-    J[k, 0, 15] = -f * u - (x * (1 - radial) - p1 * xx - p2 * xy)
-    J[k, 1, 15] = -f * v - (y * (1 - radial) - p2 * yy - p1 * xy)
+    f, xp, yp = interior[camera, 0], interior[camera, 1], interior[camera, 2]
+    stretch = 1 + interior[camera, 8]
+    x_i, y_i = rays.xy[q, 0] * stretch - xp, rays.xy[q, 1] - yp
+    at = _corrected(interior, camera, x_i, y_i)
+    x, y, by = x_i, y_i, ByMisclosure(w, 0.0, 0.0, w)
+    if scene.adjusted:  # two steps of Newton's method, derivatives between them
+        ex, ey, d = -f * u - at.x, -f * v - at.y, at.xx * at.yy - at.xy * at.xy
+        x += (at.yy * ex - at.xy * ey) / d
+        y += (at.xx * ey - at.xy * ex) / d
+        at = _corrected(interior, camera, x, y)
+        d = w / (at.xx * at.yy - at.xy * at.xy)
+        by = ByMisclosure(at.yy * d / stretch, -at.xy * d / stretch, -at.xy * d, at.xx * d)
+    m, r2, x_raw = -f * down, x * x + y * y, (x + xp) / stretch
+    _put(J, k, 0, by, -m, 0.0)
+    _put(J, k, 1, by, 0.0, -m)
+    _put(J, k, 2, by, m * u, m * v)
+    _put(J, k, 3, by, -f * u * v, -f * (1 + v * v))
+    _put(J, k, 4, by, f * (1 + u * u), f * u * v)
+    _put(J, k, 5, by, -f * v, f * u)
+    _put(J, k, 6, by, -u, -v)
+    _put(J, k, 7, by, at.xx, at.xy)
+    _put(J, k, 8, by, at.xy, at.yy)
+    _put(J, k, 9, by, x * r2, y * r2)
+    _put(J, k, 10, by, x * r2 * r2, y * r2 * r2)
+    _put(J, k, 11, by, x * r2 * r2 * r2, y * r2 * r2 * r2)
+    _put(J, k, 12, by, r2 + 2 * x * x, 2 * x * y)
+    _put(J, k, 13, by, 2 * x * y, r2 + 2 * y * y)
+    _put(J, k, 14, by, -at.xx * x_raw, -at.xy * x_raw)
+    _put(J, k, 15, by, -f * u - at.x, -f * v - at.y)
+    J[k, 0, 15] += (x - x_i) * w / stretch
+    J[k, 1, 15] += (y - y_i) * w
+    _put(B, k, 0, by, m * (r00 - u * r02), m * (r01 - v * r02))
+    _put(B, k, 1, by, m * (r10 - u * r12), m * (r11 - v * r12))
+    _put(B, k, 2, by, m * (r20 - u * r22), m * (r21 - v * r22))
     return True

@@ -25,7 +25,7 @@ def flight():
     options = acx4sim.Options(
         tie_points={"heads": 60, "calibration": 150}, blocks=("heads", "calibration")
     )
-    return read_back(acx4sim.acx4(options=options)).flight
+    return read_back(acx4sim.acx4_ideal(options=options)).flight
 
 
 def with_positions(block):
@@ -55,6 +55,9 @@ NETWORKS = {
     ),
     "refraction": lambda f: uses.mounted_orientation(
         f.calibration, free=("f",), refraction="standard"
+    ),
+    "distortion at the measured points": lambda f: replace(
+        uses.mounted_orientation(f.calibration, free=ALL), distortion_at="measured"
     ),
     "a rig of four heads": lambda f: uses.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
