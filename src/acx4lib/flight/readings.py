@@ -210,7 +210,6 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
     undulation = grid.undulation(lonlat)
     if np.any(undulation != 0):
         yield "above the ellipsoid", height - undulation
-        yield "above the geoid, its height added twice", height + undulation
 
 
 def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
@@ -218,8 +217,8 @@ def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
     yield "exchanged", east_north[:, ::-1]
 
 
-def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, Array]]:
-    """Yield image measurements in their other readings, with the name of each.
+def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
+    """Yield the other readings of image measurements: columns, their meaning, pixels.
 
     Half a pixel is not among them: no measurement tells it from the principal point.
 
@@ -233,11 +232,11 @@ def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tupl
     """
     col, row = colrow.T
     right, bottom = (size - 1 - colrow).T
-    yield "row_px counted from the bottom", np.column_stack([col, bottom])
-    yield "col_px counted from the right", np.column_stack([right, row])
-    yield "col_px, row_px exchanged", np.column_stack([row, col])
-    yield "col_px, row_px in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
-    yield "col_px, row_px in mm from the corner", colrow / pixel_mm - 0.5
+    yield "row_px", "counted from the bottom", np.column_stack([col, bottom])
+    yield "col_px", "counted from the right", np.column_stack([right, row])
+    yield "col_px, row_px", "exchanged", np.column_stack([row, col])
+    yield "col_px, row_px", "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield "col_px, row_px", "in mm from the corner", colrow / pixel_mm - 0.5
 
 
 def _rows(table: Table) -> Iterator[Reading]:

@@ -57,5 +57,5 @@ def test_baardas_delta_is_the_textbooks_4_13():
 def test_limits_of_the_ratio_hold_in_95_of_100_samples(rng):
     v = rng.normal(size=(20_000, 30))
     ratio = np.sqrt(np.mean(v**2, axis=1))
-    low, high = groups.ratio_limits(30.0)
+    low, high = groups.ratio_limits(30.0, probability=0.95)
     assert_allclose(np.mean((ratio > low) & (ratio < high)), 0.95, atol=0.005)  # 3 sigma

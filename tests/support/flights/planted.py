@@ -343,7 +343,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "control of ellipsoidal heights": Mistake(
         makes=_added("height_m", GEOID_M),
         table="control",
-        named=("above the ellipsoid", "added twice"),
+        named=("height of control points above the ellipsoid",),
         geoid=True,
     ),
     "positions exchanged": Mistake(
