@@ -21,17 +21,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-import acx4sim
+from acx4book.chapters.rig.truth import true_head
 from acx4lib.calibration import mounting, rig
 from acx4lib.calibration.estimates import Calibration, parameters
+from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
+from acx4lib.geometry.collinearity import project, rays
+from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.carried import carry, synthetic_block
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4sim.optics import head_truth
 from benchmarks import find_head_truth, machine
 from support.flights import simulated
 
@@ -40,6 +46,12 @@ DESIGN = "acx4"
 SEEDS = range(1, 51)
 FOCAL_LENGTHS_MM = tuple(round(float(f), 2) for f in np.arange(74.0, 74.61, 0.1))
 """Of head 1 in the sweep; the other heads' follow from Table 1."""
+
+NODES = (30, 40)
+"""Columns and rows of the residual pattern."""
+
+HEIGHTS_M = (1000.0, 1500.0)
+"""Flying heights of the calibration block, and of the pattern."""
 
 AXES = ("east_m", "north_m", "height_m")
 DIGITS = 7
@@ -56,7 +68,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     seeds = SEEDS[: options.seeds]
-    rows: dict[str, list[Row]] = {"parameters": [], "points": [], "sweep": []}
+    rows: dict[str, list[Row]] = {"parameters": [], "points": []}
     with ProcessPoolExecutor(options.processes) as pool:
         swept = pool.map(at_focal_length, FOCAL_LENGTHS_MM)
         for seed, found in zip(seeds, pool.map(of_seed, seeds), strict=True):
@@ -64,6 +76,7 @@ def main() -> None:
             rows["points"] += found[1]
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
         rows["sweep"] = [row for part in swept for row in part]
+        rows["pattern"] = pattern()
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
     write(options.out, rows, about)
@@ -138,17 +151,76 @@ def of_differences(over: str, found: Differences) -> list[Row]:
 
 
 def at_focal_length(f_mm: float) -> list[Row]:
-    """Return the single step of exact data, where head 1 has a focal length and Table 1 holds."""
-    heads = find_head_truth.fitted_to_table_1(f_mm)
-    found = find_head_truth.exact_chain(heads)
-    named = {"f_1_mm": f_mm}
-    places = {
-        f"{key}_{name}": float(found.orientation.xyz_mm[k, i])
-        for k, name in enumerate(simulated.HEADS)
-        for i, key in enumerate(("Xc_mm", "Yc_mm"))
-    }
-    listed = [{"parameter": key, "value": value, "sigma": np.nan} for key, value in places.items()]
-    return [named | row for row in (*of_mounting(found.single_step), *listed)]
+    """Return the single step of exact data, where head 1 has a focal length and Table 1 holds.
+
+    Points are carried through the heads as they were calibrated, and as tie points refine them.
+    """
+    flight = find_head_truth.exact_flight(find_head_truth.fitted_to_table_1(f_mm))
+    orientation = find_head_truth.calibrated_heads(flight)
+    refined = refine(flight, orientation, None).orientation
+    rows = []
+    for heads, oriented in (("calibrated", orientation), ("refined", refined)):
+        step = find_head_truth.single_step(flight, oriented)
+        named = {"f_1_mm": f_mm, "heads": heads}
+        rows += [named | row for row in (*of_mounting(step), *of_places(oriented))]
+    return rows
+
+
+def of_places(found: RelativeOrientation) -> list[Row]:
+    """Return where the heads' perspective centres are in the frame of the synthetic image."""
+    return [
+        {"camera": head.name, "parameter": key, "value": float(mm), "sigma": np.nan}
+        for head, place in zip(found.heads, found.xyz_mm, strict=True)
+        for key, mm in zip(("Xc_mm", "Yc_mm", "Zc_mm"), place, strict=True)
+    ]
+
+
+def pattern() -> list[Row]:
+    """Return what the single step of exact data leaves over the synthetic image, by flying height.
+
+    A pixel is followed through its head: as it is carried, and as the head saw it from where it
+    was, onto level ground, and from there into the camera that the single step found.
+    """
+    flight = find_head_truth.exact_flight(head_truth.HEADS)
+    oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
+    found = find_head_truth.single_step(flight, oriented).calibration.cameras[0]
+    cols, rows = (np.arange(0.5, n) / n for n in NODES)
+    share = np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
+    colrow = share * [found.width_px, found.height_px] - 0.5
+    seen = np.stack([
+        head_from_synthetic(oriented, k, xy_from_colrow(found, colrow))
+        for k in range(len(oriented.heads))
+    ])  # fmt: skip
+    border = np.stack([border_distance(h, at) for h, at in zip(oriented.heads, seen, strict=True)])
+    chosen = np.argmax(np.where(np.isfinite(border), border, -np.inf), axis=0)
+    out: list[Row] = []
+    for k, head in enumerate(true_heads()):
+        mine = np.flatnonzero((chosen == k) & (border[k] >= 0))
+        looked = rays(head, head.T_b_c, seen[k, mine])
+        for height in HEIGHTS_M:
+            ground = head.T_b_c.r - looked * (height + head.T_b_c.r[2:]) / looked[:, 2:]
+            d = colrow[mine] - project(
+                found, Pose(R=found.T_b_c.R[None], r=found.T_b_c.r[None]), ground
+            )
+            out += [
+                {
+                    "height_m": height,
+                    "head": head.name,
+                    "col_px": c,
+                    "row_px": r,
+                    "d_col_px": x,
+                    "d_row_px": y,
+                }
+                for (c, r), (x, y) in zip(colrow[mine], d, strict=True)
+            ]
+    return out
+
+
+def true_heads() -> list[Camera]:
+    """Return the heads as they are, on the IMU of the design."""
+    flown = simulated.fly(DESIGN, seed=1, blocks=("heads",), exact=True)
+    told = flown.truth["cameras"]
+    return [true_head(flown.flight.cameras[name], told[name]) for name in simulated.HEADS]
 
 
 # --- written down ------------------------------------------------------------------------------
