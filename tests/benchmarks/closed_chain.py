@@ -14,6 +14,7 @@ import json
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,9 @@ NODES = (30, 40)
 HEIGHTS_M = (1000.0, 1500.0)
 """Flying heights of the calibration block, and of the pattern."""
 
+SIDES = (0.0, 0.5, 1.0)
+"""Of the square of the lens centres, in parts of the side that it has."""
+
 AXES = ("east_m", "north_m", "height_m")
 DIGITS = 7
 """Of the numbers written down."""
@@ -77,6 +81,7 @@ def main() -> None:
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
         rows["sweep"] = [row for part in swept for row in part]
         rows["pattern"] = pattern()
+        rows["squares"] = [row for part in map(at_side, SIDES) for row in part]
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
     write(options.out, rows, about)
@@ -173,6 +178,21 @@ def of_places(found: RelativeOrientation) -> list[Row]:
         for head, place in zip(found.heads, found.xyz_mm, strict=True)
         for key, mm in zip(("Xc_mm", "Yc_mm", "Zc_mm"), place, strict=True)
     ]
+
+
+def at_side(share: float) -> list[Row]:
+    """Return the single step of exact data, where the lens centres are nearer to each other."""
+    centres = np.array([head.lever_m for head in head_truth.HEADS.values()])
+    middle = centres.mean(axis=0)
+    places = middle + share * (centres - middle)
+    heads = {
+        name: replace(head, lever_m=tuple(map(float, place)))
+        for (name, head), place in zip(head_truth.HEADS.items(), places, strict=True)
+    }
+    flight = find_head_truth.exact_flight(heads)
+    oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
+    found = of_mounting(find_head_truth.single_step(flight, oriented))
+    return [{"side_m": float(np.ptp(places[:, 0]))} | row for row in found]
 
 
 def pattern() -> list[Row]:
