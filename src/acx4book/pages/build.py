@@ -38,6 +38,7 @@ ALWAYS = (
     "09-weights",
     "10-synthetic-quality",
     "11-surround-rig",
+    "12-synthetic-cost",
 )
 """Notebooks that are run for the book and not by ``acx4 run``."""
 
