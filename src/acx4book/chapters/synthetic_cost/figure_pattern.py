@@ -21,7 +21,8 @@ EVERY = 2
 def pattern(found: Study) -> Figure:
     """Draw what a single step of exact data leaves over the synthetic image."""
     width, height = (printed.value(2, name, "SYN") for name in ("width_px", "height_px"))
-    fields = {float(h): own for h, own in found.pattern.groupby("height_m")}
+    flown = np.unique(found.pattern["height_m"])
+    fields = {h: found.pattern[found.pattern["height_m"] == h] for h in flown}
     key = style.round_length(max(map(heights.largest_px, fields.values())))
     names = sorted(found.pattern["head"].unique())
     with style.applied():

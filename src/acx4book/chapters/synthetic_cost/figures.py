@@ -79,10 +79,11 @@ def fingerprint(found: Study) -> Figure:
 def _draw_curves(ax: Axes, found: Study) -> None:
     """Draw radial distortion over the radius for squares of lens centres, and Table 3's."""
     r = radial.radius_mm()
-    for i, (side, ks) in enumerate(radial.squares(found).iterrows()):
-        curve = radial.radial_um(ks.to_numpy(), r)
+    squares = radial.squares(found)
+    for i, (side, ks) in enumerate(zip(squares.index, squares.to_numpy(), strict=True)):
+        curve = radial.radial_um(ks, r)
         ax.plot(r, curve, color=style.colour(3 + i), lw=1.3)
-        _name_curve(ax, f"{100 * float(str(side)):.0f} cm", (r[-1], curve[-1]), "left")
+        _name_curve(ax, f"{100 * side:.0f} cm", (r[-1], curve[-1]), "left")
     curve = radial.radial_um(radial.printed_with_sigma()[0], r)
     ax.plot(r, curve, color=style.PRINTED, lw=1.1, ls=":")
     _name_curve(ax, "Table 3", (r[-8], curve[-8]), "right")

@@ -30,8 +30,9 @@ def at_height(pattern: pd.DataFrame, height_m: float) -> pd.DataFrame:
     DataFrame
         head, col_px, row_px, d_col_px, d_row_px.
     """
-    (low, lower), (high, higher) = (
-        (h, own.sort_values(AT, ignore_index=True)) for h, own in pattern.groupby("height_m")
+    low, high = np.unique(pattern["height_m"])
+    lower, higher = (
+        pattern[pattern["height_m"] == h].sort_values(AT, ignore_index=True) for h in (low, high)
     )
     share = (1 / height_m - 1 / high) / (1 / low - 1 / high)
     return higher.assign(**{d: higher[d] + share * (lower[d] - higher[d]) for d in D}).drop(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -57,13 +58,11 @@ def _predicted(table: pd.DataFrame, way: str) -> pd.Series:
 def parameters(found: Study) -> str:
     """Say how far estimates scatter, and what of it comes from the calibration of the heads."""
     own, rig = study.scatter(found, SYNTHETIC), study.scatter(found, RIG)
-    shares = own.set_index("parameter")
-    from_heads = np.sqrt((shares["scatter"] ** 2 - shares["sigma"] ** 2).clip(lower=0))
-    named = (("f_mm", 1e3, " µm"), ("xp_mm", 1e3, " µm"), ("boresight_phi_deg", SECONDS, "″"))
+    units = {"f_mm": (1e3, " µm"), "xp_mm": (1e3, " µm"), "boresight_phi_deg": (SECONDS, "″")}
     each = "; ".join(
-        f"{LABELS[name]} {k * shares.loc[name, 'sigma']:.1f}{unit} stated, "
-        f"{k * from_heads[name]:.1f}{unit} from the heads"
-        for name, k, unit in named
+        f"{LABELS[row['parameter']]} {_parts(row, *units[row['parameter']])}"
+        for row in own.to_dict("records")
+        if row["parameter"] in units
     )
     return (
         f"Over {found.n_flights} flights the parameters of the heads scatter by "
@@ -76,6 +75,12 @@ def parameters(found: Study) -> str:
         "lever arm is spared. A deformed image is deformed alike from all flying heights, and a "
         "lever arm is what changes with the height."
     )
+
+
+def _parts(row: Mapping[Hashable, Any], factor: float, unit: str) -> str:
+    """Return the stated part of a scatter and the rest."""
+    rest = np.sqrt(max(row["scatter"] ** 2 - row["sigma"] ** 2, 0.0))
+    return f"{factor * row['sigma']:.1f}{unit} stated, {factor * rest:.1f}{unit} from the heads"
 
 
 def chi_square(found: Study) -> str:
@@ -143,26 +148,27 @@ def fingerprint(found: Study) -> str:
     refined, calibrated = (radial.in_sigma(found)[heads] for heads in radial.HEADS)
     moved = (refined.max() - refined.min()).max()
     f_1 = radial.focal_lengths(calibrated)
-    one, square = (radial.squares(found).iloc[i] for i in (0, -1))
+    one, square = radial.squares(found).to_numpy()[[0, -1]]
+    side_cm = 100 * found.squares["side_m"].max()
     corner = [
         float(radial.radial_um(ks, radial.radius_mm()[-1:])[0])
         for ks in (radial.printed_with_sigma()[0], square, one)
     ]
     return (
         "Are Table 3's $k_1$, $k_2$, $k_3$ the fingerprint of focal lengths held at 74 mm? Points "
-        "that are carried through heads as they were calibrated bear such a fingerprint: the printed "
-        f"coefficients, one by one, ask for $f_1$ = {f_1[0]:.2f}, {f_1[1]:.2f} and {f_1[2]:.2f} "
-        "mm. Tie points wipe it out. Through refined heads no coefficient changes by more than "
-        f"{moved:.1f} σ over the whole sweep, and the farthest is {refined.abs().max().max():.1f} "
-        "σ from print.\n\n"
+        "that are carried through heads as they were calibrated bear such a fingerprint: the "
+        f"printed coefficients, one by one, ask for $f_1$ = {f_1[0]:.2f}, {f_1[1]:.2f} and "
+        f"{f_1[2]:.2f} mm. Tie points wipe it out. Through refined heads no coefficient changes by "
+        f"more than {moved:.1f} σ over the whole sweep, and the farthest is "
+        f"{refined.abs().max().max():.1f} σ from print.\n\n"
         "What makes these coefficients is the distance of the lens centres. With all centres in "
-        f"one point $k_1$ is {100 * one['k1'] / square['k1']:.0f} % of what it is in a square of "
-        f"{100 * float(str(square.name)):.0f} cm. So the printed signs and sizes are those of a "
-        "camera with four lens centres. More they do not say: over flights the coefficients are "
-        f"correlated to {radial.weakest_correlation(found):.2f} and more, so that one by one they "
-        f"say little. Together they are a curve, which reaches {corner[0]:.0f} µm at the corner as "
-        f"printed, {corner[1]:.0f} µm in the square, and {corner[2]:.1f} µm with one point. The "
-        "square alone does not make the printed curve."
+        f"one point $k_1$ is {100 * one[0] / square[0]:.0f} % of what it is in a square of "
+        f"{side_cm:.0f} cm. So the printed signs and sizes are those of a camera with four lens "
+        "centres. More they do not say: over flights the coefficients are correlated to "
+        f"{radial.weakest_correlation(found):.2f} and more, so that one by one they say little. "
+        f"Together they are a curve, which reaches {corner[0]:.0f} µm at the corner as printed, "
+        f"{corner[1]:.0f} µm in the square, and {corner[2]:.1f} µm with one point. The square "
+        "alone does not make the printed curve."
     )
 
 

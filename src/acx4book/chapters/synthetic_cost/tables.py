@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 import pandas as pd
 
 from acx4book.chapters.synthetic_cost import heights, study
@@ -21,6 +22,9 @@ HEIGHT_FORMATS = {
     "Largest step at a seam (px)": ".2f",
     "That step on the ground (cm)": ".0f",
 }
+SQUARE_ROWS = ("f_mm", "k1", "k2", "k3", "p1", "p2", "lever_x_m", "lever_y_m", "lever_z_m")
+"""Parameters of the table of squares; a boresight does not depend on them."""
+
 HEIGHTS_M = (700.0, 1000.0, 1250.0, 1500.0, 2000.0, 3000.0)
 """Flying heights of the table."""
 
@@ -87,20 +91,16 @@ def height_table(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.Dat
 
 def square_table(found: Study) -> pd.DataFrame:
     """Return what exact data give for squares of lens centres of different size, and Table 3."""
-    wide = found.squares.pivot_table(index="parameter", columns="side_m", values="value")
-    sigma = found.squares.pivot_table(index="parameter", columns="side_m", values="sigma")
+    sides = {side: f"Square of {100 * side:.0f} cm" for side in np.unique(found.squares["side_m"])}
+    cells = {
+        (row["parameter"], row["side_m"]): value_and_sigma(row["value"], row["sigma"])
+        for row in found.squares.to_dict("records")
+    }
     rows = [
         {"Parameter": with_unit(LABELS[name], unit(name))}
-        | {
-            f"Square of {100 * side:.0f} cm": value_and_sigma(
-                wide.loc[name, side], sigma.loc[name, side]
-            )
-            for side in wide.columns
-        }
+        | {title: cells[name, side] for side, title in sides.items()}
         | {"Table 3": value_and_sigma(*print_of(name))}
-        for name in ("f_mm", "k1", "k2", "k3", "p1", "p2", "lever_x_m", "lever_y_m", "lever_z_m")
+        for name in SQUARE_ROWS
     ]
-    factor = {
-        f"Square of {100 * side:.0f} cm": f"{wide.loc['sigma0_squared', side]:.3f}" for side in wide
-    }
-    return pd.DataFrame([*rows, {"Parameter": LABELS["sigma0_squared"], **factor, "Table 3": ""}])
+    factors = {title: cells["sigma0_squared", side] for side, title in sides.items()}
+    return pd.DataFrame([*rows, {"Parameter": LABELS["sigma0_squared"], **factors}])
