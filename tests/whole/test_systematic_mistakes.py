@@ -51,7 +51,7 @@ def test_a_wrong_sign_is_named_and_nothing_of_the_attitudes_is_rejected(
     path = written(tmp_path, design)
     change(path, TRAJECTORY, lambda t: t.assign(**{column: -t[column]}))
     entry, rejected = calibrated(path, tmp_path)
-    ((group, n_rejected, n),) = entry["stopped_groups"]
+    group, n_rejected, n = entry["stopped_groups"][0]
     assert group.startswith("attitudes")
     assert component in group
     assert n_rejected > n / 2
