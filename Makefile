@@ -47,7 +47,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test fuzz notebooks book serve bench coverage reference-data reference-results clean
+.PHONY: help .venv lock check test fuzz mistakes notebooks book serve bench coverage reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -94,6 +94,9 @@ test: .venv/.stamp-test ## all tests, slow ones included
 
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
+
+mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.planted_mistakes
 
 bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment

@@ -247,7 +247,7 @@ def test_heads_measure_what_the_frame_of_the_ideal_camera_shows(flight, in_heads
     assert set(measured.index) <= set(shown.index)
     assert len(measured) > 0.97 * len(shown)
     assert set(measured) <= {1, 2, 3, 4}
-    assert (measured > 1).mean() > 0.2  # where heads overlap, all of them measure
+    assert (measured > 1).mean() > 0.1  # where heads overlap, all of them measure
 
 
 def seen_at(flown, block):

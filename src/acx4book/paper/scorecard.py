@@ -13,6 +13,7 @@ from acx4book.paper import printed as paper
 from acx4book.paper.roles import ROLES
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
 
 LATITUDE_OF_SIGMA = 0.2
@@ -28,10 +29,13 @@ class Ours:
     ----------
     value, sigma : float
         `sigma` is zero for an exact number.
+    sharing : float
+        Of a mean over points: its sigma over that of independent points.
     """
 
     value: float
     sigma: float
+    sharing: float = 1.0
 
 
 def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
@@ -102,7 +106,7 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     if not np.isfinite(number) or ours is None:
         return None
     rounding = half_digit(printed.as_printed, what, number)
-    combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what) ** 2 + rounding**2 / 3)
+    combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what, ours) ** 2 + rounding**2 / 3)
     deviation = float(abs(ours.value - number) / combined)
     verdict = "agrees" if deviation <= 2 else "near" if deviation <= 3 else "differs"
     return {
@@ -120,12 +124,13 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     }
 
 
-def _paper_sigma(printed: Printed, what: str) -> float:
+def _paper_sigma(printed: Printed, what: str, ours: Ours) -> float:
     """Return the standard deviation of a printed value; for means of Table 4 it is computed."""
     if what != "value" or not np.isfinite(printed.sigma):
         return 0.0
-    n_points = paper.value(4, "n_points", "single_step")
-    return printed.sigma / np.sqrt(n_points) if printed.table == 4 else printed.sigma
+    if printed.table != 4:
+        return printed.sigma
+    return ours.sharing * printed.sigma / np.sqrt(paper.value(4, "n_points", "single_step"))
 
 
 def half_digit(text: str, what: str, value: float) -> float:
@@ -227,9 +232,9 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
     gsd = ground_sample_m(flight.mounted("validation")) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
-    if axis >= 0 and kind in ("mean", "std", "rms"):
-        return _moment(entry, name, axis, n_points=n_points, gsd=gsd)
     points = folder.rows(found, "check_points", key)
+    if axis >= 0 and kind in ("mean", "std", "rms"):
+        return _moment(entry, name, axis, points=points, gsd=gsd)
     norm = np.linalg.norm(points[["d_east_m", "d_north_m", "d_height_m"]], axis=1)
     within = int(np.sum(norm <= 3 * gsd))
     share = within / max(n_points, 1)
@@ -250,15 +255,21 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
 
 
 def _moment(
-    entry: dict[str, object], name: str, axis: int, *, n_points: float, gsd: float
+    entry: dict[str, object], name: str, axis: int, *, points: pd.DataFrame, gsd: float
 ) -> Ours | None:
-    """Return a mean or an RMS over the pairs; its precision is that from the number of points."""
+    """Return a mean or an RMS over the pairs; it is as precise as that over the points."""
     kind = name.split("_", maxsplit=1)[0]
-    values = np.array(entry[kind], dtype=float)
-    std = np.array(entry["std"], dtype=float)
+    values, std = (np.array(entry[key], dtype=float) for key in (kind, "std"))
     scale = 1 / gsd if name.endswith("_px") else 1.0
-    spread = std[axis] / np.sqrt(n_points if kind == "mean" else 2 * n_points)
-    return Ours(value=float(scale * values[axis]), sigma=float(scale * spread))
+    sharing = _sharing(entry, points, axis) if kind == "mean" else 1.0
+    spread = sharing * std[axis] / np.sqrt(len(points) if kind == "mean" else 2 * len(points))
+    return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), sharing=sharing)
+
+
+def _sharing(entry: Mapping[str, Any], points: pd.DataFrame, axis: int) -> float:
+    """Return the sigma of the points' mean along an axis, over that of independent points."""
+    sigma = points[f"sigma_{AXES[axis]}_m"].to_numpy()
+    return float(entry["points"]["mean_sigma"][axis] * len(sigma) / np.linalg.norm(sigma))
 
 
 # --- reasons ---------------------------------------------------------------------------------

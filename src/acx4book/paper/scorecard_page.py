@@ -30,7 +30,10 @@ RULE = (
 
 OUR_SIGMA = (
     ("a parameter", "as the adjustment has it, a posteriori"),
-    (Markup("a mean over $n$ points that scatter by $s$"), Markup("$s/\\sqrt{n}$")),
+    (
+        Markup("a mean over $n$ points that scatter by $s$"),
+        Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
+    ),
     (Markup("a scatter or an RMS over $n$ points"), Markup("$s/\\sqrt{2n}$")),
     (Markup("a number $m$ of pairs"), Markup("$\\sqrt{m}$")),
     (
@@ -110,7 +113,7 @@ def _tables(card: pd.DataFrame) -> str:
 def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
     """Return what stands out, as a list."""
     lines = (
-        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_flight(flight))),
+        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
         _sigma_of_table_3(card, flight),
         _rms_of_table_4(card, found),
     )

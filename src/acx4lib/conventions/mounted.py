@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib.conventions.sightings import Sightings
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, Interior, correct, correct_jacobian, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
 from acx4lib.geometry.frames import Pose, exp, skew, transform
@@ -24,11 +24,17 @@ QUANTILE, NORMAL = 0.75, 1.1503
 TURNS, STEPS = 8, 12
 """Largest numbers of closed-form turns, and of adjustment steps after them."""
 
+LARGEST_TURN = 0.5
+"""Of one step, radians."""
+
 SETTLED = 0.003
 """Relative decrease of the misfit below which no further step is made."""
 
 WIDTH = 4.0
 """Residual, in misfits, that has a quarter of its weight."""
+
+HELD, LOOSE = 1e30, 1e-12
+"""Weights, 1/m², at their coordinates of surveyed points, and of tie points that no ray holds."""
 
 FREE_POSE, ENOUGH_LEFT = 6, 4
 """Unknowns of a free pose, and observations that must be left beyond them."""
@@ -153,8 +159,9 @@ def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
 
 # --- adjustment -------------------------------------------------------------------------------
 
-N_MOUNT, N_CAMERA = 6, 14
-"""Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2."""
+N_MOUNT, N_LENS = 6, 8
+N_CAMERA = N_MOUNT + N_LENS
+"""Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2; the last is a delay."""
 
 
 def _adjusted(
@@ -178,7 +185,10 @@ def _adjusted(
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
             break
-        state = _stepped(seen, state, (v, A, B), prior)
+        dx, x_m = _step(seen, state, (v, A, B), prior)
+        if not np.all(np.isfinite(dx)):
+            break
+        state = _moved(state, dx, x_m)
     return best
 
 
@@ -241,76 +251,52 @@ def _linear(
 ) -> tuple[Array, Array, Array]:
     """Return residuals (n, 2) and derivatives by the unknowns (n, 2, p) and the points (n, 2, 3).
 
-    All divided by the focal length, so in radians.
+    All divided by the declared focal length, so in radians.
     """
     moved = Pose(R=T_m_b.R, r=T_m_b.r + state.delay_s * velocity)
     v, B = np.empty((len(seen), 2)), np.empty((len(seen), 2, 3))
     A = np.zeros((len(seen), 2, N_CAMERA * len(seen.cameras) + 1))
     for k, camera in enumerate(state.cameras):
         own = np.flatnonzero(seen.camera_idx == k)
-        f = camera.interior.f
-        body = moved[seen.exposure_idx[own]]
-        T_m_c = body @ camera.T_b_c
+        f, unit = camera.interior.f, seen.cameras[k].interior.f
+        T_m_c = moved[seen.exposure_idx[own]] @ camera.T_b_c
         x_c = to_camera(T_m_c, state.x_m[seen.point_idx[own]])
         xy = xy_from_colrow(camera, seen.colrow[own])
         ideal = pinhole(f, x_c)
-        v[own] = (ideal - correct(camera.interior, xy)) / f
-        by_x = pinhole_jacobian(f, x_c) / f
-        R_c_m = np.swapaxes(T_m_c.R, -1, -2)
-        c = N_CAMERA * k
-        A[own, :, c : c + 3] = by_x @ skew(x_c)
-        A[own, :, c + 3 : c + N_MOUNT] = -by_x @ camera.T_b_c.R.T
-        A[own, :, c + N_MOUNT : c + N_CAMERA] = -correct_jacobian(camera.interior, xy)[:, :, :8] / f
-        A[own, :, c + N_MOUNT] = ideal / f**2
-        along = transform(R_c_m, velocity[seen.exposure_idx[own]])
-        A[own, :, -1] = -np.einsum("nij,nj->ni", by_x, along)
-        B[own] = by_x @ R_c_m
+        v[own] = (ideal - correct(camera.interior, xy)) / unit
+        by_x = pinhole_jacobian(f, x_c) / unit
+        by_m = by_x @ np.swapaxes(T_m_c.R, -1, -2)
+        by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
+        by_lens[:, :, 0] = ideal / (f * unit)
+        by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
+        A[own, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
+        A[own, :, -1] = -transform(by_m, velocity[seen.exposure_idx[own]])
+        B[own] = by_m
     return v, A, B
 
 
-def _stepped(
+def _step(
     seen: Sightings, state: Mounted, linear: tuple[Array, Array, Array], prior: Array
-) -> Mounted:
-    """Return the state after one reweighted step; tie points are eliminated."""
-    v, A, B = linear
-    u = np.nan_to_num(np.linalg.norm(v, axis=1), nan=np.inf) / (WIDTH * state.misfit)
-    weight = np.square(1 / (1 + u**2)) / state.misfit**2
-    good = np.all(np.isfinite(v), axis=1)
-    weight, v = np.where(good, weight, 0.0), np.where(good[:, None], v, 0.0)
-    A, B = np.where(good[:, None, None], A, 0.0), np.where(good[:, None, None], B, 0.0)
-    ties = np.flatnonzero(np.isnan(seen.x_m[:, 0]))
-    of_tie = np.full(len(seen.x_m), -1)
-    of_tie[ties] = np.arange(len(ties))
-    rows = np.flatnonzero(of_tie[seen.point_idx] >= 0)
-    WA = weight[:, None, None] * A
+) -> tuple[Array, Array]:
+    """Return one reweighted step of the unknowns, and the moved points, which are eliminated."""
+    u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (WIDTH * state.misfit)
+    v, A, B = (np.nan_to_num(part) for part in linear)
+    weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
+    WA, WB = weight * A, weight * B
     N = np.einsum("nki,nkj->ij", WA, A, optimize=True) + np.diag(prior**-2)
     h = np.einsum("nki,nk->i", WA, v) + _from_declared(seen, state) / prior**2
-    if len(rows):
-        C, D, g = _of_points(
-            of_tie[seen.point_idx[rows]], len(ties), WA[rows], B[rows], v[rows], weight[rows]
-        )
-        DC = np.linalg.solve(C, D)
-        N = N - np.einsum("pki,pkj->ij", D, DC, optimize=True)
-        h = h - np.einsum("pki,pk->i", DC, g)
+    C, D, g = (np.zeros((len(seen.x_m), 3, *more)) for more in ((3,), (len(h),), ()))
+    np.add.at(C, seen.point_idx, np.swapaxes(WB, 1, 2) @ B)
+    np.add.at(D, seen.point_idx, np.swapaxes(WB, 1, 2) @ A)
+    np.add.at(g, seen.point_idx, np.einsum("nki,nk->ni", WB, v))
+    surveyed = np.isfinite(seen.x_m[:, 0])
+    C += np.where(surveyed, HELD, LOOSE)[:, None, None] * np.eye(3)
+    DC = np.linalg.solve(C, D)
+    N -= np.einsum("pki,pkj->ij", D, DC, optimize=True)
+    h -= np.einsum("pki,pk->i", DC, g)
     dx = -np.linalg.solve(N, h)
-    x_m = state.x_m
-    if len(rows):
-        x_m = x_m.copy()
-        x_m[ties] -= np.linalg.solve(C, (g + np.einsum("pki,i->pk", D, dx))[..., None])[..., 0]
-    return _moved(state, dx, x_m)
-
-
-def _of_points(
-    idx: Index, n: int, WA: Array, B: Array, v: Array, weight: Array
-) -> tuple[Array, Array, Array]:
-    """Return the tie points' normal matrices, their products with the unknowns, right sides."""
-    WB = weight[:, None, None] * B
-    C, D, g = np.zeros((n, 3, 3)), np.zeros((n, 3, WA.shape[2])), np.zeros((n, 3))
-    np.add.at(C, idx, np.swapaxes(WB, 1, 2) @ B)
-    np.add.at(D, idx, np.swapaxes(B, 1, 2) @ WA)
-    np.add.at(g, idx, np.einsum("nki,nk->ni", WB, v))
-    C += 1e-9 * (1e-30 + np.trace(C, axis1=1, axis2=2))[:, None, None] * np.eye(3)
-    return C, D, g
+    step = np.linalg.solve(C, (g + D @ dx)[..., None])[..., 0]
+    return dx, np.where(surveyed[:, None], state.x_m, state.x_m - step)
 
 
 def _from_declared(seen: Sightings, state: Mounted) -> Array:
@@ -320,7 +306,7 @@ def _from_declared(seen: Sightings, state: Mounted) -> Array:
         c = N_CAMERA * k
         out[c + 3 : c + N_MOUNT] = own.T_b_c.r - given.T_b_c.r
         lens = own.interior.to_array() - given.interior.to_array()
-        out[c + N_MOUNT : c + N_CAMERA] = lens[:8]
+        out[c + N_MOUNT : c + N_CAMERA] = lens[:N_LENS]
     out[-1] = state.delay_s
     return out
 
@@ -329,9 +315,10 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
     cameras = []
     for k, camera in enumerate(state.cameras):
         d = dx[N_CAMERA * k : N_CAMERA * (k + 1)]
+        turn = d[:3] * min(1.0, LARGEST_TURN / max(float(np.linalg.norm(d[:3])), 1e-300))
         lens = camera.interior.to_array()
-        lens[:8] += d[N_MOUNT:]
+        lens[:N_LENS] += d[N_MOUNT:]
         lens[0] = max(lens[0], 0.5 * camera.interior.f)
-        mount = Pose(R=camera.T_b_c.R @ exp(d[:3]), r=camera.T_b_c.r + d[3:N_MOUNT])
+        mount = Pose(R=camera.T_b_c.R @ exp(turn), r=camera.T_b_c.r + d[3:N_MOUNT])
         cameras.append(replace(camera, interior=Interior.from_array(lens), T_b_c=mount))
     return replace(state, cameras=tuple(cameras), x_m=x_m, delay_s=state.delay_s + float(dx[-1]))

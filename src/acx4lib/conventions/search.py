@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib.conventions.mounted import Mounted, mounted, started
 from acx4lib.conventions.readings import Reading, readings
 from acx4lib.conventions.sightings import Sightings, sightings
 from acx4lib.conventions.sigma_units import Unit, other_unit
+from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.table import Table
 from acx4lib.geometry.frames import log
 
 BETTER = 2.0
@@ -27,8 +31,8 @@ freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt
 ALIKE = 1.25
 """Ratio of misfits below which the simpler of two readings is named."""
 
-PROMISING = 1.1
-"""Ratio of misfits before the adjustment, from which a reading is adjusted."""
+PROMISING, MOST_TRIED = 1.1, 12
+"""Ratio of misfits before the adjustment from which a reading is adjusted, and how many are."""
 
 FLOOR_PX = 0.25
 """Misfit that no reading can explain, px."""
@@ -62,9 +66,17 @@ class Found:
     @property
     def sentence(self) -> str:
         """One sentence on the reading, with its figure beside the given one's."""
-        given, found = (_shown(value, self.unit) for value in (self.given, self.found))
+        found = _shown(self.found, self.unit)
+        if not np.isfinite(self.given):
+            return (
+                f"with {self.name} the residuals of {self.quantity} are {found}; as the numbers "
+                "are, rays do not meet"
+            )
         change = "fall" if self.found < self.given else "rise"
-        return f"with {self.name} the residuals of {self.quantity} {change} from {given} to {found}"
+        return (
+            f"with {self.name} the residuals of {self.quantity} {change} "
+            f"from {_shown(self.given, self.unit)} to {found}"
+        )
 
 
 def _shown(value: float, unit: str) -> str:
@@ -89,19 +101,31 @@ def best_reading(flight: Flight, block_name: str) -> Found | None:
     FlightError
         Where the flight has no such block.
     """
+    expected.instance("flight", flight, Flight)
     block = flight.block(block_name)
     seen = sightings(block)
     if seen is None:
         return None
+    with np.errstate(all="ignore"):  # readings may be absurd
+        return _searched(block, flight.trajectories[block_name], seen)
+
+
+def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
     T_m_b = block.trajectory.T_m_b[seen.exposures]
     given = mounted(seen, T_m_b)
-    usual = started(seen, T_m_b).misfit
-    tried = []
-    for reading in readings(block, flight.trajectories[block_name], seen):
-        promising = started(reading.seen, reading.T_m_b).misfit < PROMISING * usual
-        if promising or reading.velocity is not None:
-            tried.append((reading, mounted(reading.seen, reading.T_m_b, reading.velocity)))
+    others = list(readings(block, trajectory, seen))
+    tried = [
+        (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
+        for reading in _promising(others, started(seen, T_m_b).misfit)
+    ]
     return _best(tried, given, seen) or _of_sigma(other_unit(block, seen, given))
+
+
+def _promising(others: list[Reading], usual: float) -> list[Reading]:
+    """Return the readings that fit best before an adjustment, in their order, and the clock's."""
+    misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
+    limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
+    return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
 
 
 def _of_sigma(unit: Unit | None) -> Found | None:
@@ -110,6 +134,20 @@ def _of_sigma(unit: Unit | None) -> Found | None:
     return Found(
         name=unit.name, quantity=unit.quantity, given=unit.given, found=unit.found, unit="σ"
     )
+
+
+def notes(flight: Flight) -> Iterator[str]:
+    """Yield a sentence for every block that another reading fits much better.
+
+    Parameters
+    ----------
+    flight : Flight
+    """
+    expected.instance("flight", flight, Flight)
+    for name in flight.blocks:
+        found = best_reading(flight, name)
+        if found is not None:
+            yield f"{name}: {found.sentence}"
 
 
 def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.camera import Camera
 
@@ -15,6 +15,12 @@ MOST_IMAGES = 60
 
 MOST_MEASUREMENTS = 900
 """Number of their measurements, spread likewise."""
+
+RUN = 10
+"""Number of neighbouring exposures that are looked at together where tie points are needed."""
+
+FEWEST_RAYS = 3
+"""Of a tie point: two rays of one strip say nothing of the angles across it."""
 
 FEWEST_EXPOSURES = 6
 """Number of exposures below which a reading may fit by chance."""
@@ -70,7 +76,7 @@ def sightings(block: Block) -> Sightings | None:
     points = block.image_points[np.isfinite(block.image_points.sigma_px)]
     few = _of_some_images(block, points[np.isfinite(x_m[points.point_idx, 0])])
     if not _enough(block, few):
-        few = _met(_of_some_images(block, points), x_m)
+        few = _with_ties(block, points, np.isfinite(x_m[:, 0]))
     if not _enough(block, few):
         return None
     shown, point_idx = np.unique(few.point_idx, return_inverse=True)
@@ -108,20 +114,31 @@ def _surveyed(block: Block) -> Array:
 def _of_some_images(block: Block, points: ImagePoints) -> ImagePoints:
     """Return the measurements of whole exposures, evenly spaced, and not too many of them."""
     exposure = block.images.exposure_idx[points.image_idx]
-    measured = np.unique(exposure)
-    per_exposure = max(1.0, len(block.images) / max(1, len(block.trajectory)))
-    kept = _spaced(measured, int(MOST_IMAGES / per_exposure))
+    kept = _spaced(np.unique(exposure), _most_exposures(block))
     points = points[np.isin(exposure, kept)]
     return points[_spaced(np.arange(len(points)), MOST_MEASUREMENTS)]
+
+
+def _with_ties(block: Block, points: ImagePoints, is_surveyed: Mask) -> ImagePoints:
+    """Return the measurements of neighbouring exposures, of surveyed and of some tie points."""
+    exposure = block.images.exposure_idx[points.image_idx]
+    measured = np.unique(exposure)
+    first = _spaced(np.arange(len(measured)), _most_exposures(block) // RUN)
+    runs = np.unique(np.minimum(first[:, None] + np.arange(RUN), len(measured) - 1))
+    points = points[np.isin(exposure, measured[runs])]
+    rays = np.bincount(points.point_idx, minlength=len(is_surveyed))
+    ties = np.flatnonzero((rays >= FEWEST_RAYS) & ~is_surveyed)
+    most = int(MOST_MEASUREMENTS / max(1.0, rays[ties].mean())) if len(ties) else 0
+    kept = is_surveyed.copy()
+    kept[_spaced(ties, most)] = True
+    return points[kept[points.point_idx]]
+
+
+def _most_exposures(block: Block) -> int:
+    return int(MOST_IMAGES * len(block.trajectory) / max(1, len(block.images)))
 
 
 def _spaced(values: Index, most: int) -> Index:
     """Return at most so many values, evenly spaced."""
     every = np.linspace(0, len(values) - 1, min(len(values), max(most, 1)))
     return values[np.round(every).astype(np.intp)]
-
-
-def _met(points: ImagePoints, x_m: Array) -> ImagePoints:
-    """Return the measurements of surveyed points, and of tie points with two rays or more."""
-    rays = np.bincount(points.point_idx, minlength=len(x_m))
-    return points[np.isfinite(x_m[points.point_idx, 0]) | (rays[points.point_idx] > 1)]

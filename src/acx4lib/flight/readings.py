@@ -248,8 +248,8 @@ def _rows(table: Table) -> Iterator[Reading]:
         rows = np.clip(n + step, 0, len(table) - 1)
         yield Reading(
             quantity="position",
-            columns=("exposure",),
-            meaning=f"belonging to the {which} row",
+            columns=("positions", "angles"),
+            meaning=f"of the {which} row",
             table=changed(table, **{name: table.numbers[name][rows] for name in taken}),
         )
 

@@ -43,6 +43,20 @@ def test_a_verdict_counts_combined_standard_deviations(off, verdict):
     assert bool(row["reason"]) == (verdict != "agrees")
 
 
+def test_a_printed_mean_is_less_sure_where_points_share_errors():
+    """What is printed beside a mean is the scatter of 36 points; theirs is not independent."""
+    mean = next(
+        scorecard.as_printed_row(row)
+        for row in printed.table(4).to_dict("records")
+        if row["parameter"] == "mean_height_m" and row["column"] == "single_step"
+    )
+    paper_sigma = 1.5 * mean.sigma / 6
+    off = 2.5 * np.sqrt(0.05**2 + paper_sigma**2 + 0.005**2 / 3)
+    row = scorecard.line(mean, "value", Ours(value=mean.value + off, sigma=0.05, sharing=1.5))
+    assert row["deviation"] == pytest.approx(2.5)
+    assert row["verdict"] == "near"
+
+
 def test_counts_are_those_of_the_card():
     card = pd.DataFrame(
         {

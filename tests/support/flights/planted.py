@@ -253,7 +253,7 @@ def _sigma_px(table: pd.DataFrame, flight: SimulatedFlight) -> None:
 
 RADIAN, GON = np.pi / 180, 400 / 360
 
-TURNED = "the camera axes turned"
+TURNED = "the camera axes"
 """A constant turn of the body's own axes is the mounting's, too."""
 
 MISTAKES: Mapping[str, Mistake] = {
@@ -318,7 +318,9 @@ MISTAKES: Mapping[str, Mistake] = {
         makes=_order("", (0, 1, 2), transposed=True),
         named=("transposed", "{0}, {1}, {2} of opposite sign"),
     ),
-    "of the camera": Mistake(makes=_of_camera, forms=("grid",), named=("of the camera",)),
+    "of the camera": Mistake(
+        makes=_of_camera, forms=("grid",), named=("of the camera",), absorbed=True
+    ),
     "of a body with z down": Mistake(
         makes=_angles(lambda a, b, c: (a + 180 - 360 * (a > 0), -b, -c)),
         named=("z down", TURNED),
@@ -329,7 +331,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "the previous row": Mistake(makes=_rows(1), named=("next row",)),
     "20 ms late": Mistake(makes=_late(0.02), absorbed=True),
     "0.6 s late": Mistake(makes=_late(0.6), named=(" s late",)),
-    "2 s early": Mistake(makes=_late(-2.0), named=(" s early",)),
+    "1 s early": Mistake(makes=_late(-1.0), named=(" s early",)),
     "height in feet": Mistake(makes=_multiplied("height_m", by=1 / 0.3048), named=("in feet",)),
     "control in feet": Mistake(
         makes=_multiplied("height_m", by=1 / 0.3048), table="control", named=("in feet",)

@@ -127,7 +127,7 @@ def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]
     for reading in others:
         yield Mistake(
             where="trajectory",
-            column=reading.columns[-1],
+            column=reading.columns[-1] if table.has(reading.columns[-1]) else "exposure",
             says=f"{reading.says} in {table.file}",
             tables=replace(tables, trajectory=reading.table),
             setup=setup,
