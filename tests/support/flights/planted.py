@@ -280,7 +280,8 @@ MISTAKES: Mapping[str, Mistake] = {
         makes=_angles(lambda a, b, c: (b, a, c)), named=("{0}, {1} exchanged",)
     ),
     "roll, pitch exchanged, a sign": Mistake(
-        makes=_angles(lambda a, b, c: (b, -a, c)), named=("{0}, {1} exchanged, of signs",)
+        makes=_angles(lambda a, b, c: (b, -a, c)),
+        named=("{0}, {1} exchanged, then the first of opposite sign",),
     ),
     "pitch, heading exchanged": Mistake(
         makes=_angles(lambda a, b, c: (a, c, b)), named=("{1}, {2} exchanged",)
