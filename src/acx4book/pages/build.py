@@ -70,7 +70,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for name, text in (
         *texts_of_run(flight_path, results_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book, flight_path, results_path),
+        *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
@@ -152,6 +152,13 @@ def texts_of_benchmarks(
     yield "rendering-limits.md", rendering.limits(rendered)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+
+
+def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:
+    """Return a flight whose blocks are measured by the camera that is mounted, and its run."""
+    if ideal_path is None:
+        return flight_path, results_path
+    return ideal_path / KEPT, ideal_path
 
 
 def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:

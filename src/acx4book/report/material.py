@@ -112,6 +112,17 @@ def read(folder: str | Path) -> Material:
     return material
 
 
+def validated(material: Material) -> str:
+    """Return the name of the validation of the calibration, or of the given cameras."""
+    return f"validation/{material.calibration.partition('/')[2] or 'given'}"
+
+
+def checked_points(material: Material) -> pd.DataFrame:
+    """Return the check points of the validation with the calibration, or with given cameras."""
+    rows = material.found.check_points
+    return rows[rows["stage"] + "/" + rows["method"] == validated(material)]
+
+
 def block_of(material: Material, stage_method: str) -> Block:
     """Return the block of an adjustment, carried into synthetic images where these are adjusted.
 

@@ -75,8 +75,9 @@ def absorption(mountings: Mountings) -> Absorption | None:
     By Gauss and Markov the single step, which uses the same observations and the attitudes
     besides, is uncorrelated with what any other unbiased estimate differs from it by. So the
     covariance of the difference is the difference of the covariances [1]_. Both methods share
-    nearly all of their errors, and it is smaller than either by a factor of a thousand. Both are
-    therefore taken at one state, that of the single step.
+    nearly all of their errors, and it is far smaller than either. Both are therefore taken at one
+    state, that of the single step: at the two estimates they would differ by as
+    much from the derivatives alone.
 
     References
     ----------

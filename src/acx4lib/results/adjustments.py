@@ -10,14 +10,16 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.gross_errors.limits import Stopped
+from acx4lib.bundle.gross_errors.limits import Stopped, sentence
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
-from acx4lib.calibration import determination, gnss_shift, rig
-from acx4lib.calibration.confirmation import confirmations
+from acx4lib.calibration import gnss_shift, rig
 from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
+from acx4lib.calibration.trust import determination
+from acx4lib.calibration.trust.confirmation import confirmations
+from acx4lib.calibration.trust.needs import features
 from acx4lib.results import folder as results
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
@@ -106,7 +108,10 @@ def of_bundle(
     said = calibration or from_bundle(bundle)
     solution = bundle.solution
     key = summary_key or f"{stage}/{method}"
-    open_lines = [*not_determined(said), *gnss_shift.not_determined(bundle)]
+    open_lines = [
+        *not_determined(said, features(bundle.network.block)),
+        *gnss_shift.not_determined(bundle),
+    ]
     # where a group contradicts the others, sigma0 and so all sigma are large for this reason
     unknown = [] if bundle.stopped else [f"{key}: {line}" for line in open_lines]
     found = components(bundle, applied=applied)
@@ -129,6 +134,7 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
+        "height_scale_error": height_scale(bundle) - 1,
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],
     }
     return Record(
@@ -142,7 +148,7 @@ def of_bundle(
 def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     """Return the entries of summary.json on groups of which nothing was rejected."""
     return {
-        "stopped": [f"{key}: {group.sentence}" for group in stopped],
+        "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
     }
 

@@ -85,10 +85,13 @@ def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
 
 
+_OF_POINTS = ("mean", "std", "rms", "mean_sigma", "normalised_rms", "effective_number")
+
+
 def _points(value: object) -> bool:
     return (
         isinstance(value, dict)
-        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms", "mean_sigma"))
+        and all(_or_null(_three)(value.get(key)) for key in _OF_POINTS)
         and _classes(value.get("classes", {}))
     )
 
@@ -98,13 +101,14 @@ def _checksums(value: object) -> bool:
 
 
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
+_JUDGED = ("expected_rejections", "height_scale_error", "height_offset_share")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
 _TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
 
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (*_COUNT, *_OF_PAIRS, *_TESTED, "joint_dof", "n_exposures", "expected_rejections"),
+        (*_COUNT, *_OF_PAIRS, *_TESTED, *_JUDGED, "joint_dof", "n_exposures"),
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(

@@ -52,21 +52,28 @@ class MountingStage:
         return self.mountings.methods.get("single_step")
 
 
-def calibrate(flight: Flight, block: Block) -> MountingStage:
+def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     """Calibrate the mounting by all methods, by the settings of flight.toml.
 
     Parameters
     ----------
     flight : Flight
-    block : Block
-        The calibration block, carried into synthetic images where it is measured in heads.
+    block : Block, optional
+        The calibration block, by default as the flight has it; where it is measured in heads, its
+        points must have been carried into synthetic images, as `results.carried` has them.
 
     Raises
     ------
+    FlightError
+        Where the flight has no block calibration.
+    ValueError
+        Where this is measured in heads, and no block is given.
     AdjustmentError
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
     expected.instance("flight", flight, Flight)
+    if block is None:
+        block = _as_measured(flight)
     settings = Settings(
         free=flight.estimate_mounting,
         fix=flight.fix,
@@ -76,6 +83,13 @@ def calibrate(flight: Flight, block: Block) -> MountingStage:
     block, factors = weights.weighted(block, weights=flight.weights, **settings)
     mountings = mounting.calibrate(block, **settings)
     return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
+
+
+def _as_measured(flight: Flight) -> Block:
+    if "calibration" in flight.carried:
+        msg = "block calibration is measured in heads: give it with its points carried, as `block`"
+        raise ValueError(msg)
+    return flight.block("calibration")
 
 
 def run(flight: Flight, results_path: str | Path) -> MountingStage:

@@ -14,13 +14,15 @@ from acx4sim.optics.lens import Camera
 _HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 
 # With f held at 74 mm, the distance of a head from the ground appears 74/f times as large as it
-# is, and a wrong f in an oblique head shifts its x_p and y_p (by up to 0.04 mm here) and turns it
-# (by up to 0.03 deg). With these constants an adjustment of exact data of seed 1 gives omega, phi,
+# is, and a wrong f in an oblique head shifts its x_p and y_p (by up to 0.13 mm here) and turns it
+# (by up to 0.1 deg). With these constants an adjustment of exact data of seed 1 gives omega, phi,
 # kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
 # size follows from Table 3: the calibration block, measured in these heads, carried into the
 # synthetic image and adjusted in a single step, gives the f that is printed there.
 # tests/benchmarks/find_head_truth.py found the constants. The lens centres form a square of
-# 16 cm around that of the synthetic camera.
+# 16 cm, which looks outward, around Table 3's lever arm: that is chosen. What the synthetic camera
+# has in k1, k2, k3 comes from it, and so does the lever arm's z that is estimated: the rays of the
+# four heads meet above them.
 HEADS: Mapping[str, Camera] = MappingProxyType(
     {
         "CAM1": replace(

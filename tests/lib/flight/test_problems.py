@@ -177,7 +177,13 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, stages",
+        "heights, refraction, cameras, synthetic, apriori, stages, format",
+    ),
+    (
+        TOML,
+        'name = "small"',
+        'name = "small"\nformat = 3',
+        ":2: format: 3; must be a whole number up to 2; a larger one is of a later acx4",
     ),
     (
         TOML,
@@ -230,6 +236,25 @@ REPLACED = [
         "lever_z_m = 0.2",
         "lever_z_m = nan",
         ":14: cameras.CAM.lever_z_m: nan; must lie between -100 and 100",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = [0.1, 0.1]",
+        ":15: cameras.CAM.lever_sigma_m: [0.1, 0.1]; must be a number or a list of three",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = 0",
+        ":15: cameras.CAM.lever_sigma_m: 0; must be positive, at most 1e6",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_sigma_m = 0.1",
+        ":14: cameras.CAM.lever_sigma_m: sigma of nothing; needs the values it is of: lever_x_m, "
+        "lever_y_m, lever_z_m",
     ),
     (
         TOML,

@@ -90,6 +90,11 @@ def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gon
     assert of_points["sigma"].nunique() > 100  # carried, each by the map where it lies
 
 
+def test_measurements_of_heads_are_not_calibrated_as_if_they_were_of_one_camera(flown):
+    with pytest.raises(ValueError, match="block calibration is measured in heads"):
+        mounting.calibrate(flown)
+
+
 def test_the_rig_of_the_calibration_block_stands_beside_that_of_the_heads(gone_through):
     found = folder.read(gone_through[0])
     for method in ("mounting/rig", "mounting/rig_calibration"):

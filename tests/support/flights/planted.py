@@ -280,7 +280,8 @@ MISTAKES: Mapping[str, Mistake] = {
         makes=_angles(lambda a, b, c: (b, a, c)), named=("{0}, {1} exchanged",)
     ),
     "roll, pitch exchanged, a sign": Mistake(
-        makes=_angles(lambda a, b, c: (b, -a, c)), named=("{0}, {1} exchanged, of signs",)
+        makes=_angles(lambda a, b, c: (b, -a, c)),
+        named=("{0}, {1} exchanged, then the first of opposite sign",),
     ),
     "pitch, heading exchanged": Mistake(
         makes=_angles(lambda a, b, c: (a, c, b)), named=("{1}, {2} exchanged",)
@@ -343,7 +344,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "control of ellipsoidal heights": Mistake(
         makes=_added("height_m", GEOID_M),
         table="control",
-        named=("above the ellipsoid", "added twice"),
+        named=("height of control points above the ellipsoid",),
         geoid=True,
     ),
     "positions exchanged": Mistake(

@@ -53,7 +53,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: carried.carry(HEADS, HEADS, SYNTHETIC),
-            "block: expected a Block, got RelativeOrientation",
+            "block: expected a Block, got a RelativeOrientation",
         ),
         Wrong(
             lambda: carried.carry(BLOCK, HEADS, SYNTHETIC),

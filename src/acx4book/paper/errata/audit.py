@@ -169,7 +169,7 @@ def read_run(results_path: str | Path) -> Run:
         return Run(correlations=_largest_correlations(found))
     return Run(
         correlations=_largest_correlations(found),
-        absorbed=absorbed.of_flight(flight),
+        absorbed=absorbed.of_run(flight, found),
         predicted_m=_predicted(found),
     )
 

@@ -30,7 +30,20 @@ from acx4lib.geometry.crs_text import is_code_or_wkt
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import GNSS
 
-TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori", "stages")
+FORMAT = 2
+"""The latest format of flight.toml that is understood, as are all before it."""
+
+TOP = (
+    "name",
+    "crs",
+    "heights",
+    "refraction",
+    "cameras",
+    "synthetic",
+    "apriori",
+    "stages",
+    "format",
+)
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
@@ -52,6 +65,9 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.values.get("refraction", "none") not in ("none", "standard"):
         found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
+    if toml.values.get("format", FORMAT) not in range(1, FORMAT + 1):
+        expected = f"must be a whole number up to {FORMAT}; a larger one is of a later acx4"
+        yield toml.problem(("format",), quoted(toml.values["format"]), expected)
     yield from _grid_problems(toml)
     yield from _camera_problems(toml)
     yield from _synthetic_problems(toml)

@@ -230,7 +230,8 @@ def test_interior_orientation_absorbed_the_lever_arm():
 @pytest.fixture(scope="module")
 def absorbed_by_the_study():
     """By the simulated flight without noise, whose lever arm is Table 3's."""
-    return absorbed.of_flight(fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight)
+    flight = fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight
+    return absorbed.of_block(flight, flight.calibration)
 
 
 def test_effective_heights_explain_the_paper_to_millimetres(absorbed_by_the_study):
