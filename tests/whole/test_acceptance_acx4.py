@@ -104,6 +104,13 @@ def test_check_points_scatter_as_predicted(method):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("method", ["single_step", "two_step"])
+def test_check_points_of_20_flights_have_the_claimed_joint_covariance(method):
+    found = [flown.validations("acx4-ideal", seed=seed)[method] for seed in SEEDS]
+    flown.assert_errors_fit([(v.joint_chi_square, v.joint_dof) for v in found])
+
+
+@pytest.mark.slow
 def test_the_independent_block_has_the_papers_number_of_pairs():
     """The design aims at 262; which target an image shows differs from flight to flight."""
     found = [flown.validations("acx4-ideal", seed=seed)["single_step"] for seed in SEEDS]

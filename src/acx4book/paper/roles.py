@@ -14,8 +14,8 @@ ROLES: Mapping[str, str] = MappingProxyType(
     {
         "given": "It is an input of the simulation. That it comes back tests the software.",
         "chosen": "Something that the paper does not tell was set so that it comes out: for the "
-        "standard deviations of Table 3 the tie points and the noise of GNSS, for the numbers of "
-        "pairs the places of the targets.",
+        "standard deviations of the paper's Table 3 the tie points and the noise of GNSS, for the "
+        "numbers of pairs the places of the targets.",
         "follows": "It is arithmetic from other printed numbers, or the same true value, estimated "
         "a second time.",
         "independent": "Nothing was set for it. Only its agreement says something about the study.",

@@ -92,7 +92,7 @@ def counts(card: pd.DataFrame) -> pd.DataFrame:
     """Count the numbers of every role: by table, in all, and by verdict."""
     roles = pd.Categorical(card["role"], categories=[*ROLES])
     by_table = pd.crosstab(roles, card["table"], dropna=False)
-    by_table.columns = pd.Index([f"Table {number}" for number in by_table.columns])
+    by_table.columns = pd.Index([f"paper's Table {number}" for number in by_table.columns])
     verdicts = pd.crosstab(roles, card["verdict"], dropna=False)
     verdicts = verdicts.reindex(columns=["agrees", "near", "differs"], fill_value=0)
     counted = pd.concat([by_table, verdicts], axis=1)

@@ -158,11 +158,11 @@ def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
     block = flight.calibration
     gnss = np.nan if block is None else np.median(block.trajectory.sigma_position)
     return (
-        f"**Chosen for.** {len(ratio)} standard deviations of Table 3 come out between "
-        f"{ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of tie points "
-        f"and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper gives no "
-        "number, and a larger noise. Their agreement is no evidence; that two choices serve all of "
-        "them shows that Table 3 is consistent with the paper's block."
+        f"**Chosen for.** {len(ratio)} standard deviations of the paper's Table 3 come out "
+        f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
+        f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
+        "gives no number, and a larger noise. Their agreement is no evidence; that two choices "
+        "serve all of them shows that Table 3 is consistent with the paper's block."
     )
 
 

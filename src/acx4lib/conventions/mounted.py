@@ -42,7 +42,7 @@ FREE_POSE, ENOUGH_LEFT = 6, 4
 LEVER_M, DELAY_S = 1.0, 10.0
 """Prior sigma of lever arm, m, and delay, s: where both are the same, it is a delay."""
 
-FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.03
+FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.02
 """A lever arm, m, or a share of the focal length, farther from the declared one is none."""
 
 
@@ -61,12 +61,15 @@ class Mounted:
     misfit : float
         Angle by which rays miss their points, per component, robustly; radians. Infinite where
         most points lie behind the cameras.
+    held : bool
+        Whether lever arms and focal lengths are held as declared, since no plausible ones fit.
     """
 
     cameras: tuple[Camera, ...]
     x_m: Array
     delay_s: float = 0.0
     misfit: float = np.inf
+    held: bool = False
 
 
 def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Mounted:
@@ -84,7 +87,7 @@ def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Moun
     found = _adjusted(seen, T_m_b, start, velocity)
     if _plausible(found, seen):
         return found
-    return _adjusted(seen, T_m_b, start, velocity, held=True)
+    return _adjusted(seen, T_m_b, replace(start, held=True), velocity)
 
 
 def _plausible(found: Mounted, seen: Sightings) -> bool:
@@ -169,11 +172,9 @@ def _adjusted(
     T_m_b: Pose,
     start: Mounted,
     velocity: Array | None,
-    *,
-    held: bool = False,
 ) -> Mounted:
-    """Return the robust adjustment from a start; `held` keeps lever arm and focal length."""
-    prior = _prior_sigma(seen.cameras, held=held, delayed=velocity is not None)
+    """Return the robust adjustment from a start."""
+    prior = _prior_sigma(seen.cameras, held=start.held, delayed=velocity is not None)
     if velocity is None:
         velocity = np.zeros((len(T_m_b), 3))
     best = state = replace(start, misfit=np.inf)

@@ -62,6 +62,7 @@ def readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Readi
 
 def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Reading]:
     names = [block.trajectory.exposures[i] for i in given.seen.exposures]
+    table = _with_neighbours(table, index_of(names, table.text["exposure"]))
     rows = index_of(names, table.text["exposure"])
     others = list(of_flight.readings(table, block.frame.grid))
     if len(block.cameras) == 1:
@@ -71,6 +72,14 @@ def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Readi
             T_m_b = _poses(other.table, rows, block.frame)
         if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
             yield replace(given, name=other.name, quantity=other.quantity, T_m_b=T_m_b)
+
+
+def _with_neighbours(table: Table, rows: Index) -> Table:
+    """Return some rows of a table with the ones before and after each, of perhaps a million."""
+    keep = np.zeros(len(table) + 2, dtype=bool)
+    for step in (0, 1, 2):
+        keep[rows + step] = True
+    return table.select(keep[1:-1])
 
 
 def _poses(table: Table, rows: Index, frame: MappingFrame) -> Pose:
@@ -122,6 +131,6 @@ def _of_images(given: Reading) -> Iterator[Reading]:
     seen = given.seen
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
-    for name, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
-        plain = name.replace("_px", "")
-        yield replace(given, name=plain, quantity="image", seen=replace(seen, colrow=colrow))
+    for columns, meaning, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
+        name = f"{columns.replace('_px', '')} {meaning}"
+        yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))

@@ -44,6 +44,8 @@ class Unit:
 def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
     """Return the unit in which standard deviations agree with residuals; None if they do anyway.
 
+    Nothing is said where no plausible mounting fits: residuals are no errors of observation then.
+
     Parameters
     ----------
     block : Block
@@ -52,6 +54,8 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
     given : Mounted
         The block as it is given.
     """
+    if given.held:
+        return None
     T_m_b = block.trajectory.T_m_b[seen.exposures]
     noise = measuring_noise(seen, T_m_b, given)
     camera = given.cameras[0]

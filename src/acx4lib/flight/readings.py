@@ -134,9 +134,10 @@ def _exchanged(table: Table) -> Iterator[Reading]:
     """Roll and pitch in each other's column, with all their signs; a body with z down."""
     roll, pitch, heading = angle_columns(table)
     a, b, c = (table.numbers[name] for name in (roll, pitch, heading))
-    for i, j in product((1, -1), repeat=2):
-        signs = "" if i == j == 1 else f", of signs {'+-'[i < 0]}{'+-'[j < 0]}"
-        yield _attitude(table, f"exchanged{signs}", **{roll: i * b, pitch: j * a})
+    signs = {(1, 1): "", (-1, 1): "the first", (1, -1): "the second", (-1, -1): "both"}
+    for (i, j), which in signs.items():
+        turned = f", then {which} of opposite sign" if which else ""
+        yield _attitude(table, f"exchanged{turned}", **{roll: i * b, pitch: j * a})
     yield _attitude(table, "exchanged", **{roll: c, heading: a})
     yield _attitude(table, "exchanged", **{pitch: c, heading: b})
     if heading == "kappa_deg":
@@ -210,7 +211,6 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
     undulation = grid.undulation(lonlat)
     if np.any(undulation != 0):
         yield "above the ellipsoid", height - undulation
-        yield "above the geoid, its height added twice", height + undulation
 
 
 def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
@@ -218,8 +218,8 @@ def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
     yield "exchanged", east_north[:, ::-1]
 
 
-def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, Array]]:
-    """Yield image measurements in their other readings, with the name of each.
+def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
+    """Yield the other readings of image measurements: columns, their meaning, pixels.
 
     Half a pixel is not among them: no measurement tells it from the principal point.
 
@@ -233,11 +233,11 @@ def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tupl
     """
     col, row = colrow.T
     right, bottom = (size - 1 - colrow).T
-    yield "row_px counted from the bottom", np.column_stack([col, bottom])
-    yield "col_px counted from the right", np.column_stack([right, row])
-    yield "col_px, row_px exchanged", np.column_stack([row, col])
-    yield "col_px, row_px in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
-    yield "col_px, row_px in mm from the corner", colrow / pixel_mm - 0.5
+    yield "row_px", "counted from the bottom", np.column_stack([col, bottom])
+    yield "col_px", "counted from the right", np.column_stack([right, row])
+    yield "col_px, row_px", "exchanged", np.column_stack([row, col])
+    yield "col_px, row_px", "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield "col_px, row_px", "in mm from the corner", colrow / pixel_mm - 0.5
 
 
 def _rows(table: Table) -> Iterator[Reading]:

@@ -176,8 +176,7 @@ def colrow_from_xy(camera: Camera, xy: Array) -> Array:
 
 def inside(camera: Camera, colrow: Array) -> np.ndarray:
     """Tell which pixel coordinates lie on the sensor or its outer edges, shape (...)."""
-    upper = np.array([camera.width_px, camera.height_px]) - 0.5
-    return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
+    return border_distance(camera, colrow) >= 0
 
 
 def border_distance(camera: Camera, colrow: Array) -> Array:

@@ -199,7 +199,7 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
             fits[way] = refine_by_rotations(orientation, ties, free=way)
             orientations[way] = fits[way].orientation
         except AdjustmentError as error:
-            reasons[way] = str(error)
+            reasons[way] = "; ".join([str(error), *_warnings(found)])
     if len(ties):
         rejected = fits["rotations"].rejected if fits else np.zeros(len(ties), dtype=bool)
         orientations["mean shift"] = refine_by_mean_differences(orientation, ties[~rejected])
@@ -210,6 +210,12 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
         fits=fits,
         reasons=reasons,
     )
+
+
+def _warnings(found: FoundTies | None) -> list[str]:
+    """Return what is wrong with overlaps, once for all exposures."""
+    overlaps = [] if found is None else found.overlaps
+    return list(dict.fromkeys(one.sentence for one in overlaps if one.sentence))
 
 
 def records(refinement: Refinement) -> list[Record]:

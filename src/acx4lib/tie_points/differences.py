@@ -151,3 +151,15 @@ def frame_differences(
         d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])
+
+
+def sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
+    """Return the standard deviation of a difference in one coordinate, shape (n,)."""
+    variance = np.zeros(len(ties))
+    for k, colrow, own, _ in sides(ties):
+        for step in 0.5 * np.eye(2):
+            ahead = synthetic_from_head(orientation, k, colrow + step)
+            behind = synthetic_from_head(orientation, k, colrow - step)
+            # mean of the two directions of the synthetic image
+            variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
+    return ties.sigma_px * np.sqrt(variance)

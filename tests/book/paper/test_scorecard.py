@@ -67,7 +67,7 @@ def test_counts_are_those_of_the_card():
     )
     table = scorecard.counts(card).set_index("role")
     assert [*table.index] == [*ROLES]
-    assert table.loc["given"].to_dict() == {
-        "Table 1": 2, "Table 3": 0, "numbers": 2, "agrees": 1, "near": 0, "differs": 1
-    }  # fmt: skip
+    given = table.loc["given"]
+    assert (given["paper's Table 1"], given["paper's Table 3"], given["numbers"]) == (2, 0, 2)
+    assert (given["agrees"], given["near"], given["differs"]) == (1, 0, 1)
     assert table["numbers"].sum() == 4

@@ -107,7 +107,7 @@ def test_pixels_in_other_axes_meet_at_the_middle():
     names = []
     for given, right in zip(middles, [[1999.5, 1499.5]] * 5, strict=True):
         k = len(names)
-        name, colrow = list(pixel_readings(np.array([given]), size, pixel_mm))[k]
-        names.append(name)
+        columns, meaning, colrow = list(pixel_readings(np.array([given]), size, pixel_mm))[k]
+        names.append((columns, meaning))
         assert_allclose(colrow, [right], atol=1e-9)
     assert len(set(names)) == 5

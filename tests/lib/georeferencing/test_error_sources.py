@@ -62,6 +62,13 @@ def test_covariance_of_the_mean_is_that_of_the_dense_covariance(sources):
     assert_allclose(error_sources.mean_covariance(sources), expected, rtol=1e-9, atol=1e-12)
 
 
+def test_covariances_along_an_axis_are_parts_of_the_dense_covariance(sources):
+    C, size = dense(sources), np.sqrt(np.diag(dense(sources)))
+    for axis, among in enumerate(error_sources.axis_covariances(sources)):
+        scale = np.outer(size[axis::3], size[axis::3])
+        assert_allclose(among / scale, C[axis::3, axis::3] / scale, atol=1e-9)
+
+
 def test_other_axes_change_no_chi_square(sources, rng):
     R, d = rotation_from_opk(rng.uniform(-3, 3, (6, 3))), rng.normal(size=(6, 3))
     turned = error_sources.turned(sources, R)

@@ -137,6 +137,25 @@ def test_rms_of_36_points_is_known_to_24_percent():
     assert np.isnan(accuracy.rms_interval(1.0, 0)).all()
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.3, 1.0])
+def test_correlated_errors_count_as_fewer(rho):
+    """All correlated by rho, n of them: n / (1 + (n - 1) rho^2), between n and one."""
+    cov = 4e-4 * (rho * np.ones((25, 25)) + (1 - rho) * np.eye(25))
+    assert accuracy.effective_number(cov) == pytest.approx(25 / (1 + 24 * rho**2))
+    assert accuracy.effective_number(np.zeros((0, 0))) == 0.0
+
+
+def test_rms_of_correlated_errors_stays_within_its_limits(rng):
+    """A shift shared by 25 points: 95 % of 20 000 RMS, to the 2 % that the approximation leaves."""
+    own, shared = rng.normal(size=(20_000, 25)), 0.5 * rng.normal(size=(20_000, 1))
+    rms = np.sqrt(np.mean((own + shared) ** 2, axis=1) / 1.25)
+    n = accuracy.effective_number(np.eye(25) + 0.25)
+    low, high = accuracy.rms_limits(n)
+    assert np.mean((low < rms) & (rms < high)) == pytest.approx(0.95, abs=0.02)
+    independent_low, independent_high = accuracy.rms_limits(25)
+    assert np.mean((independent_low < rms) & (rms < independent_high)) < 0.935
+
+
 # --- PEC-PCD -------------------------------------------------------------------------------
 
 

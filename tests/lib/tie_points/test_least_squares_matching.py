@@ -197,13 +197,6 @@ def test_the_predicted_sigma_is_honest(texture, noise):
     assert 0.85 < np.mean(squares) < 1.25
 
 
-def compressed(image, quality):
-    """As JPEG leaves 8-bit grey values."""
-    grey = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-    _, stream = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return cv2.imdecode(stream, cv2.IMREAD_UNCHANGED).astype(np.float32)
-
-
 @pytest.mark.parametrize("quality", [75, 90])
 @pytest.mark.parametrize("finest", [0.1, 0.2])
 def test_the_predicted_sigma_is_honest_for_compressed_images(quality, finest):
@@ -214,7 +207,8 @@ def test_the_predicted_sigma_is_honest_for_compressed_images(quality, finest):
     for _ in range(8):
         shift = rng.uniform(-4, 4, 2)
         pair = seen, shifted(seen, *shift)
-        a, b = (compressed(one + rng.normal(scale=1.0, size=(N, N)), quality) for one in pair)
+        noisy = [np.rint(one + rng.normal(size=(N, N))).astype(np.uint8) for one in pair]
+        a, b = (taken.compressed(one, quality).astype(np.float32) for one in noisy)
         matches = match(a, b, at, at + shift.round(), half=HALF)
         good = np.all(matches.sigma_px < 0.5, axis=1)
         assert good.mean() > 0.6

@@ -159,8 +159,8 @@ def statistics() -> list[Wrong]:
             "rms: expected zero or a positive number, got -1.0",
         ),
         Wrong(
-            lambda: accuracy.rms_interval(1.0, 2.5),
-            "n: expected a whole number of 0 or more, got 2.5",
+            lambda: accuracy.rms_interval(1.0, -2.5),
+            "n: expected zero or a positive number, got -2.5",
         ),
         Wrong(
             lambda: reliability.noncentrality(power=80),

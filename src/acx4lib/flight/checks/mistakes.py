@@ -141,11 +141,12 @@ def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake
     size = np.array([[camera.width_px, camera.height_px] for camera in cameras])
     pixel_mm = np.array([[camera.pixel_mm] for camera in cameras])
     others = readings.pixel_readings(table.stack("col_px", "row_px"), size, pixel_mm)
-    for name, (col, row) in ((name, colrow.T) for name, colrow in others):
+    for columns, meaning, colrow in others:
+        col, row = colrow.T
         yield Mistake(
             where="image_points",
             column="row_px",
-            says=f"{name.replace('row_px ', 'row_px were ')} in {table.file}",
+            says=f"{columns} were {meaning} in {table.file}",
             tables=replace(tables, image_points=readings.changed(table, col_px=col, row_px=row)),
             setup=setup,
         )
