@@ -3,12 +3,14 @@
 FLIGHT  ?= data/flights/acx4
 PYTHON  ?= $(shell command -v python3.11 || command -v python3)
 PORT    ?= 8000
-# Pictures of the heads in the flight that ships: at which exposures, and at what part of the size.
-IMAGES  ?= H1-05,H3-04
+# Pictures in the flight that ships: at which exposures of blocks 1 and 2, and at what part of the size.
+IMAGES  ?= H1-05,H3-04,C2-05
 REDUCE  ?= 4
 # Mutated flights for make fuzz.
 N       ?= 1000
 SEED    ?= 1
+
+SHIPPED := data/flights/acx4 data/flights/acx4-ideal
 
 # FLIGHT is a name and nothing else: make expands nothing in it, and refuses what it or a shell would read.
 override FLIGHT := $(value FLIGHT)
@@ -45,7 +47,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test fuzz notebooks book serve bench coverage reference-data reference-results clean
+.PHONY: help .venv lock check test fuzz mistakes notebooks book serve bench coverage reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -93,6 +95,9 @@ test: .venv/.stamp-test ## all tests, slow ones included
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
 
+mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.planted_mistakes
+
 bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
@@ -102,13 +107,14 @@ coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma,
 
 # --- the notebooks on one flight -----------------------------------------------------------
 
-# The flight that ships is simulated: the same seed, the same bytes.
-data/flights/acx4/flight.toml: $(shell find src/acx4sim -name '*.py') | .venv/.stamp
+# The flights that ship are simulated: the same seed, the same bytes. Only the first has pictures.
+data/flights/acx4/flight.toml: PICTURES = --images '$(IMAGES)' --reduce '$(REDUCE)'
+$(SHIPPED:%=%/flight.toml): $(shell find src/acx4sim -name '*.py') | .venv/.stamp
 	@$(CLEAR) $(@D)
-	@$(BIN)/acx4 simulate acx4 --out $(@D) --images '$(IMAGES)' --reduce '$(REDUCE)'
+	@$(BIN)/acx4 simulate $(notdir $(@D)) --out $(@D) $(PICTURES)
 	@echo $(@D)
 
-FLIGHT_FILES := $(if $(filter data/flights/acx4,$(FLIGHT)),data/flights/acx4/flight.toml,$(wildcard \
+FLIGHT_FILES := $(if $(filter $(SHIPPED),$(FLIGHT)),$(FLIGHT)/flight.toml,$(wildcard \
                   $(foreach f,$(wildcard $(FLIGHT)/*.* $(FLIGHT)/*/*.csv),$(if $(call unsafe,$f),,$f))))
 
 $(RAN): $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
@@ -116,14 +122,23 @@ $(RAN): $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
 	@mkdir -p $(@D) && touch '$@'
 	@echo '$(RESULTS)'
 
-notebooks: $(RAN) ## run the notebooks on FLIGHT
+# Beside the study's flight, in the same book: the one of an ideal synthetic camera, whose heads are the same.
+ifeq ($(FLIGHT),data/flights/acx4)
+IDEAL := build/results/data-flights-acx4-ideal
+build/stamps/$(notdir $(IDEAL)): data/flights/acx4-ideal/flight.toml $(NOTEBOOKS) $(SOURCES) .venv/.stamp
+	@$(BIN)/acx4 run --results '$(IDEAL)' --stages mounting,validation -- $(<D)
+	@mkdir -p $(@D) && touch '$@'
+	@echo '$(IDEAL)'
+endif
+
+notebooks: $(RAN) $(IDEAL:build/results/%=build/stamps/%) ## run the notebooks on FLIGHT
 
 # --- the book ------------------------------------------------------------------------------
 
 book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
-	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book
+	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
 	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 
@@ -140,7 +155,7 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
-	@$(CLEAR) data/flights/acx4 data/flights/acx4.truth.json build/results/* || true
+	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* || true
 	@rm -rf build/stamps
 	@rmdir build/results build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

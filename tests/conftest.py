@@ -5,7 +5,9 @@ import pytest
 from hypothesis import settings
 
 from acx4lib.bundle import adjust, uses
+from acx4lib.calibration.heads import calibrate_heads
 from support import blocks
+from support.flights.simulated import HEADS, fly
 
 pytest_plugins = ["support.flights.scene"]
 
@@ -44,3 +46,10 @@ def self_calibrated(noisy_block):
     return adjust.adjust(
         uses.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
     )
+
+
+@pytest.fixture(scope="session")
+def fits():
+    """The study's heads, simulated and calibrated one by one."""
+    flight = fly("acx4", seed=1, blocks=("heads",)).flight
+    return calibrate_heads(flight.heads, HEADS, free=flight.estimate_heads).bundles

@@ -3,13 +3,13 @@
 Exact geometry in ECEF over hills, with an implementation of its own of everything that the
 library computes: rotations, `earth`, lens. Nothing is shared, so that no sign can cancel. The
 conventions are those of a flight's folder: body forward, left, up; boresight camera to body;
-distortion a function of the measured point. `designs` are two flights, each a `plan`; `fly` is
+distortion a function of the measured point. `designs` are three flights, each a `plan`; `fly` is
 where the aircraft truly is, `observe` what is measured; `gross_errors`, `optics`, `scenery`,
 `pictures` and `files` do the rest. Begin with `designs`, then `files`.
 """
 
-from acx4sim.designs import DESIGNS, acx4, single_head
+from acx4sim.designs import DESIGNS, acx4, acx4_ideal
 from acx4sim.files.writer import write
 from acx4sim.plan import Options
 
-__all__ = ["DESIGNS", "Options", "acx4", "single_head", "write"]
+__all__ = ["DESIGNS", "Options", "acx4", "acx4_ideal", "write"]

@@ -1,11 +1,11 @@
-"""The two flights that can be simulated."""
+"""The flights that can be simulated."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 from acx4sim.files.flights import SimulatedFlight, simulate_plan
-from acx4sim.optics.head_truth import HEAD_ANGLES_DEG, HEAD_TRUTH, head
+from acx4sim.optics import head_truth
 from acx4sim.optics.lens import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
@@ -52,7 +52,7 @@ def _heads_block() -> BlockPlan:
     low = Strip(n=7, height_m=1600.0, base_m=190.0)
     return BlockPlan(
         letter="H",
-        cameras=tuple(HEAD_TRUTH),
+        cameras=tuple(head_truth.HEADS),
         centre_m=_FIELD,
         azimuth_deg=_FIELD_AZIMUTH,
         strips=(
@@ -117,25 +117,44 @@ def _validation_block() -> BlockPlan:
 
 
 def acx4_plan() -> Plan:
-    """Plan the paper's flight."""
-    approximate = {
-        name: dict(
-            zip(("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"), angles, strict=True)
-        )
-        for name, angles in HEAD_ANGLES_DEG.items()
+    """Plan the paper's flight: the heads measure in every block."""
+    plan = _four_heads(
+        "acx4", "Trimble ACx4 near Curitiba, simulated", mount_deg=SYNTHETIC.boresight_deg
+    )
+    in_heads = {
+        name: replace(block, cameras=plan.heads, frame=plan.synthetic)
+        for name, block in plan.blocks.items()
+        if block.cameras == (plan.synthetic,)
     }
+    return replace(plan, blocks={**plan.blocks, **in_heads})
+
+
+def acx4_ideal_plan() -> Plan:
+    """Plan the paper's flight with an ideal camera, which no heads make, in blocks 2 and 3."""
+    omega, phi, kappa = (round(angle, 1) for angle in SYNTHETIC.boresight_deg)
+    return _four_heads(
+        "acx4-ideal",
+        "Trimble ACx4 near Curitiba, simulated with an ideal synthetic camera",
+        mount_deg=(omega, phi, kappa),
+    )
+
+
+def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float]) -> Plan:
+    """Plan the flight of the four heads; the synthetic frame is turned by `mount_deg`."""
+    heads = {name: head_truth.mounted(name, mount_deg) for name in head_truth.HEADS}
     return Plan(
-        name="acx4",
-        title="Trimble ACx4 near Curitiba, simulated",
+        name=name,
+        draws="acx4",
+        title=title,
         crs="EPSG:31982",
         ground_m=900.0,
-        cameras={**{name: head(name) for name in HEAD_TRUTH}, "SYN": SYNTHETIC},
+        cameras={**heads, "SYN": SYNTHETIC},
         approximate={
             **{
-                name: {"focal_mm": 74.0, **{key: round(angle, 1) for key, angle in mount.items()}}
-                for name, mount in approximate.items()
+                name: {"focal_mm": 74.0, **_mount(camera.boresight_deg, decimals=1)}
+                for name, camera in heads.items()
             },
-            "SYN": {"focal_mm": 74.0},
+            "SYN": {"focal_mm": 74.0, **_mount(mount_deg)},
         },
         noise=Noise(
             image_px=0.5,
@@ -152,9 +171,15 @@ def acx4_plan() -> Plan:
             "validation": _validation_block(),
         },
         synthetic="SYN",
-        heads=tuple(HEAD_TRUTH),
-        head_angles_deg=HEAD_ANGLES_DEG,
+        heads=tuple(head_truth.HEADS),
+        head_angles_deg={name: head.boresight_deg for name, head in head_truth.HEADS.items()},
     )
+
+
+def _mount(angles_deg: tuple[float, float, float], decimals: int = 9) -> dict[str, float]:
+    """Return a boresight as flight.toml has it."""
+    names = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+    return {name: round(angle, decimals) for name, angle in zip(names, angles_deg, strict=True)}
 
 
 def single_head_plan() -> Plan:
@@ -202,6 +227,7 @@ def single_head_plan() -> Plan:
     )
     return Plan(
         name="single-head",
+        draws="single-head",
         title="One camera turned by 90 degrees, simulated",
         crs="EPSG:32633",
         ground_m=430.0,
@@ -236,6 +262,17 @@ def acx4(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # 
     return simulate_plan(acx4_plan(), seed, options)
 
 
+def acx4_ideal(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
+    """Simulate the paper's flight with an ideal synthetic camera, which no heads make.
+
+    Parameters
+    ----------
+    seed, options
+        As in `acx4`, of which it has the trajectories, targets and errors.
+    """
+    return simulate_plan(acx4_ideal_plan(), seed, options)
+
+
 def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlight:  # noqa: B008 frozen
     """Simulate a flight of one ordinary camera, turned by 90 degrees on its mount.
 
@@ -248,5 +285,5 @@ def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlig
 
 
 DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
-    {"acx4": acx4, "single-head": single_head}
+    {"acx4": acx4, "acx4-ideal": acx4_ideal, "single-head": single_head}
 )

@@ -133,6 +133,15 @@ def rotation_from_opk_deg(opk_deg: tuple[float, float, float]) -> Rotation:
     return Rotation.from_euler("XYZ", opk_deg, degrees=True)
 
 
+def chained_deg(
+    outer_deg: tuple[float, float, float], inner_deg: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Compute the angles of R_a_c = R_a_b R_b_c from those of R_a_b and R_b_c, degrees."""
+    turn = rotation_from_opk_deg(outer_deg) * rotation_from_opk_deg(inner_deg)
+    omega, phi, kappa = (float(angle) for angle in turn.as_euler("XYZ", degrees=True))
+    return omega, phi, kappa
+
+
 def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = None) -> Array:
     """Compute the height of smooth hills at given positions, m; it is the same in every run.
 

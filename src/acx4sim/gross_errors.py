@@ -66,7 +66,7 @@ def spoil(
     if block not in recorded:
         msg = f"gross_errors: block {block!r} is not simulated; there are {list(recorded)}"
         raise ValueError(msg)
-    rng = stream(seed, plan.name, block, "gross errors")
+    rng = stream(seed, plan.draws, block, "gross errors")
     paths = [f"{block}/{name}.csv" for name in ("trajectory", "image_points")]
     control = f"{block}/control_points.csv"
     paths.append(control if control in files else "control_points.csv")

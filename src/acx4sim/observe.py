@@ -1,6 +1,7 @@
 """Points that every camera sees, their exact image coordinates, and the tie points measured."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,14 +42,14 @@ def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     return np.column_stack([en, terrain_height(llh, plan.ground_m)])
 
 
-def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
-    """Project points into all cameras of a block at all exposures."""
+def look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight:
+    """Project points into cameras at all exposures of a track."""
     grid = Grid(crs=plan.crs)
     llh = grid.geodetic_from_grid(x_g)
     x_e, up = grid.ecef_from_geodetic(llh), axes_of_enu_in_ecef(llh)[:, :, 2]
-    shape = (len(block.cameras), len(track.exposure), len(x_g))
+    shape = (len(cameras), len(track.exposure), len(x_g))
     colrow, seen = np.empty((*shape, 2)), np.empty(shape, dtype=np.bool_)
-    for i, name in enumerate(block.cameras):
+    for i, name in enumerate(cameras):
         camera = plan.cameras[name]
         r_e_c, R_e_c = poses_in_ecef(grid, track, camera.boresight_deg, np.array(camera.lever_m))
         ray = x_e - r_e_c[:, None]
@@ -59,10 +60,32 @@ def look(plan: Plan, block: BlockPlan, track: Track, x_g: Array) -> Sight:
     return Sight(colrow=colrow, seen=seen)
 
 
-def strew_tie_points(
-    plan: Plan, block: BlockPlan, track: Track, n_points: int, rng: np.random.Generator
+def measure(
+    plan: Plan, block: BlockPlan, track: Track, surveyed_g: Array, rng: np.random.Generator
+) -> Sight:
+    """Return where the cameras of a block measure its surveyed points, then its tie points.
+
+    Where the block has a frame, its cameras measure what lies in the frame's image, and all of them
+    that see it.
+    """
+    deciding = (block.frame,) if block.frame else block.cameras
+    surveyed = look(plan, deciding, track, surveyed_g)
+    ties_g, ties = _strew_tie_points(plan, block, deciding, track, rng)
+    seen = np.concatenate([surveyed.seen, ties.seen], axis=2)
+    if block.frame:
+        sight = look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
+        return replace(sight, seen=sight.seen & seen)
+    return Sight(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
+
+
+def _strew_tie_points(
+    plan: Plan,
+    block: BlockPlan,
+    cameras: Sequence[str],
+    track: Track,
+    rng: np.random.Generator,
 ) -> tuple[Array, Sight]:
-    """Spread tie points over the ground until every camera has `n_points` with three rays.
+    """Spread tie points over the ground until every camera has enough with three rays.
 
     Returns
     -------
@@ -77,13 +100,13 @@ def strew_tie_points(
         Where the block does not see that many.
     """
     grounds, sights = [], []
-    missing = np.full(len(block.cameras), n_points)
+    missing = np.full(len(cameras), block.tie_points)
     for _ in range(_MAX_BATCHES):
         if not np.any(missing > 0):
             break
         places = np.array(block.tie_area_m) * rng.uniform(-1, 1, (_BATCH, 2))
         x_g = ground_points(plan, block, places)
-        sight = look(plan, block, track, x_g)
+        sight = look(plan, cameras, track, x_g)
         sight.seen[rng.random(sight.seen.shape) >= _MEASURED] = False
         good = sight.seen.sum(axis=1) >= _MIN_RAYS
         enough = np.all(np.cumsum(good, axis=1) >= missing[:, None], axis=0)
@@ -93,11 +116,11 @@ def strew_tie_points(
         grounds.append(x_g[keep])
         sights.append(Sight(colrow=sight.colrow[:, :, keep], seen=sight.seen[:, :, keep]))
     else:
-        msg = f"block {block.letter} does not see {n_points} tie points in every camera"
+        msg = f"block {block.letter} does not see {block.tie_points} tie points in every camera"
         raise ValueError(msg)
     if not grounds:
         x_g = np.empty((0, 3))
-        return x_g, look(plan, block, track, x_g)
+        return x_g, look(plan, cameras, track, x_g)
     return np.concatenate(grounds), Sight(
         colrow=np.concatenate([sight.colrow for sight in sights], axis=2),
         seen=np.concatenate([sight.seen for sight in sights], axis=2),

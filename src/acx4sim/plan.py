@@ -198,6 +198,9 @@ class BlockPlan:
         First letter of the names of its exposures.
     cameras : tuple of str
         Cameras that expose together.
+    frame : str
+        Camera whose image decides what is measured at an exposure, in whatever cameras of the
+        block see it; empty where every camera decides for itself.
     centre_m : tuple of float
         East and north of the middle.
     azimuth_deg : float
@@ -207,7 +210,7 @@ class BlockPlan:
     start_s : float
         Time of the first exposure, seconds of the week.
     tie_points : int
-        Tie points with at least three rays in every camera.
+        Tie points with at least three rays in every camera, or in the frame.
     tie_area_m : tuple of float
         Half of the length and width of the area with tie points.
     targets : ndarray, shape (n, 2)
@@ -224,6 +227,7 @@ class BlockPlan:
     tie_points: int
     tie_area_m: tuple[float, float]
     targets: Array = field(default_factory=lambda: np.empty((0, 2)))
+    frame: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,6 +251,8 @@ class Plan:
     ----------
     name, title : str
         Its names in the simulator and in flight.toml.
+    draws : str
+        Name of its random numbers: plans that share it share trajectories, targets and errors.
     crs : str
         CRS of the grid.
     ground_m : float
@@ -272,6 +278,7 @@ class Plan:
     """
 
     name: str
+    draws: str
     title: str
     crs: str
     ground_m: float
@@ -285,6 +292,11 @@ class Plan:
     heads: tuple[str, ...] = ()
     head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     refraction: str = "none"
+
+    @property
+    def measured_in_heads(self) -> bool:
+        """Whether the heads measure what is to be carried into the synthetic image."""
+        return any(block.frame for block in self.blocks.values())
 
 
 def layout(n_forward: int, n_left: int, half_m: tuple[float, float], play_m: float) -> Array:

@@ -1,8 +1,8 @@
 """Calibrate 200 simulated flights and note every error beside its sigma (``make coverage``).
 
-The flights are those of the design `acx4` with its default options; their seeds, 1 to 200, were
-fixed before any of them was flown. Each is written to disk and read as any other flight. The
-results replace those in data/benchmarks when all are there. Needs PYTHONPATH=tests.
+The flights are those of the design `acx4-ideal` with its default options; their seeds, 1 to 200,
+were fixed before any of them was flown. Each is written to disk and read as any other flight.
+The results replace those in data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchmarks import machine
 from support.flights import simulated
 
 OUT = machine.ROOT / "data" / "benchmarks"
-DESIGN = "acx4"
+DESIGN = "acx4-ideal"
 SEEDS = range(1, 201)
 VALIDATED = ("two_step", "single_step")
 """Methods that recover the truth; two_step_gnss holds a lever arm that is not the true one."""

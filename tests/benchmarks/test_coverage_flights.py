@@ -23,16 +23,16 @@ def of(table, method):
 @pytest.mark.parametrize("method", ["two_step", "two_step_gnss", "single_step"])
 def test_errors_are_those_of_the_method(found, method):
     rows = of(found[0], method)
-    expected = simulated.mounting_errors("acx4", method, seed=1)
+    expected = simulated.mounting_errors("acx4-ideal", method, seed=1)
     assert rows["error"].tolist() == expected.tolist()
-    cov = simulated.mounting_estimates("acx4", method, seed=1).cov
+    cov = simulated.mounting_estimates("acx4-ideal", method, seed=1).cov
     assert rows["sigma"].to_numpy() == pytest.approx(np.sqrt(np.diag(cov)))
 
 
 def test_squares_of_independent_errors_add_up_to_the_joint_chi_square(found):
     rows = of(found[0], "single_step")
-    errors = simulated.mounting_errors("acx4", "single_step", seed=1)
-    cov = simulated.mounting_estimates("acx4", "single_step", seed=1).cov
+    errors = simulated.mounting_errors("acx4-ideal", "single_step", seed=1)
+    cov = simulated.mounting_estimates("acx4-ideal", "single_step", seed=1).cov
     total, n = simulated.chi_square(errors, cov)
     assert n == len(rows) == 14
     # the closest correlations leave 1e-6 of the digits
@@ -41,7 +41,7 @@ def test_squares_of_independent_errors_add_up_to_the_joint_chi_square(found):
 
 def test_points_are_the_differences_from_all_rays(found):
     rows = of(found[1], "single_step")
-    checked = simulated.validations("acx4", seed=1)["single_step"]
+    checked = simulated.validations("acx4-ideal", seed=1)["single_step"]
     assert rows["d_height_m"].tolist() == checked.points.d[:, 2].tolist()
     assert rows["sigma_east_m"].tolist() == checked.points.sigma[:, 0].tolist()
     assert rows["point"].is_unique

@@ -41,8 +41,8 @@ build.fill(flight, results, book)
 CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
-    *("_executed/07-report", "_executed/08-rig", "reproducibility", "frames-and-notation"),
-    *("bibliography", "your-own-flight", "_executed/05-reference-data"),
+    *("_executed/07-report", "_executed/08-rig", "scorecard", "reproducibility"),
+    *("frames-and-notation", "bibliography", "your-own-flight", "_executed/05-reference-data"),
 )
 """The pages that show something of a flight, and those that they refer to."""
 
@@ -98,7 +98,7 @@ def build_book(folder, flown, found):
     shutil.copytree(ROOT / "book", book, ignore=without)
     for name in ("_executed", "_generated"):
         (book / name).mkdir()
-    (book / "intro.md").write_text("# The flight\n\n```{include} _generated/scorecard.md\n```\n")
+    (book / "intro.md").write_text("# The flight\n\n```{include} _generated/roles.md\n```\n")
     (book / "_executed" / "05-reference-data.md").write_text("# Left out\n")
     chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
@@ -205,6 +205,7 @@ def test_nothing_happens_in_the_browser(browser, made):
     for path in [
         *made.html.glob("_executed/*.html"),
         made.html / "intro.html",
+        made.html / "scorecard.html",
         made.html / "reproducibility.html",
         made.report,
     ]:

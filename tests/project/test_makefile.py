@@ -68,6 +68,20 @@ def test_a_file_of_the_flight_runs_nothing(copy):
     assert not list(copy.parent.rglob("PWNED"))
 
 
+def test_the_ideal_flight_is_run_beside_the_one_that_ships_and_beside_no_other(copy):
+    quick = ("-n", "-o", ".venv/.stamp", "book")
+    both, other = make(copy, *quick).stdout, make(copy, *quick, "FLIGHT=mine").stdout
+    results = "build/results/data-flights-acx4-ideal"
+    assert "simulate acx4 --out data/flights/acx4 --images" in both
+    assert "simulate acx4-ideal --out data/flights/acx4-ideal \n" in both
+    assert f"--results '{results}' --stages mounting,validation -- data/flights/acx4-ideal" in both
+    assert f"'build/results/data-flights-acx4' book {results}" in both
+    assert "acx4-ideal" not in other
+    alone = make(copy, *quick, "FLIGHT=data/flights/acx4-ideal").stdout
+    assert f"--results '{results}' -- \"$FLIGHT\"" in alone
+    assert f"'{results}' book \n" in alone
+
+
 def test_clean_removes_what_was_made_and_nothing_else(copy):
     mine = {
         *("data/flights/mine/flight.toml", "data/flights/acx4/my notes", "build/results/mine/x"),
@@ -75,14 +89,17 @@ def test_clean_removes_what_was_made_and_nothing_else(copy):
     }
     made = {
         *("data/flights/acx4/flight.toml", "data/flights/acx4/heads/images.csv"),
+        "data/flights/acx4-ideal/flight.toml",
         *("build/results/other/parameters.csv", "book/_build/html/index.html", "build/stamps/x"),
     }
     for name in made:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         (copy / name).write_text(name)
-    (copy / "data/flights/acx4.truth.json").write_text('{"made_by": "acx4 simulate"}')
+    for name in ("acx4", "acx4-ideal"):
+        mark_all(copy / f"data/flights/{name}", "acx4 simulate")
+        truth = copy / f"data/flights/{name}.truth.json"
+        truth.write_text('{"made_by": "acx4 simulate"}')
     (copy / "book/_build/.made-by-make").write_text("")
-    mark_all(copy / "data/flights/acx4", "acx4 simulate")
     mark_all(copy / "build/results/other", "acx4 run")
     for name in mine:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)

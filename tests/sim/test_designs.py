@@ -16,6 +16,8 @@ import acx4sim
 from acx4sim import earth
 from acx4sim.designs import acx4_plan
 
+ANGLES = ("omega", "phi", "kappa")
+
 
 @pytest.mark.parametrize(
     ("block", "strips"),
@@ -198,7 +200,7 @@ def test_heads_share_tie_points_at_one_exposure(flight):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_validation_gives_about_the_papers_262_pairs(seed):
     options = acx4sim.Options(blocks=("validation",))
-    measured = acx4sim.acx4(seed=seed, options=options).tables["validation/image_points.csv"]
+    measured = acx4sim.acx4_ideal(seed=seed, options=options).tables["validation/image_points.csv"]
     rays = measured.groupby("point").size()
     assert len(rays) == 36
     assert rays.min() >= 2
@@ -206,23 +208,67 @@ def test_validation_gives_about_the_papers_262_pairs(seed):
     assert measured["sigma_px"].between(1, 2).all()
 
 
-def test_head_mounts_are_table_1_rounded(flight):
+def test_head_mounts_are_rounded(flight):
     cameras = tomllib.loads(flight.toml)["cameras"]
+    true = flight.truth["cameras"]["CAM1"]
     assert cameras["CAM1"] == {
         "width_px": 8984,
         "height_px": 6732,
         "pixel_um": 6.0,
         "focal_mm": 74.0,
-        "mount_omega_deg": -14.8,
-        "mount_phi_deg": 12.8,
-        "mount_kappa_deg": 93.0,
+        **{f"mount_{a}_deg": round(true[f"boresight_{a}_deg"], 1) for a in ANGLES},
     }
-    assert "mount_omega_deg" not in cameras["SYN"]
+
+
+def test_the_ideal_cameras_mount_is_table_3_rounded_and_turns_the_heads_with_it(flight):
+    cameras = tomllib.loads(flight.toml)["cameras"]
+    declared = {key: value for key, value in cameras["SYN"].items() if "mount" in key}
+    assert declared == {"mount_omega_deg": 0.5, "mount_phi_deg": -1.6, "mount_kappa_deg": 0.1}
+    R_b_s = earth.rotation_from_opk_deg(tuple(declared.values()))
+    for name, angles in flight.truth["heads_in_synthetic_frame"].items():
+        true = flight.truth["cameras"][name]
+        boresight = [true[f"boresight_{angle}_deg"] for angle in ANGLES]
+        R_s_h = R_b_s.inv() * earth.rotation_from_opk_deg(tuple(boresight))
+        assert_allclose(R_s_h.as_euler("XYZ", degrees=True), list(angles.values()), atol=1e-9)
+        mount = [cameras[name][f"mount_{angle}_deg"] for angle in ANGLES]
+        assert_allclose(mount, boresight, atol=0.051)
+
+
+def test_the_ideal_design_has_the_trajectories_and_targets_of_the_other(flight, in_heads):
+    for path, table in flight.tables.items():
+        if path.endswith(("trajectory.csv", "control_points.csv")):
+            pd.testing.assert_frame_equal(table, in_heads.tables[path])
+
+
+@pytest.mark.parametrize("block", ["calibration", "validation"])
+def test_heads_measure_what_the_frame_of_the_ideal_camera_shows(flight, in_heads, block):
+    """Nothing else, and hardly less: points near the border of every head that sees them."""
+    shown, measured = (seen_at(flown, block) for flown in (flight, in_heads))
+    assert set(measured.index) <= set(shown.index)
+    assert len(measured) > 0.97 * len(shown)
+    assert set(measured) <= {1, 2, 3, 4}
+    assert (measured > 1).mean() > 0.1  # where heads overlap, all of them measure
+
+
+def seen_at(flown, block):
+    """Return in how many images of an exposure every point of it is measured."""
+    points, images = (flown.tables[f"{block}/{name}.csv"] for name in ("image_points", "images"))
+    return points.merge(images, on="image").groupby(["exposure", "point"]).size()
+
+
+def test_a_flight_measured_in_heads_says_so_and_has_no_true_synthetic_camera(in_heads):
+    toml = tomllib.loads(in_heads.toml)
+    assert toml["synthetic"]["measured_in"] == "heads"
+    mount = [toml["cameras"]["SYN"][f"mount_{angle}_deg"] for angle in ANGLES]
+    assert mount == [0.49665, -1.59457, 0.07984]  # Table 3
+    assert set(in_heads.truth["cameras"]) == {"CAM1", "CAM2", "CAM3", "CAM4"}
+    images = in_heads.tables["calibration/images.csv"]
+    assert images["image"].iloc[0] == "C1-01_CAM1"
 
 
 def test_blocks_can_be_simulated_alone(flight):
     options = acx4sim.Options(blocks=("calibration",))
-    alone = acx4sim.acx4(seed=1, options=options)
+    alone = acx4sim.acx4_ideal(seed=1, options=options)
     assert set(alone.tables) == {
         "control_points.csv",
         "calibration/images.csv",
@@ -237,7 +283,7 @@ def test_noise_of_the_other_sign_is_the_same_noise():
     """Errors of both flights add to zero, but for the order of small rotations; sigmas agree."""
     kinds = ("image_noise", "control_noise", "gnss_noise", "attitude_noise")
     plus, exact, minus = (
-        acx4sim.single_head(
+        acx4sim.DESIGNS["single-head"](
             seed=1,
             options=acx4sim.Options(
                 blocks=("calibration",),
@@ -258,11 +304,11 @@ def test_noise_of_the_other_sign_is_the_same_noise():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive"),
+        (lambda: acx4sim.acx4_ideal(seed=-1), "seed must be zero or positive"),
         (lambda: acx4sim.Options(image_noise=float("nan")), "image_noise must be"),
         (lambda: acx4sim.Options(tie_points={"head": 5}), "tie_points: block 'head'"),
         (
-            lambda: acx4sim.single_head(options=acx4sim.Options(blocks=("heads",))),
+            lambda: acx4sim.DESIGNS["single-head"](options=acx4sim.Options(blocks=("heads",))),
             r"blocks \['heads'\] asked for",
         ),
     ],

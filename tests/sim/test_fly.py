@@ -14,7 +14,7 @@ SHIFT = ["east_m", "north_m", "height_m"]
 
 
 def acx4(**options):
-    return acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
+    return acx4sim.acx4_ideal(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 def test_the_correlation_of_slow_errors_falls_exponentially():

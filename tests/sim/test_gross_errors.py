@@ -17,11 +17,11 @@ SHIFT = ["east_m", "north_m", "height_m"]
 
 
 def acx4(**options):
-    return acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
+    return acx4sim.acx4_ideal(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 def single_head(**options):
-    return acx4sim.single_head(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
+    return acx4sim.DESIGNS["single-head"](seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 @pytest.fixture(scope="module")

@@ -77,13 +77,13 @@ def eq_6(omega_deg, phi_deg, kappa_deg):
     )
 
 
-@pytest.mark.parametrize("name", ["acx4", "single-head"])
-def test_pixels_follow_from_the_truth_by_hand(name, exact, exact_single_head):
+@pytest.mark.parametrize("name", acx4sim.DESIGNS)
+def test_pixels_follow_from_the_truth_by_hand(name):
     """Every fortieth surveyed point; truth is rounded to 1 um, the axes are good to 1e-8."""
-    flight = exact if name == "acx4" else exact_single_head
+    flight = acx4sim.DESIGNS[name](seed=1, options=EXACT)
     toml = tomllib.loads(flight.toml)
     crs = CRS.from_user_input(toml["crs"])
-    geocentric = "EPSG:4988" if name == "acx4" else "EPSG:4978"
+    geocentric = "EPSG:4978" if name == "single-head" else "EPSG:4988"
     for block, exposures in flight.truth["exposures"].items():
         measured = flight.tables[f"{block}/image_points.csv"].merge(
             flight.tables[f"{block}/images.csv"], on="image"
@@ -126,7 +126,7 @@ def test_a_camera_turned_by_90_degrees_has_its_rows_along_the_flight(exact_singl
     assert abs(col) < 0.5 * abs(row)
 
 
-@pytest.mark.parametrize("name", ["acx4", "single-head"])
+@pytest.mark.parametrize("name", acx4sim.DESIGNS)
 def test_measurements_lie_on_their_sensor(name):
     flight = acx4sim.DESIGNS[name](seed=4)
     sensors = tomllib.loads(flight.toml)["cameras"]
@@ -186,7 +186,7 @@ def test_trajectory_noise_is_what_the_flight_says(flight, exact):
 
 def test_apriori_states_the_true_sigma():
     options = acx4sim.Options(image_noise=2.0, gnss_noise=0.0, blocks=("calibration",))
-    apriori = tomllib.loads(acx4sim.acx4(options=options).toml)["apriori"]
+    apriori = tomllib.loads(acx4sim.acx4_ideal(options=options).toml)["apriori"]
     assert apriori == {
         "image_point_px": 1.0,
         "gnss_horizontal_m": 0.02,
@@ -198,7 +198,7 @@ def test_apriori_states_the_true_sigma():
 
 def test_noise_of_one_kind_leaves_the_others_alone(flight):
     options = acx4sim.Options(control_noise=0.0)
-    other = acx4sim.acx4(seed=1, options=options)
+    other = acx4sim.acx4_ideal(seed=1, options=options)
     for path, table in flight.tables.items():
         same = table.equals(other.tables[path])
         assert same == (not path.endswith("control_points.csv"))
@@ -206,7 +206,7 @@ def test_noise_of_one_kind_leaves_the_others_alone(flight):
 
 def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
     options = replace(EXACT, gnss_shift_m=(0.1, -0.2, 0.3), gnss_drift_m_per_min=(0.0, 0.01, 0.0))
-    shifted = acx4sim.acx4(seed=1, options=options)
+    shifted = acx4sim.acx4_ideal(seed=1, options=options)
     for path, table in exact.tables.items():
         if not path.endswith("trajectory.csv"):
             pd.testing.assert_frame_equal(table, shifted.tables[path])

@@ -241,6 +241,13 @@ def changed(block, kind, by):
     return replace(block, trajectory=replace(trajectory, T_m_b=T))
 
 
+def surveyed_off(block, by):
+    """Return the block with the survey of its check points moved by east, north, height, m."""
+    R_m_g = np.swapaxes(block.check.R_g_m, 1, 2)
+    x_m = block.check.x_m + transform(R_m_g, np.broadcast_to(by, block.check.x_m.shape))
+    return replace(block, check=replace(block.check, x_m=x_m))
+
+
 def observed_sigmas(block):
     """Return the sigma of every observation by kind, shape (n, components)."""
     return {

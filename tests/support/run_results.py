@@ -7,6 +7,8 @@ import pandas as pd
 
 import acx4sim
 from acx4book.notebooks import runner
+from acx4book.report.material import Material, read
+from acx4book.report.verdict.verdict import findings
 from acx4lib import flight
 from acx4lib.calibration import mounting
 from acx4lib.georeferencing import validation
@@ -35,7 +37,7 @@ def _compute(flown, kept):
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
     adjustments.write(kept, "mounting", adjustments.of_mountings(found))
     provenance.stamp(kept, "mounting")
-    calibrations = read_back.calibrations_for(flown, results.read(kept))
+    calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
@@ -54,3 +56,9 @@ def edit_summary(folder, key, **values):
     summary = json.loads((folder / "summary.json").read_text())
     summary[key].update(values)
     (folder / "summary.json").write_text(json.dumps(summary))
+
+
+def state(folder_or_run, question):
+    """Return what the verdict of a report says of one question: its state and the answer."""
+    material = folder_or_run if isinstance(folder_or_run, Material) else read(folder_or_run)
+    return next((f.state, f.answer) for f in findings(material) if f.question == question)

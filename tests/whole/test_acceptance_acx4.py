@@ -29,8 +29,8 @@ ORIENTATIONS = ("relative_orientation", "refined")
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_mounting_parameter_of_seed_1_is_within_4_sigma(method):
-    found = flown.mounting_estimates("acx4", method, seed=1)
-    flown.assert_within_4_sigma(flown.mounting_errors("acx4", method, seed=1), found)
+    found = flown.mounting_estimates("acx4-ideal", method, seed=1)
+    flown.assert_within_4_sigma(flown.mounting_errors("acx4-ideal", method, seed=1), found)
 
 
 @pytest.mark.parametrize("method", [*HEADS, *ORIENTATIONS])
@@ -39,34 +39,18 @@ def test_every_head_parameter_of_seed_1_is_within_4_sigma(method):
     flown.assert_within_4_sigma(flown.head_errors(method, seed=1), found)
 
 
-def test_exact_heads_round_to_what_table_1_prints():
-    """Half a unit of the last digit: four decimals of x_p, y_p, three digits of k1, p1, p2."""
-    found = flown.head_estimates(seed=1, exact=True)
-    oriented = found["relative_orientation"]
-    height = dict(zip(oriented.names, oriented.values, strict=True))
-    for head in HEADS:
-        values = dict(zip(found[head].names, found[head].values, strict=True))
-        for name in ("xp_mm", "yp_mm"):
-            assert abs(values[f"{head} {name}"] - paper.value(1, name, head)) < 0.5e-4
-        for name in ("k1", "p1", "p2"):
-            printed = paper.value(1, name, head)
-            unit = 10.0 ** (np.floor(np.log10(abs(printed))) - 2)
-            assert abs(values[f"{head} {name}"] - printed) < 0.5 * unit
-        assert abs(height[f"{head} Zc"] - paper.value(1, "Zc_mm", head)) < 0.5e-3
-
-
 @pytest.mark.parametrize("method", ["single_step", "two_step"])
 def test_exact_data_give_back_the_truth(method):
     """Files round to a micrometre and a millionth of a pixel, 1e-4 of every sigma in them."""
-    found = flown.of_calibration(flown.exact_calibration("acx4", method, seed=1))
-    errors = found.values - flown.true_mounting("acx4")
+    found = flown.of_calibration(flown.exact_calibration("acx4-ideal", method, seed=1))
+    errors = found.values - flown.true_mounting("acx4-ideal")
     assert np.all(np.abs(errors) < 1e-4 * np.sqrt(np.diag(found.cov)))
 
 
 @pytest.mark.parametrize("method", ["single_step", "two_step"])
 def test_exact_data_meet_the_check_points(method):
-    block = flown.fly("acx4", seed=1, exact=True).flight.validation
-    found = flown.exact_calibration("acx4", method, seed=1)
+    block = flown.fly("acx4-ideal", seed=1, exact=True).flight.validation
+    found = flown.exact_calibration("acx4-ideal", method, seed=1)
     pairs = validation.validate(block, found, method=method).pairs
     assert_allclose(pairs.d, 0.0, atol=2e-5)  # m; files round to a micrometre
 
@@ -80,8 +64,8 @@ def test_mounting_errors_of_20_flights_have_the_claimed_joint_covariance(method)
     flown.assert_errors_fit(
         [
             flown.chi_square(
-                flown.mounting_errors("acx4", method, seed=seed),
-                flown.mounting_estimates("acx4", method, seed=seed).cov,
+                flown.mounting_errors("acx4-ideal", method, seed=seed),
+                flown.mounting_estimates("acx4-ideal", method, seed=seed).cov,
             )
             for seed in SEEDS
         ]
@@ -110,19 +94,26 @@ def test_head_errors_of_20_flights_have_the_claimed_joint_covariance(method, n_f
 
 @pytest.mark.slow
 def test_two_step_claims_the_scatter_of_its_errors():
-    flown.assert_two_step_claims_its_scatter("acx4")
+    flown.assert_two_step_claims_its_scatter("acx4-ideal")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["single_step", "two_step"])
 def test_check_points_scatter_as_predicted(method):
-    flown.assert_check_points_fit("acx4", method)
+    flown.assert_check_points_fit("acx4-ideal", method)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["single_step", "two_step"])
+def test_check_points_of_20_flights_have_the_claimed_joint_covariance(method):
+    found = [flown.validations("acx4-ideal", seed=seed)[method] for seed in SEEDS]
+    flown.assert_errors_fit([(v.joint_chi_square, v.joint_dof) for v in found])
 
 
 @pytest.mark.slow
 def test_the_independent_block_has_the_papers_number_of_pairs():
     """The design aims at 262; which target an image shows differs from flight to flight."""
-    found = [flown.validations("acx4", seed=seed)["single_step"] for seed in SEEDS]
+    found = [flown.validations("acx4-ideal", seed=seed)["single_step"] for seed in SEEDS]
     printed = paper.value(4, "n_pairs", "single_step")
     assert_allclose(np.mean([len(v.pairs) for v in found]), printed, rtol=0.03)
     assert_allclose([len(v.pairs) for v in found], printed, rtol=0.1)
@@ -134,15 +125,16 @@ def test_the_independent_block_has_the_papers_number_of_pairs():
 
 @pytest.mark.slow
 def test_check_points_pass_their_tests_as_often_as_they_should():
-    """Both accept 90 %, 54 of 60 axes, give or take 2.3; shared errors make the t larger."""
+    """Both accept 90 %, 54 of 60 axes, give or take 2.3."""
     accepted = {"mean": 0, "precision": 0}
     for seed in SEEDS:
-        points = flown.validations("acx4", seed=seed)["single_step"].points
-        summed = accuracy.from_differences(points.d)
+        found = flown.validations("acx4-ideal", seed=seed)["single_step"]
+        points, summed = found.points, accuracy.from_differences(found.points.d)
         predicted = accuracy.triple(np.sqrt(np.mean(points.sigma**2, axis=0)))
-        accepted["mean"] += sum(accuracy.mean_test(summed).accepted)
+        bias = accuracy.bias_test(points.d.mean(axis=0), found.mean_cov)
+        accepted["mean"] += sum(bias.accepted)
         accepted["precision"] += sum(accuracy.precision_test(summed, predicted).accepted)
-    assert 42 <= accepted["mean"] < 60
+    assert 47 <= accepted["mean"] < 60
     assert 46 <= accepted["precision"] < 60
 
 
@@ -151,7 +143,7 @@ def test_check_points_pass_their_tests_as_often_as_they_should():
 
 def spoilt(seed):
     """Return a flight with gross errors in block 2, and what they are."""
-    simulated = acx4sim.acx4(seed=seed, options=acx4sim.Options(blocks=("calibration",)))
+    simulated = acx4sim.acx4_ideal(seed=seed, options=acx4sim.Options(blocks=("calibration",)))
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     control, trajectory = tables["control_points.csv"], tables["calibration/trajectory.csv"]
     planted = flown.shift_image_points(
@@ -178,7 +170,7 @@ def test_gross_errors_are_found_and_do_no_harm(seed):
     assert len(rejected - planted) <= 6  # 1.5 are expected at 0.01 % of 15 000 components
     for method in ("single_step", "two_step"):
         estimates = flown.of_calibration(methods[method].calibration)
-        flown.assert_within_4_sigma(estimates.values - flown.true_mounting("acx4"), estimates)
+        flown.assert_within_4_sigma(estimates.values - flown.true_mounting("acx4-ideal"), estimates)
     assert flown.named(block, methods["two_step"].bundle.rejected) == rejected
     averaged = methods["two_step"].averaged
     assert [block.images.names[i] for i in np.flatnonzero(~averaged)] == ["C2-02", "C3-06"]
@@ -224,16 +216,16 @@ def test_a_measurement_taken_out_of_a_head_is_no_tie_point():
 
 
 def test_a_target_pointed_at_wrongly_forms_no_pairs():
-    simulated = acx4sim.acx4(seed=1)
+    simulated = acx4sim.acx4_ideal(seed=1)
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     points = tables["validation/image_points.csv"]
     (planted,) = flown.shift_image_points(points, (60,), size=(12000, 16200))
     found = flown.read_back(replace(simulated, tables=tables)).flight.validation
-    fit = flown.calibrations("acx4", seed=1)["single_step"]
+    fit = flown.calibrations("acx4-ideal", seed=1)["single_step"]
     spoilt = validation.validate(found, fit, method="single_step")
     assert flown.named(found, spoilt.rejected) == {planted}
     rays = int(np.sum(points["point"] == planted[2]))
-    sound = flown.validations("acx4", seed=1)["single_step"]
+    sound = flown.validations("acx4-ideal", seed=1)["single_step"]
     assert len(spoilt.pairs) == len(sound.pairs) - (rays - 1)
 
 
@@ -245,7 +237,7 @@ ABSORBED = {"f_mm": "lever_z_m", "xp_mm": "lever_x_m", "yp_mm": "lever_y_m"}
 def shift(name):
     """Return two_step_gnss less single_step on exact data, mm."""
     two, one = (
-        flown.of_calibration(flown.exact_calibration("acx4", method, seed=1)).values
+        flown.of_calibration(flown.exact_calibration("acx4-ideal", method, seed=1)).values
         for method in ("two_step_gnss", "single_step")
     )
     at = MOUNTING_NAMES.index(name)
@@ -272,7 +264,7 @@ def test_the_shift_between_the_methods_is_the_papers(name):
 @pytest.mark.parametrize("name", MOUNTING_NAMES)
 def test_single_step_is_as_sure_as_the_paper(name):
     """Within 15 %: the paper's layout on the ground is not known."""
-    found = flown.mounting_estimates("acx4", "single_step", seed=1)
+    found = flown.mounting_estimates("acx4-ideal", "single_step", seed=1)
     sigma = found.sigma[MOUNTING_NAMES.index(name)]
     assert_allclose(sigma, paper.sigma(3, name, "single_step"), rtol=0.15)
 
@@ -281,7 +273,9 @@ def test_single_step_is_as_sure_as_the_paper(name):
 def test_only_observed_positions_explain_how_sure_the_papers_two_step_is(name):
     """With positions observed its sigmas of f, x_p, y_p are met; without, they are far away."""
     sigma = {
-        method: flown.mounting_estimates("acx4", method, seed=1).sigma[MOUNTING_NAMES.index(name)]
+        method: flown.mounting_estimates("acx4-ideal", method, seed=1).sigma[
+            MOUNTING_NAMES.index(name)
+        ]
         for method in ("two_step", "two_step_gnss")
     }
     printed = paper.sigma(3, name, "two_step")

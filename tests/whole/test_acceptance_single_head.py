@@ -68,7 +68,9 @@ def test_check_points_scatter_as_predicted(method):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gross_errors_are_found_and_do_no_harm(seed):
-    simulated = acx4sim.single_head(seed=seed, options=acx4sim.Options(blocks=("calibration",)))
+    simulated = acx4sim.DESIGNS["single-head"](
+        seed=seed, options=acx4sim.Options(blocks=("calibration",))
+    )
     tables = {name: table.copy() for name, table in simulated.tables.items()}
     control, trajectory = tables["control_points.csv"], tables["calibration/trajectory.csv"]
     planted = flown.shift_image_points(

@@ -37,8 +37,8 @@ def block_of(shape, quarters=0):
     if quarters:
         return turned_in_its_mount(block_of(shape), quarters)
     design, name, ties = {
-        "52 images": ("acx4", "calibration", 150),
-        "268 images": ("acx4", "validation", 800),
+        "52 images": ("acx4-ideal", "calibration", 150),
+        "268 images": ("acx4-ideal", "validation", 800),
         "one head": ("acx4", "heads", 150),
         "single camera": ("single-head", "calibration", 150),
     }[shape]

@@ -107,14 +107,14 @@ def assert_cleaned(found, estimates, errors):
 
 
 def test_a_flight_with_many_gross_errors_is_cleaned():
-    found, estimates, errors = calibrated("acx4", seed=1)
+    found, estimates, errors = calibrated("acx4-ideal", seed=1)
     assert len(found.certain) > 100
     assert_cleaned(found, estimates, errors)
     assert of_other_kinds(found.rejected) == of_other_kinds(found.wrong)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", ["acx4", "single-head"])
+@pytest.mark.parametrize("design", ["acx4-ideal", "single-head"])
 def test_flights_with_many_gross_errors_are_cleaned(design):
     """Of control and trajectory some 400 components are tested, 20 times: one fails by chance."""
     false_alarms = 0
@@ -127,7 +127,7 @@ def test_flights_with_many_gross_errors_are_cleaned(design):
 
 @pytest.mark.slow
 def test_with_ten_times_as_many_tie_points_only_what_cannot_be_told_apart_is_missed():
-    found, estimates, errors = calibrated("acx4", seed=4, n_ties=5000)
+    found, estimates, errors = calibrated("acx4-ideal", seed=4, n_ties=5000)
     assert len(found.certain) > 700
     missed = found.certain - found.rejected
     assert len(missed) <= 1

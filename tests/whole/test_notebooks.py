@@ -4,12 +4,12 @@ import pytest
 
 from acx4book.notebooks import runner
 from acx4lib.results import folder as results
-from support.flights import other_heads, pictured
+from support.flights import in_heads, pictured
 
 
 @pytest.mark.slow
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
-    other_path = other_heads.write(tmp_path / "flight")
+    other_path = in_heads.write_other_heads(tmp_path / "flight")
     report = runner.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
     assert report.ran == ("heads", "synthetic")
     assert report.not_determined == report.left_out == ()

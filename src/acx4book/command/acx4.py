@@ -11,6 +11,7 @@ import logging
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -79,6 +80,7 @@ def _acx4(
     help="""Read and cross-check a flight, and print a summary.
 
 Every problem is one line on standard error, with its file, line and column; the status is then 2.
+Where another reading of the numbers fits much better, a sign, an order or a unit, a note names it.
 
 \b
 Example:
@@ -87,10 +89,12 @@ Example:
 )
 def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
+    from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
 
-    terminal.show(summary(read(flight)))
+    found = read(flight)
+    terminal.show(summary(replace(found, notes=(*found.notes, *notes(found)))))
 
 
 @app.command(
@@ -154,14 +158,15 @@ pictures of all cameras that expose together, 16 bit.
 
 \b
 NAME is one of
-  acx4         the paper's: four heads, a synthetic camera, three blocks
+  acx4         the paper's: four heads that measure in all three blocks
+  acx4-ideal   the same with an ideal synthetic camera in the blocks 2 and 3
   single-head  one ordinary camera, turned on its mount
 
 \b
 Examples:
   acx4 simulate single-head --out my_flight --seed 3
   acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
-  acx4 simulate acx4 --out my_flight --images H3-04,H1-05 --reduce 4
+  acx4 simulate acx4 --out my_flight --images H3-04,C2-05 --reduce 4
 """
 )
 def simulate(  # noqa: PLR0913, PLR0917 one for every option

@@ -33,7 +33,8 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
         Path, typer.Option(metavar="FOLDER", show_default=False, help="Folder for the images.")
     ],
     exposures: Annotated[
-        str | None, typer.Option(metavar="A,B", show_default=False, help="Only these; else all.")
+        str | None,
+        typer.Option(metavar="A,B", show_default=False, help="Only these, or block/A; else all."),
     ] = None,
     blend: Annotated[str, typer.Option(metavar="feather|seam", help="Between heads.")] = "feather",
     feather: Annotated[

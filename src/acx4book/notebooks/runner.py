@@ -63,8 +63,9 @@ class RunOutcome:
     skipped : tuple of str
         Stages whose block the flight does not have.
     not_determined : tuple of str
-        Sentences on parameters of `order.DECISIVE` methods that the data do not determine, and on
-        the error that stopped a stage of `order.ENDS`.
+        Sentences on groups of observations that contradict the others, in `order.CONSISTENT`
+        methods, on parameters of `order.DECISIVE` methods that the data do not determine, and on
+        the error that stopped a stage that is an end.
     notes : tuple of str
         Other remarks of the stages on the data.
     left_out : tuple of str
@@ -143,18 +144,24 @@ def run(
     _check_known(parameters or {}, jobs)
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
-        done, failed = _run_jobs(jobs, own, tell)
+        done, failed = _run_jobs(jobs, flight, own, tell)
     return RunOutcome(
         ran=tuple(ran[1:]),
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
-        not_determined=(*_messages(folder, done, "not_determined", order.DECISIVE), *failed),
+        not_determined=(*_wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
-        notes=tuple(_messages(folder, done, "notes", done)),
+        notes=tuple(
+            line
+            for key in ("not_confirmed", "notes")
+            for line in _messages(folder, done, key, done)
+        ),
     )
 
 
-def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[str], list[str]]:
-    """Run the stages; return those that ran, and the errors that stopped some of `order.ENDS`."""
+def _run_jobs(
+    jobs: Sequence[_Job], flight: flights.Flight, own: OwnFolder, tell: Tell
+) -> tuple[list[str], list[str]]:
+    """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
     failed: list[str] = []
     try:
@@ -163,11 +170,11 @@ def _run_jobs(jobs: Sequence[_Job], own: OwnFolder, tell: Tell) -> tuple[list[st
                 _run_job(job, own, tell)
                 done.append(order.PART_OF.get(job.stage, job.stage))
             except AdjustmentError as error:
-                if job.stage not in order.ENDS:
+                if not order.is_end(flight, job.stage):
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in _messages(own.path, done, "not_determined", order.DECISIVE):
+        for line in _wrong(own.path, done):
             error.add_note(line)
         raise
     return done, failed
@@ -211,6 +218,12 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
         msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
         raise ValueError(msg)
     return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
+
+
+def _wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
+    """Yield the sentences for which a run ends with status 1."""
+    yield from _messages(folder, stages, "stopped", order.CONSISTENT)
+    yield from _messages(folder, stages, "not_determined", order.DECISIVE)
 
 
 def _messages(

@@ -1,4 +1,4 @@
-"""Fill the book's folder: ``python -m acx4book.pages FLIGHT RESULTS BOOK``."""
+"""Fill the book's folder: ``python -m acx4book.pages FLIGHT RESULTS BOOK [IDEAL]``."""
 
 import sys
 from pathlib import Path
@@ -8,6 +8,6 @@ from acx4lib.errors import Acx4Error
 
 if __name__ == "__main__":
     try:
-        build.fill(*map(Path, sys.argv[1:4]))
+        build.fill(*map(Path, sys.argv[1:5]))
     except Acx4Error as error:  # results that were changed, a notebook that failed
         sys.exit(str(error))

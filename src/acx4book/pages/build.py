@@ -42,7 +42,7 @@ ALWAYS = (
 """Notebooks that are run for the book and not by ``acx4 run``."""
 
 
-def fill(flight_path: Path, results_path: Path, book: Path) -> None:
+def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | None = None) -> None:
     """Write what the book's pages are made of.
 
     Parameters
@@ -51,13 +51,17 @@ def fill(flight_path: Path, results_path: Path, book: Path) -> None:
         A flight and its run.
     book : Path
         Folder of the book; the current folder is the working copy that it belongs to.
+    ideal_path : Path, optional
+        Run of the design acx4-ideal, of which stages mounting and validation are done; only where
+        the flight is the one that ships.
 
     Raises
     ------
     Acx4Error
         If results were changed since their run, or a notebook fails.
     """
-    claims.verify(results_path, cure="run acx4 run again")
+    for path in (results_path, *([] if ideal_path is None else [ideal_path])):
+        claims.verify(path, cure="run acx4 run again")
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
@@ -66,7 +70,7 @@ def fill(flight_path: Path, results_path: Path, book: Path) -> None:
     for name, text in (
         *texts_of_run(flight_path, results_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book, flight_path, results_path),
+        *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
@@ -131,7 +135,7 @@ def texts_of_run(flight_path: Path, results_path: Path) -> Iterator[tuple[str, s
     flown, found = read_kept(results_path / KEPT), results.read(results_path)
     true = truth_path(flight_path)
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
-    yield "scorecard.md", scorecard_page.page(found, flown, simulated=truth is not None)
+    yield from scorecard_page.texts(found, flown, simulated=truth is not None).items()
     yield "simulation.md", simulation.page(flown, truth)
     yield "geometry.md", determination.geometry_page()
     yield "provenance.md", provenance.page(flight_path, results_path)
@@ -148,6 +152,13 @@ def texts_of_benchmarks(
     yield "rendering-limits.md", rendering.limits(rendered)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+
+
+def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:
+    """Return a flight whose blocks are measured by the camera that is mounted, and its run."""
+    if ideal_path is None:
+        return flight_path, results_path
+    return ideal_path / KEPT, ideal_path
 
 
 def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acx4book.pages import chosen
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, UNITS, with_unit
 from acx4book.typesetting.myst import myst_table
@@ -46,7 +47,7 @@ def page(flight: Flight, truth: Truth | None) -> str:
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if printed.applies(flight) else "",
         myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
-        _chosen(flight) if printed.applies(flight) else "",
+        chosen.page(flight, truth) if printed.applies(flight) else "",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -64,28 +65,40 @@ def _cameras(truth: Truth) -> pd.DataFrame:
 
 def _of_the_paper(flight: Flight, truth: Truth) -> str:
     """Say which true values are the paper's, and which are not."""
+    levers = np.array([[truth["cameras"][h][name] for name in MOUNT] for h in printed.HEADS])
+    apart = np.ptp(levers, axis=0).max()
+    held, first = flight.cameras["CAM1"].interior.f, truth["cameras"]["CAM1"]["f_mm"]
+    return (
+        f"{_synthetic_camera(flight, truth)} Table 1 does not print what the heads are, but what "
+        f"an adjustment makes of them that holds the focal length at {held:g} mm. Their true "
+        "angles and interior orientation are therefore such that exact data, adjusted in that way, "
+        "give Table 1's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ and "
+        "$Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "
+        f"{first:.4f} mm, follows from Table 3: the calibration block, measured in these heads, "
+        "carried into the synthetic image and adjusted in a single step, gives the $f$ printed "
+        "there. $X_c$ and $Y_c$ of Table 1 would put the heads a metre apart and were not given: "
+        f"here the heads sit in a square of {apart:.2f} m around the synthetic camera."
+    )
+
+
+def _synthetic_camera(flight: Flight, truth: Truth) -> str:
+    """Say where the synthetic camera comes from."""
+    if "SYN" not in truth["cameras"]:
+        angles = np.degrees(flight.cameras["SYN"].T_b_c.opk)
+        mount = [printed.value(3, name, "single_step") for name in BORESIGHT]
+        same = "is" if np.allclose(angles, mount, atol=1e-9) else "is not"
+        return (
+            "The synthetic camera is made of the heads and has no true values of its own; the "
+            f"mount that flight.toml declares for it {same} the boresight of the paper's Table 3."
+        )
     given = [
         name
         for name, value in truth["cameras"]["SYN"].items()
         if value == printed.value(3, name, "single_step")
     ]
-    angles = sum(
-        value == printed.value(1, name, head)
-        for head, found in truth["heads_in_synthetic_frame"].items()
-        for name, value in found.items()
-    )
-    levers = np.array([[truth["cameras"][h][name] for name in MOUNT] for h in printed.HEADS])
-    apart = np.ptp(levers, axis=0).max()
     return (
         f"The synthetic camera's {len(given)} values are those that the paper's Table 3 prints for "
-        f"the single-step method. The heads are turned by the {angles} angles of Table 1. Table 1 "
-        "does not print what the heads are, but what an adjustment makes of them that holds the "
-        f"focal length at {flight.cameras['CAM1'].interior.f:g} mm. Their true interior "
-        "orientation is therefore chosen so that exact data, adjusted in that way, give Table 1's "
-        "$x_p$, $y_p$, $k_1$, $p_1$, $p_2$ and $Z_c$. $Z_c$ tells the ratios of the focal "
-        f"lengths only: that of the first head, {truth['cameras']['CAM1']['f_mm']:g} mm, is a free "
-        "choice. $X_c$ and $Y_c$ of Table 1 would put the heads a metre apart and were not given: "
-        f"here the heads sit in a square of {apart:.2f} m around the synthetic camera."
+        "the single-step method; it is ideal, and not made of the heads."
     )
 
 
@@ -118,24 +131,3 @@ def _plan_height(sigma: Array) -> str:
         return ""
     plan, height = np.median(sigma[:, :2]), np.median(sigma[:, 2])
     return f"{plan:.3g}, {height:.3g}"
-
-
-def _chosen(flight: Flight) -> str:
-    """Say which numbers of the design were chosen, since the paper does not give them."""
-    block = flight.calibration
-    if block is None:
-        return ""
-    surveyed = len(block.control) + len(block.check)
-    n_tie = int(np.sum(block.rays > 0)) - surveyed
-    gnss = np.median(block.trajectory.sigma_position, axis=0)
-    best, worst = printed.statement("gnss_best_m"), printed.statement("gnss_worst_m")
-    return (
-        "The noise of the attitude and of the survey, the blocks, their strips and heights are the "
-        "paper's (sections 3.1, 3.2 and 4.3). Two things it does not tell, and they were *chosen* "
-        f"so that the standard deviations of its Table 3 come out: the {n_tie} tie points of the "
-        f"calibration block, and a GNSS noise of {100 * gnss[0]:g} cm in plan and "
-        f"{100 * gnss[2]:g} cm in height. Section 3.1 speaks of {best:.2f} to {worst:.2f} m; with "
-        "that the focal length and the lever arm's height could not be as precise as printed. The "
-        "agreement of those standard deviations is therefore no independent confirmation of any "
-        "of them; that two choices serve all of them at once is."
-    )

@@ -42,8 +42,9 @@ def table(number: int) -> pd.DataFrame:
     -------
     DataFrame
         table, row (as printed), parameter (our name), column (head or method), value, sigma,
-        unit (ours), unit_printed, as_printed, note (where our reading differs from the print).
-        `value` is NaN where the paper says ND, `sigma` where it gives none.
+        role and sigma_role (of value and sigma in the simulation, names of `roles.ROLES`), unit
+        (ours), unit_printed, as_printed, note (where our reading differs from the print).
+        `value` is NaN where the paper says ND, `sigma` where it gives none; roles then are ''.
     """
     if number not in (1, 2, 3, 4):
         msg = f"the paper has Tables 1 to 4, got {number}"

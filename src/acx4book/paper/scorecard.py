@@ -10,28 +10,15 @@ import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed as paper
+from acx4book.paper.roles import ROLES
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
-
-RULE = (
-    "A number *agrees* where it differs from the printed one by at most two combined standard "
-    "deviations, is *near* up to three, and *differs* beyond. Combined are: our standard "
-    "deviation, the paper's where it prints one, and the rounding of the print. Of a mean, a "
-    "scatter or an RMS over n points it is the one that n independent points give it, of a count "
-    "its square root. A standard deviation itself depends on the number and the spread of "
-    "tie points, which the paper does not tell: it is taken to be known to 20 %. The paper's "
-    "two-step column is compared with the two-step method that has GNSS positions in its bundle, "
-    "since the printed standard deviations are those of that reading."
-)
-"""The rule of the verdict, printed above the table."""
 
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
 """The reading of the two-step method that gives the printed standard deviations."""
-
-INPUT = "input"
-INDEPENDENT = "independent"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,13 +29,13 @@ class Ours:
     ----------
     value, sigma : float
         `sigma` is zero for an exact number.
-    role : str
-        `INPUT` if the printed number was an input of the simulation, else `INDEPENDENT`.
+    sharing : float
+        Of a mean over points: its sigma over that of independent points.
     """
 
     value: float
     sigma: float
-    role: str
+    sharing: float = 1.0
 
 
 def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
@@ -64,8 +51,8 @@ def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        table, quantity, column, printed, ours, sigma, unit, role, deviation (in combined
-        standard deviations), verdict, reason.
+        table, quantity, column, printed, ours, sigma, unit, role (of `roles.ROLES`), deviation
+        (in combined standard deviations), verdict, reason.
     """
     rows = []
     for number, find in ((1, _table_1), (2, _table_2), (3, _table_3), (4, _table_4)):
@@ -80,13 +67,18 @@ def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class Printed:
-    """One cell of a table of the paper; sigma is NaN where none is printed."""
+    """One cell of a table of the paper; sigma is NaN where none is printed.
+
+    Attributes are the columns of `printed.table`.
+    """
 
     table: int
     parameter: str
     column: str
     value: float
     sigma: float
+    role: str
+    sigma_role: str
     unit: str
     as_printed: str
 
@@ -97,12 +89,15 @@ def as_printed_row(row: Mapping[Hashable, Any]) -> Printed:
 
 
 def counts(card: pd.DataFrame) -> pd.DataFrame:
-    """Count the numbers of every table that agree, are near and differ, by role."""
-    order = ["agrees", "near", "differs"]
-    table = pd.crosstab([card["table"], card["role"]], card["verdict"])
-    table = table.reindex(columns=order, fill_value=0)
-    table.insert(0, "numbers", table.sum(axis=1))
-    return table.reset_index()
+    """Count the numbers of every role: by table, in all, and by verdict."""
+    roles = pd.Categorical(card["role"], categories=[*ROLES])
+    by_table = pd.crosstab(roles, card["table"], dropna=False)
+    by_table.columns = pd.Index([f"paper's Table {number}" for number in by_table.columns])
+    verdicts = pd.crosstab(roles, card["verdict"], dropna=False)
+    verdicts = verdicts.reindex(columns=["agrees", "near", "differs"], fill_value=0)
+    counted = pd.concat([by_table, verdicts], axis=1)
+    counted.insert(by_table.shape[1], "numbers", by_table.sum(axis=1))
+    return counted.rename_axis("role").reset_index()
 
 
 def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | None:
@@ -111,7 +106,7 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     if not np.isfinite(number) or ours is None:
         return None
     rounding = half_digit(printed.as_printed, what, number)
-    combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what) ** 2 + rounding**2 / 3)
+    combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what, ours) ** 2 + rounding**2 / 3)
     deviation = float(abs(ours.value - number) / combined)
     verdict = "agrees" if deviation <= 2 else "near" if deviation <= 3 else "differs"
     return {
@@ -122,19 +117,20 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
         "ours": ours.value,
         "sigma": ours.sigma,
         "unit": printed.unit,
-        "role": ours.role,
+        "role": printed.role if what == "value" else printed.sigma_role,
         "deviation": deviation,
         "verdict": verdict,
         "reason": "" if verdict == "agrees" else _reason(printed, what),
     }
 
 
-def _paper_sigma(printed: Printed, what: str) -> float:
+def _paper_sigma(printed: Printed, what: str, ours: Ours) -> float:
     """Return the standard deviation of a printed value; for means of Table 4 it is computed."""
     if what != "value" or not np.isfinite(printed.sigma):
         return 0.0
-    n_points = paper.value(4, "n_points", "single_step")
-    return printed.sigma / np.sqrt(n_points) if printed.table == 4 else printed.sigma
+    if printed.table != 4:
+        return printed.sigma
+    return ours.sharing * printed.sigma / np.sqrt(paper.value(4, "n_points", "single_step"))
 
 
 def half_digit(text: str, what: str, value: float) -> float:
@@ -164,21 +160,20 @@ def _summary(found: folder.Results, key: str, name: str) -> float:
 def _variance(found: folder.Results, key: str) -> Ours:
     value = _summary(found, key, "sigma0_squared")
     spread = value * np.sqrt(2 / _summary(found, key, "redundancy"))
-    return Ours(value=value, sigma=float(spread), role=INDEPENDENT)
+    return Ours(value=value, sigma=float(spread))
 
 
 def _table_1(found: folder.Results, flight: Flight, name: str, head: str) -> Ours | None:
     if name == "sigma0_squared":
         return _variance(found, f"heads/bundle/{head}")
     if name == "f_mm":
-        return Ours(value=flight.cameras[head].interior.f, sigma=0.0, role=INPUT)
+        return Ours(value=flight.cameras[head].interior.f, sigma=0.0)
     if name in ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg"):
         value, sigma = _parameter(found, "heads/relative_orientation", head, name)
-        role = INDEPENDENT if name in ("Xc_mm", "Yc_mm") else INPUT
-        return Ours(value=value, sigma=sigma, role=role)
+        return Ours(value=value, sigma=sigma)
     if name in folder.parameters(found, "heads/bundle", head).index:
         value, sigma = _parameter(found, "heads/bundle", head, name)
-        return Ours(value=value, sigma=sigma, role=INPUT)
+        return Ours(value=value, sigma=sigma)
     return None
 
 
@@ -193,7 +188,7 @@ def _table_2(_found: folder.Results, flight: Flight, name: str, camera: str) -> 
         "height_mm": synthetic.height_px * pixel,
         "f_mm": synthetic.interior.f,
     }
-    return Ours(value=float(values[name]), sigma=0.0, role=INPUT)
+    return Ours(value=float(values[name]), sigma=0.0)
 
 
 def _method(column: str) -> str:
@@ -208,8 +203,7 @@ def _table_3(found: folder.Results, flight: Flight, name: str, column: str) -> O
     if name not in folder.parameters(found, method, camera).index:
         return None
     value, sigma = _parameter(found, method, camera, name)
-    role = INPUT if column == "single_step" else INDEPENDENT
-    return Ours(value=value, sigma=sigma, role=role)
+    return Ours(value=value, sigma=sigma)
 
 
 def _synthetic_name(flight: Flight) -> str:
@@ -227,7 +221,7 @@ def _sigma_of(
     if ours is None:
         return None
     latitude = LATITUDE_OF_SIGMA * ours.sigma
-    return Ours(value=ours.sigma, sigma=latitude, role=INDEPENDENT)
+    return Ours(value=ours.sigma, sigma=latitude)
 
 
 def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
@@ -235,43 +229,47 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
     entry = found.summary[key]
     n_points, n_pairs = _summary(found, key, "n_points"), _summary(found, key, "n_pairs")
     failed = _summary(found, key, "n_failed_pairs")
-    gsd = ground_sample_m(flight.validation) if flight.validation else np.nan
+    gsd = ground_sample_m(flight.mounted("validation")) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
-    if axis >= 0 and kind in ("mean", "std", "rms"):
-        return _moment(entry, name, axis, n_points=n_points, gsd=gsd)
     points = folder.rows(found, "check_points", key)
+    if axis >= 0 and kind in ("mean", "std", "rms"):
+        return _moment(entry, name, axis, points=points, gsd=gsd)
     norm = np.linalg.norm(points[["d_east_m", "d_north_m", "d_height_m"]], axis=1)
     within = int(np.sum(norm <= 3 * gsd))
     share = within / max(n_points, 1)
     spread = float(np.sqrt(n_points * max(share * (1 - share), 0.25 / max(n_points, 1))))
     total = max(n_pairs + failed, 1)
     values = {
-        "n_pairs": Ours(value=n_pairs, sigma=float(np.sqrt(n_pairs)), role=INDEPENDENT),
-        "n_points": Ours(value=n_points, sigma=0.0, role=INPUT),
-        "n_success": Ours(value=n_pairs, sigma=float(np.sqrt(n_pairs)), role=INDEPENDENT),
-        "success_percent": Ours(value=100 * n_pairs / total, sigma=0.0, role=INDEPENDENT),
-        "n_fail": Ours(value=failed, sigma=0.0, role=INDEPENDENT),
-        "fail_percent": Ours(value=100 * failed / total, sigma=0.0, role=INDEPENDENT),
-        "n_within_3_gsd": Ours(value=within, sigma=spread, role=INDEPENDENT),
-        "within_3_gsd_percent": Ours(
-            value=100 * share, sigma=100 * spread / max(n_points, 1), role=INDEPENDENT
-        ),
-        "gsd_m": Ours(value=gsd, sigma=0.0, role=INPUT),
+        "n_pairs": Ours(value=n_pairs, sigma=float(np.sqrt(n_pairs))),
+        "n_points": Ours(value=n_points, sigma=0.0),
+        "n_success": Ours(value=n_pairs, sigma=float(np.sqrt(n_pairs))),
+        "success_percent": Ours(value=100 * n_pairs / total, sigma=0.0),
+        "n_fail": Ours(value=failed, sigma=0.0),
+        "fail_percent": Ours(value=100 * failed / total, sigma=0.0),
+        "n_within_3_gsd": Ours(value=within, sigma=spread),
+        "within_3_gsd_percent": Ours(value=100 * share, sigma=100 * spread / max(n_points, 1)),
+        "gsd_m": Ours(value=gsd, sigma=0.0),
     }
     return values.get(name)
 
 
 def _moment(
-    entry: dict[str, object], name: str, axis: int, *, n_points: float, gsd: float
+    entry: dict[str, object], name: str, axis: int, *, points: pd.DataFrame, gsd: float
 ) -> Ours | None:
-    """Return a mean or an RMS over the pairs; its precision is that from the number of points."""
+    """Return a mean or an RMS over the pairs; it is as precise as that over the points."""
     kind = name.split("_", maxsplit=1)[0]
-    values = np.array(entry[kind], dtype=float)
-    std = np.array(entry["std"], dtype=float)
+    values, std = (np.array(entry[key], dtype=float) for key in (kind, "std"))
     scale = 1 / gsd if name.endswith("_px") else 1.0
-    spread = std[axis] / np.sqrt(n_points if kind == "mean" else 2 * n_points)
-    return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), role=INDEPENDENT)
+    sharing = _sharing(entry, points, axis) if kind == "mean" else 1.0
+    spread = sharing * std[axis] / np.sqrt(len(points) if kind == "mean" else 2 * len(points))
+    return Ours(value=float(scale * values[axis]), sigma=float(scale * spread), sharing=sharing)
+
+
+def _sharing(entry: Mapping[str, Any], points: pd.DataFrame, axis: int) -> float:
+    """Return the sigma of the points' mean along an axis, over that of independent points."""
+    sigma = points[f"sigma_{AXES[axis]}_m"].to_numpy()
+    return float(entry["points"]["mean_sigma"][axis] * len(sigma) / np.linalg.norm(sigma))
 
 
 # --- reasons ---------------------------------------------------------------------------------

@@ -7,27 +7,62 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from acx4book.paper import absorbed, roles
 from acx4book.paper import printed as paper
-from acx4book.paper.scorecard import INPUT, RULE, counts, scorecard
+from acx4book.paper.errata import mounting
+from acx4book.paper.scorecard import counts, scorecard
 from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
 from acx4book.typesetting.myst import myst_table, scientific
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
 
-GIVEN = (
+RULE = (
+    "A number *agrees* where it differs from the printed one by at most two combined standard "
+    "deviations, is *near* up to three, and *differs* beyond. Combined are the rounding of the "
+    "print, the paper's standard deviation where it prints one, and ours, which is that of "
+    "{numref}`tab-our-sigma`. The paper's two-step column is compared with the two-step method "
+    "that has GNSS positions in its bundle, since the printed standard deviations are those of "
+    "that reading."
+)
+"""The rule of the verdict, by `scorecard.line`."""
+
+OUR_SIGMA = (
+    ("a parameter", "as the adjustment has it, a posteriori"),
+    (
+        Markup("a mean over $n$ points that scatter by $s$"),
+        Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
+    ),
+    (Markup("a scatter or an RMS over $n$ points"), Markup("$s/\\sqrt{2n}$")),
+    (Markup("a number $m$ of pairs"), Markup("$\\sqrt{m}$")),
+    (
+        Markup("a number of points out of $n$, their share being $q$"),
+        Markup("$\\sqrt{n\\,q\\,(1-q)}$, at least 1/2"),
+    ),
+    (
+        "a standard deviation",
+        "20 %, since it depends on tie points that the paper does not tell",
+    ),
+)
+"""What counts as our standard deviation of which number."""
+
+ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of this copy's run."
+
+MORE = (
+    "Every number stands on the {doc}`scorecard`; {doc}`reproducibility` lists what was given and "
+    "what was chosen."
+)
+
+WHY = (
     "The flight of the study is not public. This copy of the book was made from a simulated one, "
     "over the study's own block design, computed from exact geometry by code that shares nothing "
-    "with the estimator. {doc}`reproducibility` says what the simulation was given. A number that "
-    "was given and comes back tests the software, and says nothing about the study. What was not "
-    "given says something about both: the standard deviations, but for the two choices that were "
-    "made to meet those of Table 3, the shifts between the methods, and the accuracy on "
-    "independent points."
+    "with the estimator."
 )
 
 
-def page(found: folder.Results, flight: Flight, *, simulated: bool) -> str:
-    """Return the scorecard as MyST text: the rule, the counts, and every number by table.
+def texts(found: folder.Results, flight: Flight, *, simulated: bool) -> dict[str, str]:
+    """Return the texts on the printed numbers that pages include, by the names of their files.
 
     Parameters
     ----------
@@ -37,16 +72,33 @@ def page(found: folder.Results, flight: Flight, *, simulated: bool) -> str:
         instead.
     simulated : bool
         Whether the truth of the flight is known.
+
+    Returns
+    -------
+    dict of str to str
+        MyST: ``roles.md`` says what is independent, ``standing-out.md`` what stands out,
+        ``scorecard.md`` has the rule, the counts, and every number by table.
     """
     if not (simulated and paper.applies(flight)):
-        return _own_parameters(found, flight)
+        return {
+            "roles.md": _other_flight(flight) + "\n",
+            "standing-out.md": "\n",
+            "scorecard.md": _own_parameters(found),
+        }
     card = scorecard(found, flight)
-    parts = [
-        GIVEN,
-        _summed_up(card, flight),
-        RULE,
-        myst_table(_titled(counts(card)), "The verdicts, by table and role", name="tab-verdicts"),
-    ]
+    return {
+        "roles.md": f"{WHY} {roles.sentence(card)}\n",
+        "standing-out.md": _standing_out(card, found, flight),
+        "scorecard.md": _tables(card),
+    }
+
+
+def _tables(card: pd.DataFrame) -> str:
+    """Return the roles, the rule, the counts, and every number by table."""
+    counted = myst_table(counts(card), "The verdicts, by role", name="tab-verdicts")
+    sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
+    combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
+    parts = [ALL, roles.table(), counted, RULE, combined]
     for number, lines in card.groupby("table"):
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
@@ -58,19 +110,14 @@ def page(found: folder.Results, flight: Flight, *, simulated: bool) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _summed_up(card: pd.DataFrame, flight: Flight) -> str:
-    """Return sentences on the numbers that agree, and on the largest differences."""
-    agrees = card["verdict"] == "agrees"
-    given = card["role"] == INPUT
-    return (
-        f"The simulation was given {int(given.sum())} of the {len(card)} printed numbers as "
-        f"*input*, and {int((agrees & given).sum())} of these agree. The other "
-        f"{int((~given).sum())} are *independent*, and {int((agrees & ~given).sum())} of them "
-        "agree. Three things stand out:\n\n"
-        f"- {_sigma_of_table_3(card, flight)}\n- {_shift_of_methods(card)}\n"
-        f"- {_rms_of_table_4(card)}\n\n"
-        "Where a number differs, the tables below say why, as far as it is understood."
+def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
+    """Return what stands out, as a list."""
+    lines = (
+        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
+        _sigma_of_table_3(card, flight),
+        _rms_of_table_4(card, found),
     )
+    return "\n".join(f"- {line}" for line in lines) + f"\n\n{MORE}\n"
 
 
 def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[float, float]:
@@ -81,47 +128,71 @@ def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[f
     return float(row["printed"].iloc[0]), float(row["ours"].iloc[0])
 
 
+def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
+    shifts = []
+    for name in roles.STRONG:
+        two, single = _pick(card, 3, name, "two_step"), _pick(card, 3, name, "single_step")
+        shifts.append(f"{two[1] - single[1]:+.4f} ({two[0] - single[0]:+.4f}) mm in {LABELS[name]}")
+    said = (
+        f"**The strong evidence.** The two-step interior orientation differs from the single-step "
+        f"one by {', '.join(shifts)} (printed in brackets): it has absorbed the lever arm that it "
+        "could not see. Of the two readings of the two-step method computed here, only the bundle "
+        "with GNSS positions does so."
+    )
+    if "expected_mm" not in absorbed_arm:
+        return said
+    off_um = 1e3 * (absorbed_arm["shift_mm"] - absorbed_arm["expected_mm"]).abs()
+    rest_mm = 1e3 * absorbed_arm["sum_effective_m"].abs()
+    return (
+        f"{said} By least squares over this block, the printed lever arm must shift them by "
+        f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm. The paper's own "
+        f"two columns agree with that to {off_um.max():.1f} µm, a lever arm of "
+        f"{rest_mm.min():.0f} to {rest_mm.max():.0f} mm ({{doc}}`_executed/06-errata`)."
+    )
+
+
 def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
     is_sigma = (card["table"] == 3) & card["quantity"].str.startswith("sigma of")
-    of_interest = card[is_sigma & (card["column"] == "single_step")]
+    of_interest = card[is_sigma & (card["role"] == "chosen")]
     ratio = of_interest["ours"] / of_interest["printed"]
     block = flight.calibration
     gnss = np.nan if block is None else np.median(block.trajectory.sigma_position)
     return (
-        f"The {len(ratio)} standard deviations of the single-step method come out between "
-        f"{ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of tie points "
-        f"and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper gives no "
-        "number, and a larger noise. That one choice serves all of them shows that Table 3 is "
-        "consistent with the paper's block."
+        f"**Chosen for.** {len(ratio)} standard deviations of the paper's Table 3 come out "
+        f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
+        f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
+        "gives no number, and a larger noise. Their agreement is no evidence; that two choices "
+        "serve all of them shows that Table 3 is consistent with the paper's block."
     )
 
 
-def _shift_of_methods(card: pd.DataFrame) -> str:
-    shifts = []
-    for name in ("f_mm", "xp_mm", "yp_mm"):
-        two, single = _pick(card, 3, name, "two_step"), _pick(card, 3, name, "single_step")
-        shifts.append(f"{two[1] - single[1]:+.4f} ({two[0] - single[0]:+.4f}) mm in {LABELS[name]}")
+def _rms_of_table_4(card: pd.DataFrame, found: folder.Results) -> str:
+    """Say the RMS over pairs, as Table 4 has it, and over points, each from all its rays."""
+    points = folder.rows(found, "check_points", "validation/single_step")
+    d = points[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
+    over_points = np.sqrt(np.mean(d**2, axis=0))
+    pairs = np.array([_pick(card, 4, f"rms_{axis}_m", "single_step") for axis in AXES])
+    plan = np.hypot(*pairs[:2])
     return (
-        f"The two-step interior orientation differs from the single-step one by "
-        f"{', '.join(shifts)} (printed in brackets): it has absorbed the lever arm that it could "
-        "not see. Of the two readings of the two-step method computed here, only the bundle with "
-        "GNSS positions does so."
-    )
-
-
-def _rms_of_table_4(card: pd.DataFrame) -> str:
-    plan = [_pick(card, 4, f"rms_{axis}_m", "single_step") for axis in ("east", "north")]
-    height = _pick(card, 4, "rms_height_m", "single_step")
-    printed, ours = (float(np.hypot(plan[0][k], plan[1][k])) for k in (0, 1))
-    return (
-        f"The RMS of the check points in plan is {printed:.2f} m in print and {ours:.2f} m here, "
-        f"in height {height[0]:.2f} m and {height[1]:.2f} m. Ours is what the simulated noise "
-        "predicts. The paper's RMS, scatter and count of small errors contradict each other "
+        f"**What differs.** The RMS of the single step's differences is printed as {plan[0]:.2f} m "
+        f"in plan and {pairs[2, 0]:.2f} m in height. Here it is {plan[1]:.2f} m and "
+        f"{pairs[2, 1]:.2f} m over *pairs* of images, as the paper counts, and "
+        f"{np.hypot(*over_points[:2]):.2f} m and {over_points[2]:.2f} m over *points*, each "
+        "intersected once from all its rays. Ours is what the simulated noise predicts. The "
+        "paper's RMS, scatter and count of small errors contradict each other "
         "({doc}`_executed/06-errata`)."
     )
 
 
-def _own_parameters(found: folder.Results, flight: Flight) -> str:
+def _other_flight(flight: Flight) -> str:
+    return (
+        f"This copy of the book was made from the flight *{shown(flight.name)}*, which is not the "
+        "study's: the paper's numbers do not stand beside its own. Where the pages speak of the "
+        "paper, they explain the method."
+    )
+
+
+def _own_parameters(found: folder.Results) -> str:
     """Return the parameters from the run of another flight."""
     listed = found.parameters
     table = pd.DataFrame(
@@ -137,16 +208,7 @@ def _own_parameters(found: folder.Results, flight: Flight) -> str:
             ],
         }
     )
-    said = (
-        f"This copy of the book was made from the flight *{shown(flight.name)}*, which is not the "
-        "study's: the paper's numbers do not stand beside its own. Where the pages speak of the "
-        "paper, they explain the method."
-    )
-    return f"{said}\n\n{myst_table(table, 'What was estimated', name='tab-estimated')}\n"
-
-
-def _titled(table: pd.DataFrame) -> pd.DataFrame:
-    return table.rename(columns={"table": "the paper's table"})
+    return f"{myst_table(table, 'What was estimated', name='tab-estimated')}\n"
 
 
 def _letter(i: int) -> str:

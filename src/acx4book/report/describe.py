@@ -99,6 +99,13 @@ METHODS: Mapping[str, str] = {
 }
 
 
+CARRIED = (
+    "**Synthetic images.** Points were measured in the images of the heads. Their rays, corrected "
+    "by the calibrated heads, were carried into the synthetic image of each exposure, and the "
+    "calibration and the validation of its camera use these. Their standard deviations are those "
+    "of the measurements; errors of the heads' calibration are not part of them."
+)
+
 ESTIMATION = (
     "**Estimation.** Least squares with the a priori standard deviations as weights, iterated to "
     "convergence. Standard deviations follow from the full covariance matrix, multiplied by the "
@@ -116,6 +123,8 @@ def method(material: Material) -> str:
     key = "two_step" if chosen in TWO_STEP else chosen or "given"
     text = METHODS[key]
     parts.append(text % _names(flight.estimate_mounting) if "%s" in text else text)
+    if flight.carried:
+        parts.insert(-1, CARRIED)
     if flight.fix:
         parts[-1] += f" Held: {listed([name.replace('_', ' ') for name in flight.fix])}."
     if flight.gnss and chosen == "single_step":

@@ -9,10 +9,12 @@ import pandas as pd
 from scipy import stats
 
 from acx4book.report.material import Material
+from acx4lib.calibration.correlations import GroupTest, group_tests, undistorted
 from acx4lib.geometry.camera import INTERIOR
-from acx4lib.geometry.parameters import BORESIGHT, BORESIGHT_ANGLES, REPORTED
+from acx4lib.geometry.parameters import BORESIGHT_ANGLES, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.results import folder
+from acx4lib.results.read_back import read_calibration
 
 STRONG = 0.9
 """Correlation above which two parameters can hardly be separated."""
@@ -20,7 +22,7 @@ STRONG = 0.9
 SIGNIFICANCE = 0.05
 """Error probability of every test of the report, two-sided; divided among combined tests."""
 
-FROM_DECLARED = ("f", *BORESIGHT)
+FROM_DECLARED = ("f", *MOUNT)
 """Parameters for which zero has no meaning: they are tested against their declared values."""
 
 
@@ -119,7 +121,8 @@ def _declared(material: Material, name: str, key: str) -> float:
     camera = material.flight.cameras[name]
     if key in INTERIOR:
         return float(camera.interior.to_array()[INTERIOR.index(key)])
-    return float(np.degrees(camera.T_b_c.opk)[BORESIGHT.index(key)]) + 0.0  # avoids minus zero
+    mounting = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
+    return float(mounting[MOUNT.index(key)]) + 0.0  # avoids minus zero
 
 
 def _redundancy(material: Material, stage_method: str) -> int:
@@ -130,6 +133,18 @@ def _redundancy(material: Material, stage_method: str) -> int:
         if f"{name}/".startswith(f"{stage_method}/")
     ]
     return max(1, min(said, default=1))
+
+
+def joint_tests(material: Material, stage_method: str) -> list[GroupTest]:
+    """Return the tests of a method's parameters by groups, against the values of `estimates`."""
+    names = folder.cameras(material.found, stage_method)
+    cameras = [material.flight.cameras[name] for name in names]
+    calibration = read_calibration(material.found, stage_method, cameras)
+    return group_tests(
+        calibration,
+        [undistorted(camera) for camera in cameras],
+        redundancy=_redundancy(material, stage_method),
+    )
 
 
 def _strongest(related: pd.DataFrame, label: str) -> tuple[str, float]:

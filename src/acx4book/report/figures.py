@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from acx4book.report.groups import PROBABILITY
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
@@ -85,7 +86,7 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
     Returns
     -------
     Figure
-        Above: the size of the residuals divided by the size expected from the weights, with 95 %
+        Above: the size of the residuals divided by the size expected from the weights, with 99.9 %
         limits about one. Below: the largest normalised residual and the critical value of w.
     """
     strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"]))
@@ -129,7 +130,8 @@ def _draw_strips(
     at = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
     weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
     total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
-    low, high = np.sqrt(stats.chi2.ppf([[0.025], [0.975]], total) / total)
+    tail = (1 - PROBABILITY) / 2
+    low, high = np.sqrt(stats.chi2.ppf([[tail], [1 - tail]], total) / total)
     axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)

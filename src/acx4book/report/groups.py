@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from acx4book.report.material import Material, residuals
 from acx4lib.bundle.reliability import noncentrality
+from acx4lib.georeferencing.accuracy import rms_limits
 
 GROUPS = {
     ("image_point", "col_px"): "image points",
@@ -26,11 +26,19 @@ GROUPS = {
     ("attitude", "roll_deg"): "roll and pitch",
     ("attitude", "pitch_deg"): "roll and pitch",
     ("attitude", "heading_deg"): "heading",
+    **{("lever_arm", f"lever_{axis}_m"): "declared lever arm" for axis in "xyz"},
+    **{
+        ("boresight", f"mount_{angle}_deg"): "declared boresight"
+        for angle in ("omega", "phi", "kappa")
+    },
 }
 """The group of every kind and component of an observation."""
 
 DETECTABLE = noncentrality()
 """Baarda's delta_0: the shift of w by an error that is found with `reliability.POWER`."""
+
+PROBABILITY = 0.999
+"""Probability of the limits by chance that tables show and that the verdict uses."""
 
 CONTROLLED = 0.1
 """Redundancy number below which an observation is hardly controlled by the others."""
@@ -115,7 +123,7 @@ def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
     )
 
 
-def ratio_limits(redundancy: float, *, probability: float = 0.95) -> tuple[float, float]:
+def ratio_limits(redundancy: float, *, probability: float = PROBABILITY) -> tuple[float, float]:
     """Return limits, by chance, of a posteriori over a priori sigma; NaN without redundancy.
 
     Parameters
@@ -127,6 +135,4 @@ def ratio_limits(redundancy: float, *, probability: float = 0.95) -> tuple[float
     """
     if not redundancy > 0:
         return np.nan, np.nan
-    tail = (1 - probability) / 2
-    low, high = np.sqrt(stats.chi2.ppf((tail, 1 - tail), redundancy) / redundancy)
-    return float(low), float(high)
+    return rms_limits(redundancy, probability=probability)

@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acx4lib.calibration import rig
 from acx4lib.calibration.mounting import METHODS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
+from acx4lib.results.carried import mounted_block
 from acx4lib.results.own_folder import claims
 
 BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
@@ -92,7 +94,7 @@ def read(folder: str | Path) -> Material:
         raise FlightError([f"{folder}: no results of a run; acx4 run FLIGHT --results makes them"])
     missing = [
         name
-        for name in (*results.FILES, provenance.FILE, f"{provenance.KEPT}/flight.toml")
+        for name in (*results.EARLIEST, provenance.FILE, f"{provenance.KEPT}/flight.toml")
         if not (folder / name).is_file()
     ]
     if missing:
@@ -110,18 +112,32 @@ def read(folder: str | Path) -> Material:
     return material
 
 
+def validated(material: Material) -> str:
+    """Return the name of the validation of the calibration, or of the given cameras."""
+    return f"validation/{material.calibration.partition('/')[2] or 'given'}"
+
+
+def checked_points(material: Material) -> pd.DataFrame:
+    """Return the check points of the validation with the calibration, or with given cameras."""
+    rows = material.found.check_points
+    return rows[rows["stage"] + "/" + rows["method"] == validated(material)]
+
+
 def block_of(material: Material, stage_method: str) -> Block:
-    """Return the block of an adjustment.
+    """Return the block of an adjustment, carried into synthetic images where these are adjusted.
 
     Raises
     ------
     FlightError
         Where the kept flight does not have it.
     """
-    name = BLOCK[stage_method.partition("/")[0]]
+    stage, method = stage_method.split("/", 2)[:2]
+    name = "heads" if (stage, method) == ("mounting", "rig") else BLOCK[stage]
     if name not in material.flight.blocks:
         raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
-    return material.flight.blocks[name]
+    if method in rig.METHODS:
+        return material.flight.blocks[name]
+    return mounted_block(material.flight, name, material.found)
 
 
 def residuals(material: Material, adjustment: str) -> pd.DataFrame:

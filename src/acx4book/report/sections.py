@@ -7,16 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from acx4book.report.estimates import SIGNIFICANCE, STRONG, Estimate, estimates, strong_pairs
-from acx4book.report.groups import Quality, qualities, ratio_limits
-from acx4book.report.material import Material
+from acx4book.report.estimates import STRONG, Estimate, estimates, joint_tests, strong_pairs
+from acx4book.report.groups import PROBABILITY, Quality, qualities, ratio_limits
+from acx4book.report.material import Material, validated
 from acx4book.report.stability import Drift
-from acx4book.report.verdict import Finding
+from acx4book.report.verdict.finding import Finding
 from acx4book.report.words import heading, pair_text, parameter_title
-from acx4book.typesetting.labels import value_and_sigma, with_unit
+from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.mounting import METHODS
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy
 from acx4lib.results import folder
@@ -24,6 +25,9 @@ from acx4lib.results import folder
 UNIT = {"px": "px", "m": "m", "deg": "°"}
 SHOWN = 30
 """Number of rejected observations that are listed; all of them are in rejected.csv."""
+
+LIMITS = f"{100 * PROBABILITY:g} % limits"
+"""Column with the limits that chance leaves, the same that the verdict uses."""
 
 STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
 
@@ -49,7 +53,7 @@ def test_table(material: Material) -> pd.DataFrame:
                 "Unknowns": said["n_unknowns"],
                 "Redundancy": r,
                 "σ₀²": said["sigma0_squared"],
-                "95 % limits": f"{low**2:.3f} to {high**2:.3f}",
+                LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": said["chi_square_p"],
                 "Rejected": said["n_rejected"],
             }
@@ -68,7 +72,7 @@ def group_table(material: Material) -> pd.DataFrame:
             "A priori σ": _short(g.sigma),
             "A posteriori σ": _short(g.sigma * g.ratio),
             "Ratio": g.ratio,
-            "95 % limits": "{:.2f} to {:.2f}".format(*ratio_limits(g.redundancy)),
+            LIMITS: "{:.2f} to {:.2f}".format(*ratio_limits(g.redundancy)),
         }
         for g in _qualities(material)
     ]
@@ -125,6 +129,24 @@ def _strongest(p: Estimate) -> Markup:
     if not p.strongest:
         return Markup("–")
     return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
+
+
+def joint_table(material: Material) -> pd.DataFrame:
+    """Return the tests of several parameters of the calibration at once."""
+    found = joint_tests(material, material.calibration) if material.calibration else []
+    several = len({test.camera for test in found}) > 1
+    rows = [
+        {
+            **({"Camera": test.camera} if several else {}),
+            "Parameters": group_label(test.keys),
+            "Largest single t": test.largest,
+            "F": test.f_ratio,
+            "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
+            "p": p_value(test.p),
+        }
+        for test in found
+    ]
+    return pd.DataFrame(rows)
 
 
 def correlation_sentence(material: Material) -> str:
@@ -191,7 +213,7 @@ def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:
 def rejected_table(material: Material) -> pd.DataFrame:
     """Return the observations rejected as gross errors, the largest first."""
     rows = material.found.rejected
-    own = [n for n in ("heads/bundle", material.calibration, _validated(material)) if n]
+    own = [n for n in ("heads/bundle", material.calibration, validated(material)) if n]
     rows = rows[(rows["stage"] + "/" + rows["method"]).isin(own)]
     order = rows["statistic"].abs().sort_values(ascending=False, kind="stable").index
     rows = rows.loc[order[:SHOWN]]
@@ -204,10 +226,6 @@ def rejected_table(material: Material) -> pd.DataFrame:
             f"w (critical {CRITICAL:g})": list(rows["statistic"]),
         }
     )
-
-
-def _validated(material: Material) -> str:
-    return f"validation/{material.calibration.partition('/')[2] or 'given'}"
 
 
 def rejected_sentence(material: Material) -> str:
@@ -232,7 +250,7 @@ def check_table(material: Material) -> pd.DataFrame:
         d = own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
         sigma = own[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
         said = accuracy.from_differences(d)
-        test = accuracy.mean_test(said, probability=1 - SIGNIFICANCE / 3)
+        mean_sigma = _mean_sigma(material, f"{stage}/{method}")
         for i, axis in enumerate(AXES):
             rows.append(
                 {
@@ -243,16 +261,22 @@ def check_table(material: Material) -> pd.DataFrame:
                     "Std (m)": said.std[i],
                     "RMS (m)": said.rms[i],
                     "Predicted (m)": float(np.sqrt(np.mean(sigma[:, i] ** 2))),
-                    "t": test.statistic[i],
-                    "Critical": test.critical,
+                    "Mean / σ": said.mean[i] / mean_sigma[i],
                 }
             )
     return pd.DataFrame(rows)
 
 
+def _mean_sigma(material: Material, stage_method: str) -> Array:
+    """Return the sigma of the mean differences with all correlations; NaN where not known."""
+    points = material.found.summary.get(stage_method, {}).get("points")
+    found = points.get("mean_sigma") if isinstance(points, dict) else None
+    return np.array([np.nan] * 3 if found is None else found, dtype=float)
+
+
 def class_table(material: Material) -> pd.DataFrame:
     """Return the accuracy classes that the validation reaches."""
-    entry = material.found.summary.get(_validated(material), {})
+    entry = material.found.summary.get(validated(material), {})
     points = entry.get("points")
     classes = points.get("classes", {}) if isinstance(points, dict) else {}
     rows: list[tuple[str, str]] = []

@@ -30,7 +30,7 @@ FORMATS = {
     "Std (m)": ".3f",
     "RMS (m)": ".3f",
     "Predicted (m)": ".3f",
-    "Critical": ".2f",
+    "Mean / σ": ".1f",
     "p of the drift": ".2g",
     "p of the strips": ".2g",
 }

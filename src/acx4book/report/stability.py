@@ -43,7 +43,7 @@ class Drift:
 
 
 def boresights(material: Material) -> pd.DataFrame:
-    """Return the boresight of every image, eq. (12), minus the mean of its camera.
+    """Return the boresight of every image, eq. (13), minus the mean of its camera.
 
     Parameters
     ----------

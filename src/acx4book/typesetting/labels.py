@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.geometry.parameters import AXES
+from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, REPORTED
 
 TITLES = {
     "two_step": "Two-step",
     "two_step_gnss": "Two-step, GNSS positions",
     "single_step": "Single-step",
     "rig": "Rig",
+    "rig_calibration": "Rig, calibration block",
     "given": "As given",
 }
 """Names of the methods in headings."""
@@ -73,6 +75,19 @@ _LABELS = {
 
 LABELS = {name: Markup(label) for name, label in _LABELS.items()}
 """Labels for readers of parameters and statistics, by name."""
+
+
+def group_label(keys: Sequence[str]) -> Markup:
+    """Return the label of parameters that are tested together, by the library's names."""
+    for part, names in (("lever arm", LEVER_ARM), ("boresight", BORESIGHT)):
+        if tuple(keys) == names:
+            return Markup(part)
+    return Markup(", ".join(LABELS[REPORTED[key][0]] for key in keys))
+
+
+def p_value(p: float) -> str:
+    """Return a probability for a table."""
+    return f"{p:.3f}" if p >= 5e-4 else "< 0.0005"
 
 
 def inside(title: str) -> str:

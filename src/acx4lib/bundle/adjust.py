@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network, State, camera_poses
 from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
@@ -37,12 +38,15 @@ class Bundle:
     solution : Solution
         Precision and residuals; covariances are a priori.
     rejected : tuple of Rejection
+    stopped : tuple of Stopped
+        Groups of which too much would have been rejected, and so nothing was.
     """
 
     network: Network
     state: State
     solution: Solution
     rejected: tuple[Rejection, ...] = ()
+    stopped: tuple[Stopped, ...] = ()
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

@@ -15,6 +15,7 @@ from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
     control_equations,
+    mounting_equations,
     position_equations,
     position_errors,
 )
@@ -173,12 +174,12 @@ class Network:
         )
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points, control points, positions and attitudes."""
+        """Return v and sigma of image points, control, positions, attitudes and mountings."""
         others = [(e.v, e.sigma) for e in _other_equations(self, state)]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions and attitudes."""
+        """Linearise image points, control points, positions, attitudes and mountings."""
         return [_image_equations(self, state), *_other_equations(self, state)]
 
     def normals(self, state: State, damping: float = 0.0) -> Normals:
@@ -205,6 +206,7 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         control_equations(network.control[~network.held_control], state.x_m),
         position_equations(observed, state.T_m_b, errors, columns),
         attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
+        *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
 
 

@@ -92,6 +92,28 @@ def layout(
     )
 
 
+def holding(columns: Layout, held: Index) -> Layout:
+    """Return a layout in which some of its columns are held, and the others are renumbered.
+
+    Parameters
+    ----------
+    columns : Layout
+    held : ndarray, shape (k,)
+        Columns of `columns`.
+    """
+    expected.places("held", held, columns.n_columns)
+    stays = np.ones(columns.n_columns + 1, dtype=bool)  # column -1 is held before and after
+    stays[[*held, -1]] = False
+    new = np.where(stays, np.cumsum(stays) - 1, -1)
+    return Layout(
+        interior=new[columns.interior],
+        mount=new[columns.mount],
+        pose=new[columns.pose],
+        shift=new[columns.shift],
+        drift=new[columns.drift],
+    )
+
+
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters of the mounting to estimate, given the parts to hold.
 

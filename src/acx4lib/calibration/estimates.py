@@ -10,6 +10,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.unknowns import Layout, layout
+from acx4lib.calibration.trust.needs import needed
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.frames import opk_jacobian
@@ -21,26 +22,6 @@ LIMIT_BORESIGHT_DEG = 0.1
 LIMIT_INTERIOR = 0.002
 """Standard deviations above which a lever arm, a boresight angle or f, xp, yp (as a share of f)
 count as not determined."""
-
-HELP = {
-    "f": "two flying heights with control points or accurate GNSS heights (hills or tilted images "
-    "in a bundle on control points alone)",
-    "xp": "two flying heights, or the lever arm held",
-    "yp": "two flying heights, or the lever arm held",
-    "k1": "measurements from the middle to the corners of the images",
-    "k2": "measurements in the corners of the images, or k3 held",
-    "k3": "measurements in the corners of the images, or k3 held",
-    "p1": "measurements on all sides of the images, in strips flown in opposite directions",
-    "p2": "measurements on all sides of the images, in strips flown in opposite directions",
-    "b1": "measurements on all sides of the images, in strips flown crosswise",
-    "lever_x": "two flying heights, and control points or strips flown in opposite directions",
-    "lever_y": "two flying heights, and control points or strips flown in opposite directions",
-    "lever_z": "control points, and two flying heights or f held",
-    "boresight_x": "strips flown in opposite directions, and control points",
-    "boresight_y": "strips flown in opposite directions, and control points",
-    "boresight_z": "tie points over overlapping strips, or control points",
-}
-"""Which geometry determines a parameter, by the library's name of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,10 +192,16 @@ def is_determined(calibration: Calibration) -> Mask:
     return (sigma <= np.array(limits)) & np.isfinite(sigma)
 
 
-def not_determined(calibration: Calibration) -> list[str]:
+def not_determined(calibration: Calibration, features: frozenset[str] = frozenset()) -> list[str]:
     """Return one sentence per parameter that the data do not determine.
 
     It has the standard deviation, the largest correlations and the geometry that helps.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    features : frozenset of str
+        What the flight has of this geometry, as `needs.features` returns it; not asked for.
     """
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))
@@ -232,6 +219,6 @@ def not_determined(calibration: Calibration) -> list[str]:
         with_others = ", ".join(f"{related[i, j]:+.2f} with {listed[j].name}" for j in strongest)
         out.append(
             f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
-            f"it would need: {HELP[p.key]}"
+            f"it would need: {needed(p.key, features)}"
         )
     return out

@@ -8,6 +8,7 @@ from scipy.linalg import block_diag
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import Parameter, from_bundle, to_reported
 from acx4lib.calibration.estimates import parameters as camera_parameters
+from acx4lib.calibration.trust.needs import features, needed
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
@@ -15,11 +16,6 @@ from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 LIMIT_M = 1.0
 """Standard deviation above which a shift counts as not determined; for a drift, that of the
 error at the end of its strip."""
-
-HELP = {
-    "shift": "control points, and strips flown in opposite directions or the lever arm held",
-    "drift": "control points along the strip",
-}
 
 
 def parameters(bundle: Bundle) -> list[Parameter]:
@@ -104,6 +100,7 @@ def not_determined(bundle: Bundle) -> list[str]:
     cameras = camera_parameters(from_bundle(bundle))
     labels = [f"{p.camera} {p.name}" for p in cameras] + [p.name for p in listed]
     related = correlation(reported_covariance(bundle))
+    has = features(bundle.network.block)
     out = []
     for i in np.flatnonzero(~is_determined(bundle)):
         p, own = listed[i], related[len(cameras) + i].copy()
@@ -113,7 +110,7 @@ def not_determined(bundle: Bundle) -> list[str]:
         how = f"sigma {p.sigma:.3g} {p.unit}; correlation {with_others}"
         if np.isinf(p.sigma):  # an open parameter has no meaningful correlations
             how = "left open by the observations"
-        out.append(f"{p.name} is not determined ({how}); it would need: {HELP[p.key]}")
+        out.append(f"{p.name} is not determined ({how}); it would need: {needed(p.key, has)}")
     return out
 
 

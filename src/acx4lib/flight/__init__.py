@@ -2,8 +2,9 @@
 
 `reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
 is merely odd becomes a note. A flight's blocks are plain arrays, `block`; `design` tells how they
-were flown. Layout and rules of the folder: page *Your own flight* of the book. Begin with
-`reader`, then `block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
+were flown, `synthetic_images` which images are made of those of heads. Layout and rules of the
+folder: page *Your own flight* of the book. Begin with `reader`, then `block`; after them `setup`,
+`block_from_tables`, `problems`, `summary`.
 """
 
 from acx4lib.flight.reader import Flight, read, read_kept

@@ -167,7 +167,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
     apriori = setup.apriori
     gnss = (apriori.gnss_horizontal_m, apriori.gnss_horizontal_m, apriori.gnss_vertical_m)
     ins = (apriori.roll_pitch_deg, apriori.roll_pitch_deg, apriori.heading_deg)
-    T_m_b = _poses(table, used, frame)
+    T_m_b = poses(table.select(used), frame)
     return Trajectory(
         exposures=tuple(np.array(table.text["exposure"], dtype=object)[used]),
         T_m_b=T_m_b,
@@ -178,15 +178,13 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
     )
 
 
-def _poses(table: Table, used: Mask, frame: MappingFrame) -> Pose:
-    """Return the poses T_m_b of a trajectory in either form."""
+def poses(table: Table, frame: MappingFrame) -> Pose:
+    """Return the poses T_m_b of a trajectory in either form, one for every row."""
     if table.has(*GEOGRAPHIC):
         rph = np.radians(table.stack("roll_deg", "pitch_deg", "heading_deg"))
-        lonlath = table.stack("lon_deg", "lat_deg", "height_m")
-        return frame.pose_from_geographic(lonlath[used], rph[used])
+        return frame.pose_from_geographic(table.stack("lon_deg", "lat_deg", "height_m"), rph)
     opk = np.radians(table.stack("omega_deg", "phi_deg", "kappa_deg"))
-    enh = table.stack("east_m", "north_m", "height_m")
-    return frame.pose_from_grid(enh[used], opk[used])
+    return frame.pose_from_grid(table.stack("east_m", "north_m", "height_m"), opk)
 
 
 def _surveyed(

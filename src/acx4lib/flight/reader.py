@@ -31,8 +31,10 @@ from acx4lib.flight.checks.oddities import area_notes, control_notes, without_si
 from acx4lib.flight.checks.settings import toml_problems
 from acx4lib.flight.problems import SHOWN, Problem, lines_of
 from acx4lib.flight.setup import Setup, setup_of
+from acx4lib.flight.synthetic_images import synthetic_images
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
+from acx4lib.flight.text.table import Table
 from acx4lib.geometry.camera import Camera
 
 
@@ -50,6 +52,8 @@ class Flight(Setup):
         Checksum of every table that was read, by its path below the folder.
     blocks : dict of str to Block
         The blocks that exist: heads, calibration, validation.
+    trajectories : dict of str to Table
+        For every block, its trajectory as the file has it.
     image_files : dict of str to tuple of Path or None
         For every block, the image file of every image, None without one.
     notes : tuple of str
@@ -60,6 +64,7 @@ class Flight(Setup):
     pictures: Path
     sha256: dict[str, str]
     blocks: dict[str, Block]
+    trajectories: dict[str, Table]
     image_files: dict[str, tuple[Path | None, ...]]
     notes: tuple[str, ...]
 
@@ -90,6 +95,22 @@ class Flight(Setup):
         present = tuple(camera.name for camera in self.blocks["heads"].cameras)
         named = self.synthetic.heads if self.synthetic else present
         return tuple(name for name in named if name in present)
+
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """Blocks that are measured in heads and carried into the synthetic image."""
+        here = [name for name in ("calibration", "validation") if name in self.blocks]
+        return tuple(here) if self.measured_in_heads else ()
+
+    def mounted(self, name: str) -> Block:
+        """Return a block as its mounted camera exposed it.
+
+        For a block that is carried these are its synthetic images, without measurements.
+        """
+        synthetic = self.synthetic_camera
+        if name not in self.carried or synthetic is None:
+            return self.block(name)
+        return synthetic_images(self.block(name), synthetic)
 
     @property
     def synthetic_camera(self) -> Camera | None:
@@ -134,7 +155,8 @@ def _read(folder: Path, pictures: Path) -> Flight:
     problems += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
     for tables in blocks:
         problems += _block_problems(tables, toml, setup)
-    problems = problems or [*uncalibrated_problems(blocks)]
+    if setup is not None and not problems:
+        problems = [*uncalibrated_problems(blocks, setup)]
     if problems or setup is None:
         raise FlightError(lines_of(problems))
     notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
@@ -196,6 +218,7 @@ def _flight(
         pictures=blocks[0].pictures if blocks else toml.folder,
         sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
         blocks=assembled,
+        trajectories={tables.name: tables.trajectory for tables in blocks},
         image_files={tables.name: _image_files(tables) for tables in blocks},
         notes=tuple(dict.fromkeys(map(visible, notes))),
     )

@@ -12,10 +12,13 @@ from acx4lib.flight.text.files import named_file
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.prior import Prior
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+SIGMAS = ("lever_sigma_m", "mount_sigma_deg")
+"""Standard deviations of the declared mounting: a number, or a list of three."""
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
 """Interior parameters that a stage may estimate, with the library's names for them."""
@@ -23,10 +26,20 @@ ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name i
 
 @dataclass(frozen=True, kw_only=True)
 class Synthetic:
-    """The virtual camera of the synthetic images, and the heads that make them."""
+    """The virtual camera of the synthetic images, and the heads that make them.
+
+    Attributes
+    ----------
+    camera : str
+    heads : tuple of str
+    measured_in : str
+        The images in which the blocks calibration and validation are measured: ``synthetic``, or
+        ``heads``.
+    """
 
     camera: str
     heads: tuple[str, ...]
+    measured_in: str = "synthetic"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +88,11 @@ class Setup:
     gnss: tuple[str, ...]
     weights: str
 
+    @property
+    def measured_in_heads(self) -> bool:
+        """Whether the blocks calibration and validation are measured in images of the heads."""
+        return self.synthetic is not None and self.synthetic.measured_in == "heads"
+
 
 def setup_of(toml: Toml) -> Setup:
     """Return the content of a flight.toml in which no problem was found."""
@@ -87,9 +105,7 @@ def setup_of(toml: Toml) -> Setup:
         grid=grid_of(toml),
         refraction=toml.values.get("refraction", "none"),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
-        synthetic=Synthetic(camera=synthetic["camera"], heads=tuple(synthetic["heads"]))
-        if synthetic
-        else None,
+        synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
@@ -97,6 +113,11 @@ def setup_of(toml: Toml) -> Setup:
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
     )
+
+
+def _synthetic_of(table: dict[str, Any]) -> Synthetic:
+    measured_in = table.get("measured_in", "synthetic")
+    return Synthetic(camera=table["camera"], heads=tuple(table["heads"]), measured_in=measured_in)
 
 
 def camera_of(name: str, table: dict[str, Any]) -> Camera:
@@ -111,7 +132,16 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
         pixel_mm=float(table["pixel_um"]) / 1000.0,
         interior=Interior(f=float(table["focal_mm"]), **lens),
         T_b_c=Pose(R=rotation_from_opk(opk), r=lever),
+        prior=_prior(table),
     )
+
+
+def _prior(table: dict[str, Any]) -> Prior:
+    """Return what a camera's table says of its mounting: a value is declared if it is written."""
+    declared = [key in table for key in (*LEVER, *MOUNT)]
+    given = [np.broadcast_to(table.get(key, np.inf), 3).astype(float) for key in SIGMAS]
+    sigma = np.where(declared, np.concatenate([given[0], np.radians(given[1])]), np.inf)
+    return Prior(declared=tuple(declared), sigma=tuple(sigma.tolist()))
 
 
 def grid_of(toml: Toml) -> GridSystem:

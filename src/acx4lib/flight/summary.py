@@ -31,6 +31,8 @@ def summary(flight: Flight) -> str:
     ]
     for block in flight.blocks.values():
         lines += ["", f"block {block.name}", *(_row(*row) for row in _block_rows(block))]
+        if block.name in flight.carried:
+            lines += [_row(*row) for row in _synthetic_rows(flight.mounted(block.name))]
         files = [file for file in flight.image_files[block.name] if file is not None]
         lines.append(_row("image files", f"{len(files)} of {len(block.images)}"))
     if flight.notes:
@@ -64,13 +66,27 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
         "origin",
         f"{abs(lat):.5f} {'S' if lat < 0 else 'N'}, {abs(lon):.5f} {'W' if lon < 0 else 'E'}",
     )
-    known = len(block.control) + len(block.check) > 0
-    above = flying_heights(block) if known else np.full(len(block.trajectory), np.nan)
-    yield "flying height", _span(above, "m above the surveyed points", 0)
+    yield "flying height", _span(_above(block), "m above the surveyed points", 0)
+    yield from _image_rows(block)
+
+
+def _synthetic_rows(block: Block) -> Iterator[tuple[str, str]]:
+    yield "carried into", f"{len(block.images)} images of {block.cameras[0].name}"
+    yield from _image_rows(block)
+
+
+def _image_rows(block: Block) -> Iterator[tuple[str, str]]:
+    above = _above(block)
     for i, camera in enumerate(block.cameras):
         gsd = 100 * above[block.images.exposure_idx[block.images.camera_idx == i]]
         yield f"GSD {camera.name}", _span(gsd * camera.pixel_mm / camera.interior.f, "cm", 1)
     yield "overlap", _span(100 * forward_overlaps(block)[1], "% along the strips", 0)
+
+
+def _above(block: Block) -> Array:
+    """Return the heights above the surveyed points, m; NaN where there are none."""
+    known = len(block.control) + len(block.check) > 0
+    return flying_heights(block) if known else np.full(len(block.trajectory), np.nan)
 
 
 def _span(values: Array, unit: str, digits: int) -> str:

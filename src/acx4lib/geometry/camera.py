@@ -11,6 +11,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.prior import Prior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +87,8 @@ class Camera:
         Known values, or approximate values for an adjustment.
     T_b_c : Pose
         Mounting: boresight ``R_b_c`` and lever arm ``r_b_c`` (m), known or approximate.
+    prior : Prior
+        Which parts of the mounting are declared, and how well they are known.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class Camera:
     pixel_mm: float
     interior: Interior
     T_b_c: Pose = field(default_factory=lambda: Pose(R=np.eye(3), r=np.zeros(3)))
+    prior: Prior = field(default_factory=Prior)
 
     def __post_init__(self) -> None:
         expected.text("name", self.name)
@@ -114,6 +118,7 @@ class Camera:
             raise ValueError(msg)
         expected.instance("interior", self.interior, Interior)
         expected.instance("T_b_c", self.T_b_c, Pose)
+        expected.instance("prior", self.prior, Prior)
         expected.shape("T_b_c.R", self.T_b_c.R, (3, 3))
         expected.finite("T_b_c.R", self.T_b_c.R)
         expected.finite("T_b_c.r", self.T_b_c.r)
@@ -171,8 +176,17 @@ def colrow_from_xy(camera: Camera, xy: Array) -> Array:
 
 def inside(camera: Camera, colrow: Array) -> np.ndarray:
     """Tell which pixel coordinates lie on the sensor or its outer edges, shape (...)."""
+    return border_distance(camera, colrow) >= 0
+
+
+def border_distance(camera: Camera, colrow: Array) -> Array:
+    """Return the distances of pixels from the sensor's outer edges, px, shape (...).
+
+    Negative outside; NaN where a pixel is.
+    """
     upper = np.array([camera.width_px, camera.height_px]) - 0.5
-    return np.all((colrow >= -0.5) & (colrow <= upper), axis=-1)
+    nearest: Array = np.minimum(colrow + 0.5, upper - colrow).min(axis=-1)
+    return nearest
 
 
 def distortion(interior: Interior, xy: Array) -> Array:
@@ -261,7 +275,7 @@ def correct_jacobian(interior: Interior, xy: Array) -> Array:
 
 
 def correct_by_point(interior: Interior, xy: Array) -> Array:
-    """Return d(correct) / d(xy), shape (n, 2, 2)."""
+    """Return d(correct) / d(measured point) at measured points (n, 2), mm; shape (n, 2, 2)."""
     return _by_reduced_point(interior, reduced(interior, xy)) * np.array([1 + interior.b1, 1.0])
 
 

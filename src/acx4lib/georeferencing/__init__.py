@@ -1,7 +1,8 @@
 """Direct georeferencing, tested (section 4.3, Table 4).
 
 `direct` gives the pose of every image by eq. (14) and intersects rays without any ground control.
-`validation` holds the points against surveyed ones, pair by pair as the paper and from all rays.
+`validation` holds the points against surveyed ones, pair by pair as the paper and from all rays;
+`differences` are what it finds, and `error_sources` what these share, for tests of all together.
 `accuracy` says what the differences mean, and `standards` which map scale they allow. Begin with
 `direct`.
 """

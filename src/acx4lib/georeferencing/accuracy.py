@@ -10,6 +10,7 @@ from scipy import stats
 
 from acx4lib import expected
 from acx4lib.expected import Array
+from acx4lib.least_squares.covariance import sigmas
 
 Triple = tuple[float, float, float]
 
@@ -128,7 +129,8 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
 def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     """Test whether the mean errors are zero (Student).
 
-    Valid for two or more points with normally distributed errors.
+    Valid for two or more points with independent, normally distributed errors. Where their
+    covariance is known, `bias_test` takes it into account.
 
     Parameters
     ----------
@@ -150,6 +152,34 @@ def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     t = np.where(mean == 0.0, 0.0, t) * np.sqrt(accuracy.n)
     critical = stats.t.ppf(0.5 + probability / 2, accuracy.n - 1)
     return AxisTest(statistic=triple(t), critical=float(critical))
+
+
+def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> AxisTest:
+    """Test whether the mean errors are zero, where the covariance of the mean is known.
+
+    Valid for correlated points, too, if the covariance is (`error_sources.mean_covariance`).
+
+    Parameters
+    ----------
+    mean : ndarray, shape (3,)
+        East, north, height, m.
+    mean_cov : ndarray, shape (3, 3)
+        m^2.
+    probability : float
+        Probability of accepting errors without bias, two-sided.
+
+    Returns
+    -------
+    AxisTest
+        mean / sigma, normally distributed.
+    """
+    mean = expected.numbers("mean", mean, (3,))
+    expected.shape("mean_cov", mean_cov, (3, 3))
+    expected.probability("probability", probability)
+    statistic = np.asarray(mean) / sigmas(mean_cov)
+    return AxisTest(
+        statistic=triple(statistic), critical=float(stats.norm.ppf(0.5 + probability / 2))
+    )
 
 
 def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 0.9) -> AxisTest:
@@ -181,17 +211,17 @@ def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 
     return AxisTest(statistic=triple(statistic), critical=float(stats.chi2.ppf(probability, dof)))
 
 
-def rms_interval(rms: float, n: int, *, probability: float = 0.95) -> tuple[float, float]:
+def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[float, float]:
     """Compute the confidence interval of an RMS found at n points.
 
-    Valid for independent, normally distributed errors without bias.
+    Valid for normally distributed errors without bias.
 
     Parameters
     ----------
     rms : float
         In any unit.
-    n : int
-        Number of errors.
+    n : float
+        Number of independent errors; of correlated ones their `effective_number`.
     probability : float
         Probability of the interval, two-sided.
 
@@ -201,13 +231,44 @@ def rms_interval(rms: float, n: int, *, probability: float = 0.95) -> tuple[floa
         In the unit of `rms`; NaN for n = 0.
     """
     expected.size("rms", rms)
-    expected.whole("n", n, least=0)
-    expected.probability("probability", probability)
-    if n < 1:
+    expected.size("n", n)
+    if n == 0:
         return np.nan, np.nan
+    low, high = rms_limits(n, probability=probability)
+    return rms / high, rms / low
+
+
+def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
+    """Return the limits between which chance leaves an RMS, over its expectation.
+
+    Parameters
+    ----------
+    n : float
+        Number of independent errors; of correlated ones their `effective_number`.
+    probability : float
+        Probability of an RMS between them.
+    """
+    expected.positive_number("n", n)
+    expected.probability("probability", probability)
     tail = (1 - probability) / 2
-    small, large = float(stats.chi2.ppf(tail, n)), float(stats.chi2.ppf(1 - tail, n))
-    return rms * np.sqrt(n / large), rms * np.sqrt(n / small)
+    return float(np.sqrt(stats.chi2.ppf(tail, n) / n)), float(np.sqrt(stats.chi2.isf(tail, n) / n))
+
+
+def effective_number(cov: Array) -> float:
+    """Return how many independent errors of one size have an RMS that is known as well.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, n)
+        Of correlated errors, in any unit; zero for none.
+
+    Notes
+    -----
+    Satterthwaite: (tr C)^2 / tr C^2, from the mean and the variance of the sum of squares.
+    """
+    expected.square("cov", cov)
+    squares = float(np.sum(cov**2))
+    return float(np.trace(cov)) ** 2 / squares if squares > 0 else 0.0
 
 
 def _error_90(size: Array) -> Array:

@@ -20,6 +20,7 @@ from acx4lib.geometry.collinearity import (
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.intersection import intersect
 from acx4lib.geometry.refraction import as_seen
+from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate
 
 
@@ -159,8 +160,8 @@ class Intersections:
         Residuals, px.
     cov : ndarray, shape (n_groups, 3, 3)
         A priori, from image points, trajectory and calibration, m^2.
-    by_parameters : ndarray, shape (n_groups, 3, n)
-        d(point) / d(columns of the calibration).
+    sources : ErrorSources
+        The parts of `cov`, and what the points share.
     cov_v : ndarray, shape (n, 2, 2)
         Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
@@ -170,7 +171,7 @@ class Intersections:
     x_m: Array
     v: Array
     cov: Array
-    by_parameters: Array
+    sources: ErrorSources
     cov_v: Array
     by_point: Array
 
@@ -236,16 +237,14 @@ def intersect_rays(
         if not np.any(np.abs(step) > 1e-9):
             break
     gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
-    cov, by_parameters = _propagated(
+    sources = _sources(
         block, georeferenced, selected, gain, by_interior=by_interior, by_pose=by_pose
     )
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
     by_body = by_pose @ georeferenced.by_body[selected.image_idx]
     exposure = block.images.exposure_idx[selected.image_idx]
     cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
-    return Intersections(
-        x_m=x_m, v=v, cov=cov, by_parameters=by_parameters, cov_v=cov_v, by_point=B
-    )
+    return Intersections(x_m=x_m, v=v, cov=sources.cov, sources=sources, cov_v=cov_v, by_point=B)
 
 
 def _summed(values: Array, selected: Rays) -> Array:
@@ -254,7 +253,7 @@ def _summed(values: Array, selected: Rays) -> Array:
     return out
 
 
-def _propagated(
+def _sources(
     block: Block,
     georeferenced: Georeferenced,
     selected: Rays,
@@ -262,12 +261,10 @@ def _propagated(
     *,
     by_interior: Array,
     by_pose: Array,
-) -> tuple[Array, Array]:
-    """Propagate image noise, trajectory and calibration through the gains d(point) / d(v)."""
+) -> ErrorSources:
+    """Carry image noise, trajectory and calibration through the gains d(point) / d(v)."""
     g, image_idx = georeferenced, selected.image_idx
-    from_image = _summed(
-        gain @ np.swapaxes(gain, 1, 2) * selected.sigma_px[:, None, None] ** 2, selected
-    )
+    from_image = gain @ np.swapaxes(gain, 1, 2) * selected.sigma_px[:, None, None] ** 2
     # rays of one exposure share its trajectory error: sum their sensitivities first
     exposure = block.images.exposure_idx[image_idx]
     keys, shared = np.unique(
@@ -275,12 +272,17 @@ def _propagated(
     )
     by_body = np.zeros((len(keys), 3, 6))
     np.add.at(by_body, shared.ravel(), gain @ by_pose @ g.by_body[image_idx])
-    cov = from_image
-    np.add.at(cov, keys[:, 0], propagate(by_body, g.cov_body[keys[:, 1]]))
     by_column = by_pose @ g.by_parameters[image_idx]
     columns = g.interior_columns[block.images.camera_idx[image_idx]]
     padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
     at = np.broadcast_to(columns[:, None, :], by_interior.shape)
     np.put_along_axis(padded, at, by_interior, axis=2)
-    by_parameters = _summed(gain @ padded[:, :, :-1], selected)
-    return cov + propagate(by_parameters, g.cov_parameters), by_parameters
+    return ErrorSources(
+        own=_summed(from_image, selected),
+        point=keys[:, 0],
+        exposure=keys[:, 1],
+        by_body=by_body,
+        by_parameters=_summed(gain @ padded[:, :, :-1], selected),
+        cov_body=g.cov_body,
+        cov_parameters=g.cov_parameters,
+    )

@@ -8,46 +8,18 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
+from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
 from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.georeferencing import direct
+from acx4lib.georeferencing import direct, error_sources
+from acx4lib.georeferencing.differences import Differences, differences_at
 from acx4lib.least_squares.adjustment import two_sided_p
-from acx4lib.least_squares.covariance import propagate
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Differences:
-    """Estimated minus surveyed coordinates along the axes of the flight's CRS.
-
-    Attributes
-    ----------
-    point_idx : ndarray, shape (n,)
-        Indices of the block's check points.
-    image_idx : ndarray, shape (n, 2)
-        First and last image of the intersection.
-    n_images : ndarray, shape (n,)
-    d, sigma : ndarray, shape (n, 3)
-        East, north, height, m; sigma a priori.
-    by_parameters : ndarray, shape (n, 3, n_columns)
-        d(estimated) / d(columns of the calibration), mapping axes.
-    """
-
-    point_idx: Index
-    image_idx: Index
-    n_images: Index
-    d: Array
-    sigma: Array
-    by_parameters: Array
-
-    def __len__(self) -> int:
-        """Count the differences."""
-        return len(self.d)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +37,8 @@ class Validation:
         One per point, from all its rays.
     rejected : tuple of Rejection
         In these, a ``control_point`` is one of the block's check points.
+    stopped : tuple of Stopped
+        Groups of which too much would have been rejected, and so nothing was.
     n_failed : int
         Pairs whose rays meet at less than 2 degrees, or behind the cameras.
     n_left_out : int
@@ -72,6 +46,10 @@ class Validation:
     cost : float
         Weighted sum of squared residuals of all points' rays; weights include the trajectory.
     redundancy : int
+    joint_chi_square : float
+        All the points' differences together, d^T C^-1 d, with their full covariance.
+    mean_cov : ndarray, shape (3, 3)
+        Covariance of the mean of the points' differences, m^2.
     """
 
     method: str
@@ -80,10 +58,13 @@ class Validation:
     pairs: Differences
     points: Differences
     rejected: tuple[Rejection, ...]
+    stopped: tuple[Stopped, ...]
     n_failed: int
     n_left_out: int
     cost: float
     redundancy: int
+    joint_chi_square: float
+    mean_cov: Array
 
     @property
     def n_observations(self) -> int:
@@ -100,15 +81,24 @@ class Validation:
         """Two-sided probability of such a cost or a more extreme one."""
         return two_sided_p(self.cost, self.redundancy)
 
+    @property
+    def joint_dof(self) -> int:
+        """Degrees of freedom of `joint_chi_square`."""
+        return 3 * len(self.points)
+
+    @property
+    def joint_chi_square_p(self) -> float:
+        """Two-sided probability of such a `joint_chi_square` or a more extreme one."""
+        return two_sided_p(self.joint_chi_square, self.joint_dof)
+
 
 def validate(
     block: Block, calibration: Calibration, *, method: str, refraction: str = "none"
 ) -> Validation:
     """Intersect every check point from pairs of rays and from all rays, and compare.
 
-    First, a measurement is rejected if the point has three or more rays and it does not fit the
-    others. Then a check point is rejected if its surveyed position is far from where its rays
-    meet, unlike the other check points.
+    First, a measurement is rejected that does not fit the others of its point, of three or more.
+    Then a check point is, if it was surveyed far from where its rays meet, unlike the others.
 
     Parameters
     ----------
@@ -137,10 +127,12 @@ def validate(
     georeferenced = direct.georeference(block, calibration)
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
-    rejected = tuple(
-        Rejection(kind="image_point", row=int(rows[i]), component=-1, statistic=float(statistic[i]))
-        for i in np.flatnonzero(~kept)
-    )
+    unfit = [
+        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
+        for row, w in zip(rows[~kept], statistic[~kept], strict=True)
+    ]
+    rejected, stopped = within_limits(block, rows, unfit)
+    kept = ~np.isin(rows, [r.row for r in rejected])
     selected = selected.select(np.flatnonzero(kept), selected.group[kept])
     seen = direct.measured(block, georeferenced, selected)
     absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
@@ -153,17 +145,21 @@ def validate(
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
     points = _renumbered(selected, met)
     P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
+    at_points = differences_at(block, georeferenced, *points, refraction)
     return Validation(
         method=method,
         block=block,
         georeferenced=georeferenced,
-        pairs=_differences(block, georeferenced, *pairs, refraction),
-        points=_differences(block, georeferenced, *points, refraction),
+        pairs=differences_at(block, georeferenced, *pairs, refraction),
+        points=at_points,
         rejected=rejected,
+        stopped=stopped,
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
         cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
         redundancy=fit.v.size - 3 * points[0].n_groups,
+        joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
+        mean_cov=error_sources.mean_covariance(at_points.sources),
     )
 
 
@@ -185,10 +181,7 @@ def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
 def _fitting(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
 ) -> tuple[Mask, Array]:
-    """Return which measurements fit the other rays of their point, and the w of the others.
-
-    The test includes the trajectory's sigma.
-    """
+    """Return which rays fit the others of their point within all sigma, and w of the rest."""
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
     while True:
@@ -216,7 +209,7 @@ def _surveyed_nowhere(
 ) -> tuple[Rejection, ...]:
     """Return the rejections of check points, each with the largest of its three w."""
     rays, idx = _renumbered(selected, absurd)
-    found = _differences(block, georeferenced, rays, idx, refraction)
+    found = differences_at(block, georeferenced, rays, idx, refraction)
     w = np.max(np.abs(found.d) / found.sigma, axis=1)
     return tuple(
         Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
@@ -292,55 +285,3 @@ def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
     return selected.select(rows, group), points
-
-
-def _differences(
-    block: Block,
-    georeferenced: direct.Georeferenced,
-    selected: direct.Rays,
-    check_idx: Index,
-    refraction: str,
-) -> Differences:
-    found = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
-    d, sigma = compare(block, found.x_m, found.cov, check_idx)
-    groups = np.arange(len(check_idx))
-    starts = np.searchsorted(selected.group, groups)
-    ends = np.searchsorted(selected.group, groups, side="right")
-    return Differences(
-        point_idx=check_idx,
-        image_idx=np.column_stack([selected.image_idx[starts], selected.image_idx[ends - 1]]),
-        n_images=ends - starts,
-        d=d,
-        sigma=sigma,
-        by_parameters=found.by_parameters,
-    )
-
-
-def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Array, Array]:
-    """Return estimated minus surveyed coordinates of check points and their sigma.
-
-    Parameters
-    ----------
-    block : Block
-    x_m : ndarray, shape (n, 3)
-        Estimated coordinates, mapping frame, m.
-    cov : ndarray, shape (n, 3, 3)
-        Their covariances, m^2.
-    check_idx : ndarray, shape (n,)
-        Indices into `block.check`.
-
-    Returns
-    -------
-    d, sigma : ndarray, shape (n, 3)
-        East, north, height in the flight's CRS, m; sigma includes that of the survey.
-    """
-    x_m = expected.numbers("x_m", x_m, ("n", 3))
-    expected.shape("cov", cov, (len(x_m), 3, 3))
-    expected.whole_numbers("check_idx", check_idx, (len(x_m),))
-    expected.places("check_idx", check_idx, len(block.check))
-    check: SurveyedPoints = block.check[check_idx]
-    met = np.isfinite(x_m).all(axis=1)
-    d = np.full((len(x_m), 3), np.nan)
-    d[met] = block.frame.to_grid(x_m[met]) - block.frame.to_grid(check.x_m[met])
-    cov_grid = propagate(check.R_g_m, cov)
-    return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)

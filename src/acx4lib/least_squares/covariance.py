@@ -44,3 +44,21 @@ def correlation(cov: Array) -> Array:
     expected.symmetric("cov", cov)
     sigma = np.maximum(sigmas(cov), 1e-150)
     return cov / sigma[:, None] / sigma
+
+
+def half(cov: Array) -> Array:
+    """Return H with H H^T = cov, over leading axes; variances may be zero.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (..., n, n)
+
+    Returns
+    -------
+    ndarray, shape (..., n, n)
+    """
+    expected.square("cov", cov)
+    sigma = np.maximum(sigmas(cov), 1e-150)[..., :, None]
+    values, vectors = np.linalg.eigh(cov / sigma / np.swapaxes(sigma, -1, -2))
+    out: Array = sigma * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    return out

@@ -43,7 +43,8 @@ HEADS_FRAME = (
     "A head stands at (Xc, Yc, Zc) over the image, whose plane is Z = 0; omega, phi, kappa turn "
     "the axes from the image to the head, R3(kappa) R2(phi) R1(omega). Grey values were divided "
     "by exp(g + a q + b q^2), q the squared distance from the middle of the head's image over "
-    "that of its corner; response has g, a, b of every band."
+    "that of its corner, not beyond the limits in response_reach; response has g, a, b of every "
+    "band."
 )
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -312,6 +313,7 @@ def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
 def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
     camera, path = job.orientation.heads[k], job.files[k]
     response = None if job.response is None else job.response.coefficients[k].tolist()
+    reach = None if job.response is None else _reach(job.response, k)
     return {
         "camera": camera.name,
         "file": path.name,
@@ -324,4 +326,11 @@ def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
         "Xc_Yc_Zc_mm": job.orientation.xyz_mm[k].tolist(),
         "omega_phi_kappa_deg": np.degrees(job.orientation.opk[k]).tolist(),
         "response": response,
+        "response_reach": reach,
     }
+
+
+def _reach(response: Response, k: int) -> list[float | None]:
+    """Return the limits of q of a head; None where there is none, as JSON has no infinity."""
+    limits = [] if response.reach is None else response.reach[k].tolist()
+    return [one if np.isfinite(one) else None for one in limits]

@@ -21,7 +21,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions, TellRows
 from acx4lib.production.file_names import file_stem
 from acx4lib.production.flight_response import FlightResponse, estimate_flight_response, spread
-from acx4lib.production.head_images import HeadFiles, head_files
+from acx4lib.production.head_images import HeadFiles, flight_files
 from acx4lib.production.image_files import fingerprint
 from acx4lib.production.tiff import appearing, read_about
 from acx4lib.production.workers import Workers, run_jobs
@@ -105,7 +105,8 @@ def render_flight(
         A new or empty folder, or that of an earlier call. A TIFF and a preview for each exposure
         are written to it, and `IMAGES`.
     exposures : sequence of str, optional
-        By default all exposures with the files of all heads.
+        By default all exposures with the files of all heads, in every block that is measured in
+        heads; ``block/name`` where two of them have an exposure of this name.
     options : RenderOptions
     workers : Workers
     tell : callable
@@ -125,8 +126,9 @@ def render_flight(
         Where the heads could not be oriented.
     """
     rig, folder = read_rig(flight, Path(results_path)), Path(folder)
-    complete, incomplete = head_files(flight, [head.name for head in rig.orientation.heads])
-    chosen = _chosen(flight, exposures, complete, incomplete)
+    files = flight_files(flight, [head.name for head in rig.orientation.heads])
+    complete, incomplete = files.complete, files.incomplete
+    chosen = files.chosen(exposures)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
@@ -228,27 +230,6 @@ def _other_constant(rig: SyntheticRig) -> Iterator[str]:
 
 
 # --- which images ----------------------------------------------------------------------------
-
-
-def _chosen(
-    flight: Flight,
-    exposures: Sequence[str] | None,
-    complete: Mapping[str, HeadFiles],
-    incomplete: Mapping[str, str],
-) -> list[str]:
-    """Return the exposures to render; those with missing files only if they are named."""
-    if exposures is None and not complete:
-        raise FlightError(list(incomplete.values()))
-    names = list(complete) if exposures is None else list(dict.fromkeys(exposures))
-    unknown = [name for name in names if name not in complete and name not in incomplete]
-    if unknown:
-        known = [*complete][:5] + (["…"] if len(complete) > 5 else [])
-        problem = (
-            f"{flight.path / 'heads' / 'images.csv'}: no files of an exposure "
-            f"{', '.join(unknown)}; complete are {', '.join(known) or 'none'}"
-        )
-        raise FlightError([problem])
-    return names
 
 
 def _missing(chosen: Iterable[str], incomplete: Mapping[str, str]) -> list[Outcome]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acx4lib.errors import FlightError
@@ -30,12 +30,66 @@ class HeadFiles:
     Attributes
     ----------
     exposure : str
+        Its name; ``block/name`` where two blocks of a flight have such an exposure.
     paths : tuple of Path
         In the order of the heads; paths for the user.
     """
 
     exposure: str
     paths: tuple[Path, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightFiles:
+    """The head images of a flight, in all its blocks that are measured in heads.
+
+    Attributes
+    ----------
+    complete : dict of str to HeadFiles
+        By exposure, in the order of the flight.
+    incomplete : dict of str to str
+        What is missing, for exposures where only some heads have a file.
+    meant : dict of str to tuple of str
+        By a plain name or ``block/name``, the exposures that it may mean.
+    tables : tuple of Path
+        Where the files are named.
+    """
+
+    complete: dict[str, HeadFiles]
+    incomplete: dict[str, str]
+    meant: dict[str, tuple[str, ...]]
+    tables: tuple[Path, ...]
+
+    def chosen(self, names: Sequence[str] | None) -> list[str]:
+        """Return the named exposures; by default all that are complete.
+
+        Raises
+        ------
+        FlightError
+            Where there is none, or a name means none or several of them.
+        """
+        if names is None:
+            if not self.complete:
+                raise FlightError(list(self.incomplete.values()))
+            return list(self.complete)
+        problems = [
+            f"exposure {name}: there are {len(self.meant[name])} of this name; say "
+            f"{' or '.join(self.meant[name])}"
+            for name in names
+            if len(self.meant.get(name, ())) > 1
+        ]
+        unknown = [name for name in dict.fromkeys(names) if name not in self.meant]
+        problems += [self._unknown(unknown)] if unknown else []
+        if problems:
+            raise FlightError(problems)
+        return list(dict.fromkeys(self.meant[name][0] for name in names))
+
+    def _unknown(self, names: Sequence[str]) -> str:
+        known = [*self.complete][:5] + (["…"] if len(self.complete) > 5 else [])
+        return (
+            f"{', '.join(map(str, self.tables))}: no files of an exposure {', '.join(names)}; "
+            f"complete are {', '.join(known) or 'none'}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,14 +113,65 @@ class HeadImages:
             forget(image)
 
 
-def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFiles], dict[str, str]]:
-    """Return the exposures whose image files exist.
+def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
+    """Return the image files of the block heads and of others that are measured in heads.
 
     Parameters
     ----------
     flight : Flight
     heads : sequence of str
         Names of the cameras.
+
+    Raises
+    ------
+    FlightError
+        Where no image of a head has a file.
+    """
+    blocks = [name for name in ("heads", *flight.carried) if any(flight.image_files.get(name, ()))]
+    found = {name: head_files(flight, heads, block=name) for name in blocks or ("heads",)}
+    places = [(name, one) for name, parts in found.items() for part in parts for one in part]
+    full = {f"{name}/{one}" for name, one in places}
+    times = Counter(one for _, one in places)
+    label = {
+        (name, one): one if times[one] == 1 and one not in full else f"{name}/{one}"
+        for name, one in places
+    }
+    meant: dict[str, tuple[str, ...]] = {}
+    for (name, one), said in label.items():
+        for way in dict.fromkeys((one, f"{name}/{one}", said)):
+            meant[way] = (*meant.get(way, ()), said)
+    return FlightFiles(
+        complete={
+            label[name, one]: replace(files, exposure=label[name, one])
+            for name, (complete, _) in found.items()
+            for one, files in complete.items()
+        },
+        incomplete={
+            label[name, one]: says
+            for name, (_, incomplete) in found.items()
+            for one, says in incomplete.items()
+        },
+        meant=meant,
+        tables=tuple(_table(flight, name) for name in found),
+    )
+
+
+def _table(flight: Flight, block: str) -> Path:
+    return flight.path / block / "images.csv"
+
+
+def head_files(
+    flight: Flight, heads: Sequence[str], *, block: str = "heads"
+) -> tuple[dict[str, HeadFiles], dict[str, str]]:
+    """Return the exposures of a block whose image files exist.
+
+    Parameters
+    ----------
+    flight : Flight
+    heads : sequence of str
+        Names of the cameras.
+    block : str
+        A block that is measured in heads.
 
     Returns
     -------
@@ -80,8 +185,8 @@ def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFile
     FlightError
         Where no image of a head has a file.
     """
-    table = flight.path / "heads" / "images.csv"
-    found = _files_by_exposure(flight, heads)
+    table = _table(flight, block)
+    found = _files_by_exposure(flight, heads, block)
     if not found:
         raise FlightError([f"{table}: names no files of head images; {MAKE_FILES}"])
     complete, incomplete = {}, {}
@@ -98,14 +203,16 @@ def head_files(flight: Flight, heads: Sequence[str]) -> tuple[dict[str, HeadFile
     return complete, incomplete
 
 
-def _files_by_exposure(flight: Flight, heads: Sequence[str]) -> dict[str, dict[str, Path]]:
+def _files_by_exposure(
+    flight: Flight, heads: Sequence[str], name: str
+) -> dict[str, dict[str, Path]]:
     """Return the existing files of heads by exposure and camera."""
-    block, inside = flight.heads, flight.pictures.resolve()
     found: dict[str, dict[str, Path]] = {}
-    if block is None:
+    if name not in flight.blocks:
         return found
+    block, inside = flight.blocks[name], flight.pictures.resolve()
     images = block.images
-    for i, path in enumerate(flight.image_files["heads"]):
+    for i, path in enumerate(flight.image_files[name]):
         camera = block.cameras[images.camera_idx[i]].name
         if path is not None and camera in heads:
             exposure = block.trajectory.exposures[images.exposure_idx[i]]

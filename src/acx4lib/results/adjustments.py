@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,11 +10,16 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.gross_errors.limits import Stopped, sentence
+from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
-from acx4lib.calibration import determination, gnss_shift
+from acx4lib.calibration import gnss_shift, rig
 from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
+from acx4lib.calibration.trust import determination
+from acx4lib.calibration.trust.confirmation import confirmations
+from acx4lib.calibration.trust.needs import features
 from acx4lib.results import folder as results
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
@@ -32,7 +37,7 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
 )
 """Entries of summary.json for an adjustment that was not made or failed."""
 
-OPTIONAL = (*TWO_STEP, "rig")
+OPTIONAL = (*TWO_STEP, *rig.METHODS)
 """Methods that need more than every flight has: if they fail, a run goes on."""
 
 
@@ -103,11 +108,15 @@ def of_bundle(
     said = calibration or from_bundle(bundle)
     solution = bundle.solution
     key = summary_key or f"{stage}/{method}"
-    open_lines = [*not_determined(said), *gnss_shift.not_determined(bundle)]
-    unknown = [f"{key}: {line}" for line in open_lines]
+    open_lines = [
+        *not_determined(said, features(bundle.network.block)),
+        *gnss_shift.not_determined(bundle),
+    ]
+    # where a group contradicts the others, sigma0 and so all sigma are large for this reason
+    unknown = [] if bundle.stopped else [f"{key}: {line}" for line in open_lines]
     found = components(bundle, applied=applied)
-    # a lever arm that is held makes sigma look wrong that are not
-    judged = () if method in TWO_STEP else found
+    # a held lever arm, or a group that contradicts the others, makes right sigma look wrong
+    judged = () if method in TWO_STEP or bundle.stopped else found
     entry: dict[str, object] = {
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
@@ -117,11 +126,15 @@ def of_bundle(
         "iterations": solution.iterations,
         "converged": True,
         "n_rejected": len(bundle.rejected),
+        "expected_rejections": expected_failures(bundle),
+        **stopped_entries(key, bundle.stopped),
         "n_left_out": sum(bundle.network.left_out.values()),
         **determination.as_json(bundle, said),
+        **_declared_entries(key, method, bundle),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
+        "height_scale_error": height_scale(bundle) - 1,
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],
     }
     return Record(
@@ -130,6 +143,33 @@ def of_bundle(
         tables=bundle_tables(stage, method, bundle, said),
         summary={key: entry},
     )
+
+
+def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
+    """Return the entries of summary.json on groups of which nothing was rejected."""
+    return {
+        "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
+        "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
+    }
+
+
+def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object]:
+    """Return the entries of summary.json on declared mountings.
+
+    None for two steps, whose bundle has no mountings, nor where the data contradict each other.
+    """
+    found = [] if bundle.stopped or method in TWO_STEP else confirmations(bundle)
+    return {
+        "declared": {
+            f"{c.camera}/{c.part.replace(' ', '_')}": {
+                "difference": list(c.difference),
+                "p": c.p,
+                "confirmed": not c.objection,
+            }
+            for c in found
+        },
+        "not_confirmed": [f"{key}: {c.sentence}" for c in found if c.objection],
+    }
 
 
 def _notes(method: str, bundle: Bundle) -> list[str]:

@@ -5,8 +5,6 @@ The results of a method have the name ``stage/method``, such as ``mounting/singl
 
 from __future__ import annotations
 
-import json
-import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from csv import QUOTE_NONNUMERIC
@@ -20,7 +18,7 @@ from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
 from acx4lib.results.own_folder.marks import SCRATCH
-from acx4lib.results.summary_entries import read_summary
+from acx4lib.results.summary_entries import read_summary, summary_text
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
@@ -45,17 +43,24 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     ),
     "covariance": (*_METHOD, "row", "column", "value"),
     "rejected": (*_METHOD, "kind", "image_or_exposure", "point", "statistic", "reason"),
+    "synthetic_points": (
+        *("block", "image", "point", "head"),
+        *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
+    ),
 }
 """Columns of every table, in order; a table's file is its name with ``.csv``."""
 
 _TEXT = {
     *(*_METHOD, "camera", "parameter", "unit", "point", "image_a", "image_b", "image", "kind"),
-    *("image_or_exposure", "component", "row", "column", "reason"),
+    *("image_or_exposure", "component", "row", "column", "reason", "block", "head"),
 }
 _COUNT = {"n_images"}
 
 FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
+
+EARLIEST = tuple(file for file in FILES if file != "synthetic_points.csv")
+"""Those that results of every version have."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +71,7 @@ class Results:
     ----------
     folder : Path
     parameters, validation, check_points, exterior_orientation : DataFrame
-    residuals, covariance, rejected : DataFrame
+    residuals, covariance, rejected, synthetic_points : DataFrame
         With the columns of `COLUMNS`; names are text, unknown numbers are NaN.
     summary : dict
         One object per ``stage/method``, or per ``stage/method/camera``.
@@ -80,6 +85,7 @@ class Results:
     residuals: pd.DataFrame
     covariance: pd.DataFrame
     rejected: pd.DataFrame
+    synthetic_points: pd.DataFrame
     summary: dict[str, dict[str, object]]
 
 
@@ -238,6 +244,8 @@ def _belongs(key: str, stage_methods: Sequence[str]) -> bool:
 
 def _keys(table: str, frame: pd.DataFrame) -> Iterator[str]:
     """Yield ``stage/method`` of every row."""
+    if table == "synthetic_points":
+        return iter(["synthetic/points"] * len(frame))
     stages = ["validation"] * len(frame) if table == "validation" else frame["stage"]
     return (f"{stage}/{method}" for stage, method in zip(stages, frame["method"], strict=True))
 
@@ -269,7 +277,7 @@ def _merged(
             raise ValueError(msg)
         parts.append(new)
     frame = pd.concat([part for part in parts if len(part)] or parts[:1], ignore_index=True)
-    if name == "validation":
+    if "stage" not in frame:
         return frame
     place = frame["stage"].map({stage: i for i, stage in enumerate(STAGES)})
     return frame.iloc[np.argsort(place.to_numpy(), kind="stable")].reset_index(drop=True)
@@ -325,22 +333,6 @@ def _write(
             if "\r" in cells:  # without quotes it would end a row
                 cells = frame.to_csv(index=False, lineterminator="\n", quoting=QUOTE_NONNUMERIC)
             (new / f"{name}.csv").write_text(cells, encoding="utf-8", newline="")
-        text = json.dumps(
-            _plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False
-        )
-        (new / "summary.json").write_text(text + "\n", encoding="utf-8")
+        (new / "summary.json").write_text(summary_text(summary), encoding="utf-8")
         for name in FILES:
             (new / name).replace(folder / name)
-
-
-def _plain(value: object) -> object:
-    """Return a value for JSON; a number that is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

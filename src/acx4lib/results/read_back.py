@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import Calibration, given, to_reported
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import METHODS
@@ -125,18 +126,26 @@ def read_calibration(
     return replace(reported, cov=propagate(back, cov))
 
 
-def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibration]:
+def calibrations_for(
+    flight: Flight, found: folder.Results, cameras: Sequence[Camera]
+) -> dict[str, Calibration]:
     """Return the calibrations for the validation of a flight, by method.
 
     A method with a parameter that is not determined is left out. For a flight without a
     calibration block, the method is ``given``: the declared cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    found : Results
+    cameras : sequence of Camera
+        As declared.
 
     Raises
     ------
     FlightError
         Where the flight has a calibration block whose results are not in the folder.
     """
-    cameras = flight.validation.cameras if flight.validation else ()
     if flight.calibration is None:
         return {"given": given(cameras)}
     folder.rows(found, "parameters", "mounting")  # raises where the stage has not been run
@@ -146,11 +155,33 @@ def calibrations_for(flight: Flight, found: folder.Results) -> dict[str, Calibra
     }
 
 
-def calibrated_methods(found: folder.Results) -> tuple[str, ...]:
-    """Return the methods of the mounting stage that determined all their parameters."""
-    said = {method: found.summary.get(f"mounting/{method}", {}) for method in METHODS}
+def rigs_for(found: folder.Results, cameras: Sequence[Camera]) -> dict[str, Calibration]:
+    """Return the rigs with all these heads for a validation in the heads' images, by method.
+
+    Parameters
+    ----------
+    found : Results
+    cameras : sequence of Camera
+        Heads, as declared.
+    """
+    names = {camera.name for camera in cameras}
+    return {
+        method: read_calibration(found, f"mounting/{method}", cameras)
+        for method in calibrated_methods(found, rig.METHODS)
+        if names <= set(folder.cameras(found, f"mounting/{method}"))
+    }
+
+
+def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) -> tuple[str, ...]:
+    """Return the methods of the mounting stage that determined all their parameters.
+
+    Not those of which too much would have been rejected: their data contradict each other.
+    """
+    said = {method: found.summary.get(f"mounting/{method}", {}) for method in methods}
     return tuple(
         method
         for method, entry in said.items()
-        if entry.get("converged") and not folder.messages(entry, "not_determined")
+        if entry.get("converged")
+        and not folder.messages(entry, "not_determined")
+        and not folder.messages(entry, "stopped")
     )

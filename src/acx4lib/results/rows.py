@@ -10,6 +10,7 @@ import pandas as pd
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import observed_mountings
 from acx4lib.calibration import gnss_shift
 from acx4lib.calibration.estimates import (
     Calibration,
@@ -24,7 +25,7 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing.validation import compare
+from acx4lib.georeferencing.differences import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results import folder
 
@@ -33,8 +34,10 @@ COMPONENTS = {
     "control_point": ("east_m", "north_m", "height_m"),
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
+    "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
 }
-"""Components of the residuals of every kind; attitudes are about the body's x, y, z axes."""
+"""Components of the residuals of every kind; angles are about the body's x, y, z axes."""
 
 RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
 """Names of the parameters of a head's relative orientation, in their order."""
@@ -165,7 +168,7 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
         where, point = _observed_at(network, group.kind)
         used = group.used
         rows, components = np.nonzero(used)
-        unit = np.degrees(1.0) if group.kind == "attitude" else 1.0
+        unit = np.degrees(1.0) if COMPONENTS[group.kind][0].endswith("_deg") else 1.0
         parts.append(
             pd.DataFrame(
                 {
@@ -186,7 +189,7 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
 
 
 def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
-    """Return for every row of a group the names of its image or exposure, and of its point."""
+    """Return for every row of a group its image, exposure or camera, and its point."""
     points = np.array(network.block.points, dtype=object)
     if kind == "image_point":
         images = np.array(network.block.images.names, dtype=object)
@@ -195,6 +198,11 @@ def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
     if kind == "control_point":
         names = points[network.control.point_idx[~network.held_control]]
         return np.full(len(names), "", dtype=object), names
+    if kind in ("lever_arm", "boresight"):
+        cameras = network.block.cameras
+        known = observed_mountings(cameras, kind, network.layout.mount)
+        names = np.array([cameras[k].name for k in known], dtype=object)
+        return names, np.full(len(names), "", dtype=object)
     poses = np.array(network.pose_names, dtype=object)
     return poses, np.full(len(poses), "", dtype=object)
 

@@ -1,4 +1,4 @@
-"""Allowed and required entries of summary.json, checked when it is read."""
+"""The entries of summary.json: as they are written, and checked when they are read."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 Test = Callable[[Any], bool]
 
@@ -31,6 +33,16 @@ def _three(value: object) -> bool:
 def _pairs(value: object) -> bool:
     return isinstance(value, list) and all(
         isinstance(one, list) and len(one) == 3 and _sentences(one[:2]) and _number(one[2])
+        for one in value
+    )
+
+
+def _groups(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list)
+        and len(one) == 3
+        and isinstance(one[0], str)
+        and all(map(_number, one[1:]))
         for one in value
     )
 
@@ -60,28 +72,51 @@ def _is_object(value: object) -> bool:
     return isinstance(value, dict)
 
 
+def _is_compared(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and _three(value.get("difference"))
+        and _or_null(_number)(value.get("p"))
+        and isinstance(value.get("confirmed"), bool)
+    )
+
+
 def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
+
+
+_OF_POINTS = ("mean", "std", "rms", "mean_sigma", "normalised_rms", "effective_number")
 
 
 def _points(value: object) -> bool:
     return (
         isinstance(value, dict)
-        and all(_or_null(_three)(value.get(key)) for key in ("mean", "std", "rms"))
+        and all(_or_null(_three)(value.get(key)) for key in _OF_POINTS)
         and _classes(value.get("classes", {}))
     )
 
 
+def _checksums(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(one, str) for one in value.values())
+
+
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
+_JUDGED = ("expected_rejections", "height_scale_error", "height_offset_share")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
+_TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
 
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (*_COUNT, *_OF_PAIRS, "n_exposures", "sigma0_squared", "chi_square_p", "condition"),
+        (*_COUNT, *_OF_PAIRS, *_TESTED, *_JUDGED, "joint_dof", "n_exposures"),
         (_or_null(_number), "a number or null"),
     ),
-    **dict.fromkeys(("left_out", "not_determined", "notes"), (_sentences, "a list of sentences")),
+    **dict.fromkeys(
+        ("left_out", "not_determined", "stopped", "not_confirmed", "notes"),
+        (_sentences, "a list of sentences"),
+    ),
+    "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
+    "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(
         ("weakest", "largest_correlations"), (_by_name(_or_null(_number)), "numbers by name")
@@ -89,6 +124,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),
+    "measured": (_checksums, "checksums by file"),
 }
 """Tests of the known entries by name, each with what it expects; others are not read."""
 
@@ -120,6 +156,24 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
     wrong = [f"{path}: {line}; remove the results and run again" for line in wrong_entries(summary)]
     problems += wrong
     return {} if wrong else summary
+
+
+def summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
+    """Return the text of summary.json; a number that is not finite becomes null."""
+    plain = _plain(summary)
+    return json.dumps(plain, indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:

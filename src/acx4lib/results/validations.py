@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.flight.block import Block
-from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing import accuracy, error_sources, standards
+from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
-from acx4lib.georeferencing.validation import Differences, Validation
+from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.results import folder
-from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out
+from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
 from acx4lib.results.rows import exterior_table, point_table, rejected_table
 
 MANY = 0.1
@@ -85,18 +87,25 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "redundancy": validation.redundancy,
         "sigma0_squared": validation.sigma0_sq,
         "chi_square_p": validation.chi_square_p,
+        "joint_chi_square": validation.joint_chi_square,
+        "joint_dof": validation.joint_dof,
+        "joint_chi_square_p": validation.joint_chi_square_p,
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
+        **stopped_entries(f"validation/{validation.method}", validation.stopped),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
         "n_points": len(validation.points),
+        "height_offset_share": height_offset(validation)[1],
         "notes": [f"validation/{validation.method}: {note}" for note in _notes(validation)],
         **_statistics(over_pairs),
         "points": {
             **_statistics(over_points),
-            "t": _test(accuracy.mean_test(over_points)),
+            "mean_sigma": [*sigmas(validation.mean_cov)],
+            **_spread(validation),
+            "bias": _test(accuracy.bias_test(np.array(over_points.mean), validation.mean_cov)),
             "classes": standards.classes(over_points, survey_sigma=survey_sigma),
         },
     }
@@ -111,17 +120,34 @@ def _notes(validation: Validation) -> Iterator[str]:
             f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
             "rather a wrong calibration or trajectory than so many gross errors"
         )
-    if not len(validation.points):
-        return
-    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
-    height = float(np.median(above))
-    off = float(np.median(validation.points.d[:, 2]))
-    if abs(off) > SCALE_LIMIT * height:
+    off, share = height_offset(validation)
+    if abs(share) > SCALE_LIMIT:
         yield (
             f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
-            f"{100 * abs(off) / height:.1f} % of the flying height: the height system of check "
+            f"{100 * abs(share):.1f} % of the flying height: the height system of check "
             "points or trajectory, or the focal length, is wrong"
         )
+
+
+def height_offset(validation: Validation) -> tuple[float, float]:
+    """Return the median height difference, m, and its share of the flying height."""
+    if not len(validation.points):
+        return 0.0, 0.0
+    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
+    off = float(np.median(validation.points.d[:, 2]))
+    return off, off / float(np.median(above))
+
+
+def _spread(validation: Validation) -> dict[str, object]:
+    """Return the RMS of the differences over their sigma, and how many it is as sure as."""
+    points = validation.points
+    if not len(points):
+        return {"normalised_rms": [np.nan] * 3, "effective_number": [np.nan] * 3}
+    among = error_sources.axis_covariances(points.sources)
+    return {
+        "normalised_rms": list(np.sqrt(np.mean((points.d / points.sigma) ** 2, axis=0))),
+        "effective_number": [accuracy.effective_number(correlation(cov)) for cov in among],
+    }
 
 
 def _statistics(said: accuracy.Accuracy) -> dict[str, object]:

@@ -1,7 +1,8 @@
 """What a stage of the paper computes from a flight, and what it leaves in the results folder.
 
 `heads` calibrates and orients the heads (sections 2.1 and 4.1, Table 1); `synthetic` refines them
-for the synthetic image (2.1, Table 2, Figure 1), from their `pictures` where there are any;
+for the synthetic image (2.1, Table 2, Figure 1), from their `pictures` where there are any, and
+carries points into it that were measured in heads;
 `mounting` estimates interior orientation, boresight and lever arm (2.2 and 4.2, Table 3), `rig`
 those of all heads together; `validation` tests direct georeferencing (4.3, Table 4). Each has one
 function `run`. `order` says which of them a flight has data for. Begin with `heads`.

@@ -17,6 +17,7 @@ from acx4lib.calibration.heads import (
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +47,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
     results_path : path
     """
     stage = orient(flight, calibrate(flight))
-    adjustments.write(results_path, "heads", records(stage))
+    adjustments.write(results_path, "heads", explained(records(stage), flight, "heads"))
     return stage
 
 

@@ -12,7 +12,9 @@ from acx4lib.calibration import mounting, weights
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.results import adjustments
+from acx4lib.results import adjustments, folder
+from acx4lib.results.carried import mounted_block
+from acx4lib.stages.explained import explained
 
 
 class Settings(TypedDict):
@@ -50,32 +52,44 @@ class MountingStage:
         return self.mountings.methods.get("single_step")
 
 
-def calibrate(flight: Flight) -> MountingStage:
+def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     """Calibrate the mounting by all methods, by the settings of flight.toml.
 
     Parameters
     ----------
     flight : Flight
-        With a block calibration.
+    block : Block, optional
+        The calibration block, by default as the flight has it; where it is measured in heads, its
+        points must have been carried into synthetic images, as `results.carried` has them.
 
     Raises
     ------
     FlightError
-        If the flight has no block calibration.
+        Where the flight has no block calibration.
+    ValueError
+        Where this is measured in heads, and no block is given.
     AdjustmentError
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
     expected.instance("flight", flight, Flight)
-    given = flight.block("calibration")
+    if block is None:
+        block = _as_measured(flight)
     settings = Settings(
         free=flight.estimate_mounting,
         fix=flight.fix,
         refraction=flight.refraction,
         gnss=flight.gnss,
     )
-    block, factors = weights.weighted(given, weights=flight.weights, **settings)
+    block, factors = weights.weighted(block, weights=flight.weights, **settings)
     mountings = mounting.calibrate(block, **settings)
     return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
+
+
+def _as_measured(flight: Flight) -> Block:
+    if "calibration" in flight.carried:
+        msg = "block calibration is measured in heads: give it with its points carried, as `block`"
+        raise ValueError(msg)
+    return flight.block("calibration")
 
 
 def run(flight: Flight, results_path: str | Path) -> MountingStage:
@@ -86,8 +100,19 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     flight : Flight
         With a block calibration.
     results_path : path
+        With the results of stage synthetic, where the block is measured in heads.
+
+    Raises
+    ------
+    FlightError
+        Where these are missing, or the flight has no block calibration.
+    AdjustmentError
+        As `calibrate`.
     """
-    stage = calibrate(flight)
+    block = flight.block("calibration")
+    if "calibration" in flight.carried:
+        block = mounted_block(flight, "calibration", folder.read(results_path))
+    stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    adjustments.write(results_path, "mounting", records)
+    adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
     return stage

@@ -9,14 +9,22 @@ from acx4lib.flight.reader import Flight
 PART_OF: Mapping[str, str] = {"rig": "mounting"}
 """The stage of the results folder that a stage belongs to, where it is not one of its own."""
 
-ENDS = ("synthetic",)
-"""Stages whose results no later one needs: where one is not determined, the run goes on."""
-
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
 
+CONSISTENT = (*DECISIVE, "mounting/rig", "validation/single_step", "validation/given")
+"""Methods of which data snooping must not want to reject a large part of a group."""
+
 NO_RIG = "there are no heads"
 """Why a flight has no rig that nobody expects: the stage heads says so already."""
+
+
+def is_end(flight: Flight, stage: str) -> bool:
+    """Tell whether a run goes on where a stage is not determined: no later one needs its results.
+
+    Points that were measured in heads are carried by stage synthetic for all later ones.
+    """
+    return stage == "synthetic" and not flight.carried
 
 
 def missing(flight: Flight, stage: str) -> str:
@@ -24,6 +32,10 @@ def missing(flight: Flight, stage: str) -> str:
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
     if block not in flight.blocks:
         return NO_RIG if stage == "rig" else f"the flight has no block {block}"
+    if block in flight.carried and "heads" not in flight.blocks:
+        return (
+            f"block {block} is measured in heads, which the flight has no block heads to calibrate"
+        )
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
     if stage == "synthetic" and flight.synthetic is None:

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib.calibration import rig
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
+from acx4lib.stages.explained import explained
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,51 +28,75 @@ class RigStage:
     rig : Mounting or None
     left_out : str
         Why there is no rig; empty where there is one.
+    method : str
+        One of `rig.METHODS`.
     """
 
     block: Block
     rig: Mounting | None
     left_out: str = ""
+    method: str = "rig"
 
 
 def run(flight: Flight, results_path: str | Path) -> RigStage:
     """Calibrate all heads together, and write the results beside those of stage mounting.
+
+    A calibration block that is measured in heads has a rig of its own in the results.
 
     Parameters
     ----------
     flight : Flight
         With a block heads.
     results_path : path
+
+    Returns
+    -------
+    RigStage
+        Of the block heads.
     """
-    stage = calibrate(flight)
-    write(results_path, "mounting/rig", records(stage))
-    return stage
+    stages = [(calibrate(flight), "heads")]
+    if "calibration" in flight.carried:
+        stages.append((calibrate(flight, method="rig_calibration"), "calibration"))
+    for stage, block in stages:
+        write(results_path, f"mounting/{stage.method}", explained(records(stage), flight, block))
+    return stages[0][0]
 
 
-def calibrate(flight: Flight) -> RigStage:
-    """Adjust all heads of a flight together; the interior parameters are those of stage heads.
+def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
+    """Adjust all heads of a block together; the interior parameters are those of stage heads.
 
     Parameters
     ----------
     flight : Flight
-        With a block heads.
+        With the block.
+    method : str
+        ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
     """
-    block = select_cameras(flight.block("heads"), flight.head_names)
+    expected.one_of("method", method, rig.METHODS)
+    block = _of_heads(flight, "heads" if method == "rig" else "calibration")
     try:
         found = rig.calibrate(block, free=flight.estimate_heads, refraction=flight.refraction)
     except AdjustmentError as error:
-        return RigStage(block=block, rig=None, left_out=str(error))
-    return RigStage(block=block, rig=found)
+        return RigStage(block=block, rig=None, left_out=str(error), method=method)
+    return RigStage(block=block, rig=replace(found, method=method), method=method)
+
+
+def _of_heads(flight: Flight, name: str) -> Block:
+    """Return a block with its heads in the order of flight.toml's [synthetic]."""
+    block = flight.block(name)
+    present = [camera.name for camera in block.cameras]
+    order = flight.synthetic.heads if flight.synthetic else present
+    return select_cameras(block, [head for head in order if head in present])
 
 
 def records(stage: RigStage) -> list[Record]:
     """Return what the rig leaves in a results folder, a failure included."""
     if stage.rig is None:
-        return [of_left_out("mounting", "rig", stage.left_out)]
+        return [of_left_out("mounting", stage.method, stage.left_out)]
     record = of_mounting(stage.rig)
-    entry = record.summary["mounting/rig"]
-    notes = [*_list(entry["notes"]), *(f"mounting/rig: {note}" for note in _notes(stage))]
-    return [replace(record, summary={"mounting/rig": {**entry, "notes": notes}})]
+    ((key, entry),) = record.summary.items()
+    notes = [*_list(entry["notes"]), *(f"{key}: {note}" for note in _notes(stage))]
+    return [replace(record, summary={key: {**entry, "notes": notes}})]
 
 
 def _list(value: object) -> list[object]:

@@ -13,8 +13,10 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results import folder
 from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write
+from acx4lib.results.carried import of_carried
 from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
+from acx4lib.synthetic_image.carried import CarriedPoints, carry
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.ties import (
     Overlap,
@@ -104,6 +106,8 @@ class SyntheticStage:
     found : FoundTies or None
         From the pictures.
     refinement : Refinement
+    carried : dict of str to CarriedPoints
+        By block; empty where the flight is measured in synthetic images.
     """
 
     synthetic: Camera
@@ -111,10 +115,13 @@ class SyntheticStage:
     pictures: Pictures | None
     found: FoundTies | None
     refinement: Refinement
+    carried: dict[str, CarriedPoints]
 
 
 def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> SyntheticStage:
     """Find the tie points of the heads, refine the heads by them, and write the results.
+
+    Points that were measured in heads are carried into the synthetic image by the refined heads.
 
     Parameters
     ----------
@@ -142,13 +149,19 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
     pictures = read_pictures(flight, orientation, reduce=reduce)
     found = find(pictures, orientation) if pictures else None
     refinement = refine(flight, orientation, found)
-    write(results_path, "synthetic", records(refinement))
+    carried = {
+        name: carry(flight.block(name), refinement.orientation, synthetic)
+        for name in flight.carried
+    }
+    points = [of_carried(flight, carried)] if carried else []
+    write(results_path, "synthetic", [*records(refinement), *points])
     return SyntheticStage(
         synthetic=synthetic,
         orientation=orientation,
         pictures=pictures,
         found=found,
         refinement=refinement,
+        carried=carried,
     )
 
 
@@ -186,7 +199,7 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
             fits[way] = refine_by_rotations(orientation, ties, free=way)
             orientations[way] = fits[way].orientation
         except AdjustmentError as error:
-            reasons[way] = str(error)
+            reasons[way] = "; ".join([str(error), *_warnings(found)])
     if len(ties):
         rejected = fits["rotations"].rejected if fits else np.zeros(len(ties), dtype=bool)
         orientations["mean shift"] = refine_by_mean_differences(orientation, ties[~rejected])
@@ -197,6 +210,12 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
         fits=fits,
         reasons=reasons,
     )
+
+
+def _warnings(found: FoundTies | None) -> list[str]:
+    """Return what is wrong with overlaps, once for all exposures."""
+    overlaps = [] if found is None else found.overlaps
+    return list(dict.fromkeys(one.sentence for one in overlaps if one.sentence))
 
 
 def records(refinement: Refinement) -> list[Record]:

@@ -15,7 +15,15 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
-from acx4lib.geometry.camera import Camera, colrow_from_xy, correct, distort, inside, xy_from_colrow
+from acx4lib.geometry.camera import (
+    Camera,
+    colrow_from_xy,
+    correct,
+    correct_by_point,
+    distort,
+    inside,
+    xy_from_colrow,
+)
 from acx4lib.geometry.collinearity import pinhole, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk, transform
 
@@ -77,12 +85,33 @@ def head_from_synthetic(orientation: RelativeOrientation, k: int, xy: Array) -> 
 
 
 def synthetic_from_head(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
-    """Return the synthetic image points of a head's measurements, shape (n, 2), mm."""
+    """Return the synthetic image points of a head's measurements, shape (n, 2), mm.
+
+    NaN for a ray that does not meet the plane of the synthetic image.
+    """
+    colrow = expected.numbers("colrow", colrow, ("n", 2))
+    T, ray_s = head_pose(orientation, k), _rays_of_head(orientation, k, colrow)
+    return T.r[:2] - ray_s[:, :2] * (T.r[2] / ray_s[:, 2:])
+
+
+def _rays_of_head(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
+    """Return the rays of measurements in the synthetic frame, (n, 3), mm; NaN if not downward."""
+    camera = orientation.heads[k]
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
+    ray_h = np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)])
+    ray_s = transform(head_pose(orientation, k).R, ray_h)
+    return np.where(ray_s[:, 2:] < 0, ray_s, np.nan)
+
+
+def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
+    """Return d(`synthetic_from_head`) / d(colrow), shape (n, 2, 2), mm per pixel of the head."""
     colrow = expected.numbers("colrow", colrow, ("n", 2))
     T, camera = head_pose(orientation, k), orientation.heads[k]
-    ideal = correct(camera.interior, xy_from_colrow(camera, colrow))
-    ray_s = transform(T.R, np.column_stack([ideal, np.full(len(ideal), -camera.interior.f)]))
-    return T.r[:2] - ray_s[:, :2] * (T.r[2] / ray_s[:, 2:])
+    ray_s = _rays_of_head(orientation, k, colrow)
+    along = ray_s[:, :2, None] / ray_s[:, 2:, None]
+    by_ideal = -T.r[2] / ray_s[:, 2:, None] * (T.R[:2, :2] - along * T.R[2, :2])
+    by_xy = correct_by_point(camera.interior, xy_from_colrow(camera, colrow))
+    return by_ideal @ by_xy * np.array([camera.pixel_mm, -camera.pixel_mm])
 
 
 def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) -> Array:

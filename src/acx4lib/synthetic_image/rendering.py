@@ -42,9 +42,8 @@ class RenderPlan:
         One for each head, with nodes at the same pixels.
     width_px, height_px : int
         Size of the image.
-    coefficients : ndarray, shape (n_heads, n_bands, 3), or None
-        g, a, b. A head's grey values are those of the scene times exp(g + a q + b q^2), where q
-        is the squared distance from the middle of the head's image, 1 at its corners. None: 1.
+    response : Response or None
+        Grey values of the heads are divided by it. None: 1.
     feather_px : float
         Heads blend on both sides of the line at the same distance from their borders, over this
         number of pixels of theirs; 0 makes this line a hard seam.
@@ -55,7 +54,7 @@ class RenderPlan:
     maps: tuple[HeadMap, ...]
     width_px: int
     height_px: int
-    coefficients: Array | None = None
+    response: Response | None = None
     feather_px: float = FEATHER_PX
     interpolation: Interpolation = "bilinear"
 
@@ -71,8 +70,9 @@ class RenderPlan:
         if np.any(cells * self.step_px < [self.height_px, self.width_px]):
             msg = f"{cells[1]} x {cells[0]} cells of {self.step_px} px do not cover the image"
             raise ValueError(msg)
-        if self.coefficients is not None and len(self.coefficients) != len(self.maps):
-            msg = f"a response of {len(self.coefficients)} heads for {len(self.maps)}"
+        heads = len(self.maps) if self.response is None else len(self.response.coefficients)
+        if heads != len(self.maps):
+            msg = f"a response of {heads} heads for {len(self.maps)}"
             raise ValueError(msg)
 
     @property
@@ -117,7 +117,7 @@ def render_plan(
         ),
         width_px=synthetic.width_px,
         height_px=synthetic.height_px,
-        coefficients=None if response is None else response.coefficients,
+        response=response,
         feather_px=feather_px,
         interpolation=interpolation,
     )
@@ -169,7 +169,9 @@ def render_rows(
     -----
     The weight of head k is max(0, min(d_k, d_k - d_max + feather_px)), divided by the sum over
     the heads; d is the distance from a head's border, px. Results are rounded to the nearest
-    number and never stretched. A sample between saturated pixels remains saturated.
+    number and never stretched. A sample between saturated pixels remains saturated; where a head
+    is made darker, samples just below rise to it steadily, `resampling.SHOULDER` times as fast, so
+    that a bright sky does not become speckled.
     """
     expected.place("stop", stop, plan.height_px + 1)
     expected.place("start", start, stop + 1)
@@ -248,8 +250,9 @@ def _require_images(plan: RenderPlan, images: Sequence[np.ndarray]) -> None:
         if not image.flags.c_contiguous:
             msg = f"the image of head {k + 1} is a view with gaps; must be contiguous"
             raise ValueError(msg)
-    if plan.coefficients is not None and plan.coefficients.shape[1:] != (first.shape[2], 3):
-        msg = f"a response of {plan.coefficients.shape[1]} bands for {first.shape[2]}"
+    bands = first.shape[2] if plan.response is None else plan.response.coefficients.shape[1]
+    if bands != first.shape[2]:
+        msg = f"a response of {bands} bands for {first.shape[2]}"
         raise ValueError(msg)
 
 
@@ -316,16 +319,18 @@ def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, sl
 
 def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
     """Return 1 / exp(g + a q + b q^2) at nodes, (n_heads, cols, rows, n_bands); empty for 1."""
-    if plan.coefficients is None:
+    if plan.response is None:
         return np.zeros((len(nodes), 0, 0, 1), np.float32)
-    factors = np.empty((*nodes.shape[:3], plan.coefficients.shape[1]), np.float32)
+    coefficients = plan.response.coefficients
+    factors = np.empty((*nodes.shape[:3], coefficients.shape[1]), np.float32)
     for k, head in enumerate(plan.maps):
         if np.isnan(nodes[k, ..., 0]).all():
             continue  # the head sees nothing here, and its factors are not used
         x, y = np.moveaxis(2 * nodes[k].astype(np.float32), -1, 0)
         x, y = x - np.float32(head.width_px - 1), y - np.float32(head.height_px - 1)
         q = (x * x + y * y) * np.float32(1 / (head.width_px**2 + head.height_px**2))
-        for band, (g, a, b) in enumerate(plan.coefficients[k].astype(np.float32)):
+        q = plan.response.within(k, q)
+        for band, (g, a, b) in enumerate(coefficients[k].astype(np.float32)):
             factors[k, ..., band] = np.exp(-(g + q * (a + q * b)))
     return factors
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from acx4lib import expected
@@ -20,8 +22,13 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image import grey_samples
 
+Q = TypeVar("Q", np.float32, np.float64)
+
 PER_CELL = 20
 """Samples in a cell of an overlap; responses are taken as constant in a cell."""
+
+BEYOND = 0.1
+"""Part of q by which responses are continued beyond the outermost `PER_CELL` samples."""
 
 ENOUGH = 200
 """Samples of an overlap and a band below which the overlap is called poor."""
@@ -44,12 +51,25 @@ class Response:
     ----------
     coefficients : ndarray, shape (n_heads, n_bands, 3)
         g, a, b. The mean of g over the heads is zero in each band.
+    reach : ndarray, shape (n_heads, 2), optional
+        Smallest and largest q for which this holds; beyond, the response is that at the limit. It
+        is one for all bands, so that what is not known does not change colours. By default, the
+        response holds everywhere.
     """
 
     coefficients: Array
+    reach: Array | None = None
 
     def __post_init__(self) -> None:
         expected.shape("coefficients", self.coefficients, ("n_heads", "n_bands", 3))
+        if self.reach is not None:
+            expected.shape("reach", self.reach, (len(self.coefficients), 2))
+
+    def within(self, k: int, q: NDArray[Q]) -> NDArray[Q]:
+        """Return q of a head, moved to the limits of its reach."""
+        if self.reach is None:
+            return q
+        return np.clip(q, *self.reach[k].astype(q.dtype))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +122,8 @@ class ResponseFit:
 
 def log_response(response: Response, k: int, colrow: Array, camera: Camera) -> Array:
     """Return the logarithm of a head's response at pixels, shape (n, n_bands)."""
-    out: Array = _powers(grey_samples.corner_share(camera, colrow)) @ response.coefficients[k].T
+    q = response.within(k, grey_samples.corner_share(camera, colrow))
+    out: Array = _powers(q) @ response.coefficients[k].T
     return out
 
 
@@ -181,13 +202,26 @@ def fit_response(
         to_zero_mean = _zero_mean_gain(n_heads)
         coefficients[:, band] = (to_zero_mean @ x).reshape(n_heads, 3)
         sigma[:, band] = sigmas(to_zero_mean @ cov @ to_zero_mean.T).reshape(n_heads, 3)
-    response = Response(coefficients=coefficients)
+    response = Response(coefficients=coefficients, reach=_reach(samples, n_heads))
     pairs = sorted({(s.head_a, s.head_b) for s in samples})
     return ResponseFit(
         response=response,
         sigma=sigma,
         overlaps=tuple(_disagreement(samples, pair, response) for pair in pairs),
     )
+
+
+def _reach(samples: Sequence[grey_samples.Samples], n_heads: int) -> Array:
+    """Return the limits of q to which samples of any band tell the response, (n_heads, 2)."""
+    out = np.tile([-np.inf, np.inf], (n_heads, 1))
+    for k in range(n_heads):
+        sides = [(s.head_a, s.q_a, s) for s in samples] + [(s.head_b, s.q_b, s) for s in samples]
+        own = [q[np.isfinite(s.log_ratio).any(axis=1)] for head, q, s in sides if head == k]
+        seen = np.sort(np.concatenate([*own, []]))
+        if len(seen) >= 2 * PER_CELL:
+            out[k] = seen[PER_CELL - 1] - BEYOND, seen[-PER_CELL] + BEYOND
+    # no limit where only the image ends, so that nothing is cut at its outermost pixels
+    return np.where([out[:, 0] > 0, out[:, 1] < 1], out.T, [[-np.inf], [np.inf]]).T
 
 
 def _equations(
@@ -266,7 +300,8 @@ def _disagreement(
 
 def _modelled(s: grey_samples.Samples, response: Response) -> Array:
     a, b = (response.coefficients[k] for k in (s.head_a, s.head_b))
-    return _powers(s.q_a) @ a.T - _powers(s.q_b) @ b.T
+    q_a, q_b = response.within(s.head_a, s.q_a), response.within(s.head_b, s.q_b)
+    return _powers(q_a) @ a.T - _powers(q_b) @ b.T
 
 
 def _rough(samples: grey_samples.Samples, left: Array) -> Array:

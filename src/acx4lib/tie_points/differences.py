@@ -10,10 +10,20 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, correct, correct_jacobian, xy_from_colrow
+from acx4lib.geometry.camera import (
+    INTERIOR,
+    Camera,
+    border_distance,
+    correct,
+    correct_jacobian,
+    xy_from_colrow,
+)
 from acx4lib.geometry.frames import rotation_from_opk, skew, transform
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
 from acx4lib.tie_points.ties import TiePoints
+
+PER_HEAD = 6 + len(INTERIOR)
+"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
 
 # --- at tie points ---------------------------------------------------------------------------
 
@@ -73,6 +83,18 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
     by_interior = by_ray[:, :, :2] @ correct_jacobian(camera.interior, xy)
     by_interior[:, :, 0] -= by_ray[:, :, 2]  # the ray's third component is -f
     return np.concatenate([by_place, -by_ray @ skew(ray_h), by_interior], axis=2)
+
+
+def by_pair(
+    orientation: RelativeOrientation, ties: TiePoints
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
+    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
+        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
+        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
+        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
+        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
+        yield own, at, np.concatenate([-by_a, by_b], axis=2)
 
 
 # --- the whole frame -------------------------------------------------------------------------
@@ -136,7 +158,8 @@ def frame_differences(
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
     xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
     seen = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
-    far = np.stack([_border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)])
+    by_head = [border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)]
+    far = np.nan_to_num(np.stack(by_head), nan=-1.0)
     head = np.argmax(far, axis=0)
     d_px = np.full((len(xy), 2), np.nan)
     for k, colrow in enumerate(seen):
@@ -144,10 +167,3 @@ def frame_differences(
         d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])
-
-
-def _border_distance(camera: Camera, colrow: Array) -> Array:
-    """Return the distances of pixels from a head's border, px; negative outside it."""
-    upper = np.array([camera.width_px, camera.height_px]) - 0.5
-    inside_by = np.minimum(colrow + 0.5, upper - colrow).min(axis=1)
-    return np.nan_to_num(inside_by, nan=-1.0)

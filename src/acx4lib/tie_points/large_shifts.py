@@ -15,6 +15,8 @@ from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow
 LEAST_CELL_PX = 14  # windows of neighbours overlap by a third
 NARROW_PX = 220  # shorter side of an overlap in reduced images
 LEAST_TIES = 12  # of an overlap, so that a homography is checked by other points
+WITNESSES = 3  # further matches by which a few are believed: by chance one in 10^4 overlaps
+_SIMPLE = ((cv2.estimateAffine2D, 3), (cv2.findHomography, 4))  # and the matches they need
 NO_SHIFT = np.zeros((2, 3))
 _LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten matches for each of ten coefficients
 
@@ -77,7 +79,8 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     Returns
     -------
     ndarray of bool
-        All False where fewer than `LEAST_TIES` agree, or less than a tenth: that may be chance.
+        All False where fewer than `LEAST_TIES` agree, or less than a tenth: that may be chance. Of
+        fewer matches, half must agree, and `WITNESSES` more than determine a transformation.
 
     Notes
     -----
@@ -85,6 +88,7 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     it is exact for errors of the heads' rotations; calibrated lenses add hundredths of a pixel.
     The second is a cubic polynomial that starts from these matches; with badly known lenses, it
     keeps the matches of the whole overlap. Moving objects and false matches fit neither model.
+    A few matches must fit an affine transformation or, if they are enough, a homography.
 
     References
     ----------
@@ -94,7 +98,7 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     n = len(matches.colrow_a)
     least = max(LEAST_TIES, 0.1 * n)
     if n < least:
-        return np.zeros(n, dtype=bool)
+        return _few(matches, threshold_px)
     for wider in (1, 4):  # with badly known lenses few matches fit a homography
         agree = _on_homography(matches, wider * threshold_px)
         if agree.sum() >= max(least, _LEAST_CUBIC):
@@ -103,7 +107,21 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
             break
         if agree.sum() >= least:
             return agree
-    return np.zeros(n, dtype=bool)
+    return _few(matches, threshold_px)
+
+
+def _few(matches: OverlapMatches, threshold_px: float) -> Mask:
+    """Return which of few matches agree on a transformation of few parameters."""
+    n, a, b = len(matches.colrow_a), matches.colrow_a, matches.colrow_b
+    best = np.zeros(n, dtype=bool)
+    for estimate, determined_by in _SIMPLE:
+        if n < determined_by + WITNESSES:
+            continue
+        found, agree = estimate(a, b, method=cv2.RANSAC, ransacReprojThreshold=threshold_px)
+        enough = max(determined_by + WITNESSES, n / 2, best.sum() + 1)
+        if found is not None and agree.sum() >= enough:
+            best = agree.ravel() > 0
+    return best
 
 
 def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:

@@ -10,10 +10,14 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Index
 from acx4lib.tie_points.compiled.cross_correlation import correlate_points
-from acx4lib.tie_points.compiled.least_squares_matching import match_points
+from acx4lib.tie_points.compiled.least_squares_matching import N_UNKNOWNS, match_points
 
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
+RIM = 2  # px; derivatives need so many more on every side
+WITNESSES = 64  # windows whose residuals tell the correlation of noise: sigma to a tenth
+AT_A_TIME = 512  # windows, so that their design matrices need little memory
+LEAST_NOISE = 0.01  # of grey values that were rounded and averaged, however alike they are
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,17 +29,14 @@ class Matches:
     colrow : ndarray, shape (n, 2)
         Pixels of the other image; NaN where the matching failed.
     sigma_px : ndarray, shape (n, 2)
-        Standard deviation along columns and rows, from the residuals.
+        Standard deviation along columns and rows, from the residuals of all windows.
     gain : ndarray, shape (n,)
         Ratio of grey values, the other image over the first.
-    noise : ndarray, shape (n,)
-        Standard deviation of a grey value's residual.
     """
 
     colrow: Array
     sigma_px: Array
     gain: Array
-    noise: Array
 
 
 def spline_coefficients(image: Array) -> Array:
@@ -72,44 +73,6 @@ def spline_coefficients(image: Array) -> Array:
     return out + level
 
 
-def noise_correlation(scale: float, *, reach: int = 4) -> Array:
-    """Return the correlation of the noise of pixels after interpolation by cubic splines.
-
-    Parameters
-    ----------
-    scale : float
-        Pixels of the interpolated image per pixel of the original one, whose noise is white.
-    reach : int
-        Largest distance, pixels of the interpolated image.
-
-    Returns
-    -------
-    ndarray, shape (reach + 1,)
-        For two pixels 0, 1, ... apart along a row or a column, averaged over all positions
-        between the original pixels.
-
-    Notes
-    -----
-    It is the autocorrelation of the cardinal spline, which is a cubic B-spline after the filter of
-    `spline_coefficients`.
-    """
-    expected.positive_number("scale", scale)
-    expected.whole("reach", reach, least=0)
-    step = 1 / 64
-    at = np.arange(-16, 16, step)
-    cardinal = sum(POLE ** abs(k) * _b_spline(at - k) for k in range(-REACH, REACH + 1))
-    lags = np.arange(reach + 1) / scale
-    values = np.array([np.sum(cardinal * np.interp(at - lag, at, cardinal)) for lag in lags])
-    return values / values[0]
-
-
-def _b_spline(x: Array) -> Array:
-    """Return the cubic B-spline about zero."""
-    x = np.abs(x)
-    inner, outer = 2 / 3 - x**2 * (1 - x / 2), np.maximum(2 - x, 0) ** 3 / 6
-    return np.where(x < 1, inner, outer)
-
-
 def correlate(
     a: Array, b: Array, at: Index, near: Array, *, half: int, search: int
 ) -> tuple[Array, Array]:
@@ -142,9 +105,7 @@ def correlate(
     return correlate_points(a, b, at.astype(np.int64), np.rint(near).astype(np.int64), half, search)
 
 
-def match(
-    a: Array, b: Array, at: Index, near: Array, *, half: int, correlation: Array | None = None
-) -> Matches:
+def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
     """Match windows of an image with another one by least squares [1]_.
 
     The unknowns are an affine transformation of the window, a gain, and an offset with slopes,
@@ -160,8 +121,6 @@ def match(
         Approximate positions in `b`, with errors of one or two pixels.
     half : int
         Windows have 2 half + 1 pixels a side.
-    correlation : ndarray, optional
-        Correlation of the noise of two pixels 0, 1, ... apart; by default the noise is white.
 
     Returns
     -------
@@ -176,16 +135,14 @@ def match(
     """
     _check(a, b, at, near)
     expected.whole("half", half)
-    white = np.array([1.0])
-    colrow, sigma, grey = match_points(
-        a,
-        _spline_of_seen(b),
-        at.astype(np.int64),
-        np.asarray(near, float),
-        half,
-        white if correlation is None else correlation,
+    colrow, gain, residuals = match_points(
+        a, _spline_of_seen(b), at.astype(np.int64), np.asarray(near, float), half
     )
-    return Matches(colrow=colrow, sigma_px=sigma, gain=grey[:, 0], noise=grey[:, 1])
+    sigma = np.full((len(at), 2), np.nan)
+    found = np.flatnonzero(np.isfinite(gain))
+    if len(found):
+        sigma[found] = _sigmas(a, at[found], half, residuals[found], gain[found])
+    return Matches(colrow=colrow, sigma_px=sigma, gain=gain)
 
 
 def _check(a: Array, b: Array, at: Index, near: Array) -> None:
@@ -194,6 +151,117 @@ def _check(a: Array, b: Array, at: Index, near: Array) -> None:
     expected.shape("b", b, ("rows", "cols"))
     expected.whole_numbers("at", at, ("n", 2))
     expected.shape("near", near, (len(at), 2))
+
+
+# --- how well a window is matched ----------------------------------------------------------
+
+
+def _sigmas(a: Array, at: Index, half: int, residuals: Array, gain: Array) -> Array:
+    """Return the standard deviations of matched positions, from the residuals, (n, 2), px.
+
+    Compression and interpolation give neighbouring pixels the same noise, and most of it at edges,
+    which decide the position. So the variance is the sum over the window of squared residuals
+    times squared derivatives of the position [1]_, times the factor by which the noise that
+    neighbours share increases such a sum. This factor comes from residuals of many windows,
+    mirrored, because these have the same noise and no relation to the texture.
+
+    References
+    ----------
+    .. [1] H. White, "A heteroskedasticity-consistent covariance matrix estimator and a direct
+       test for heteroskedasticity", Econometrica 48(4), 1980.
+    """
+    some = np.linspace(0, len(at) - 1, min(len(at), WITNESSES)).astype(np.intp)
+    noise = residuals[some]
+    noise = noise / np.sqrt(np.mean(np.square(noise), axis=1, keepdims=True) + LEAST_NOISE**2)
+    noise = _mirrored(noise)
+    columns = _columns(_windows(a, at[some], half))
+    left = 1 - _absorbed(_moves(columns, residuals[some], gain[some]), columns)
+    out = np.empty((len(at), 2))
+    for start in range(0, len(at), AT_A_TIME):
+        part = slice(start, start + AT_A_TIME)
+        moves = _moves(_columns(_windows(a, at[part], half)), residuals[part], gain[part])
+        squares = np.square(residuals[part]) + np.float32(LEAST_NOISE**2)
+        apart = np.sum(np.square(moves) * squares[:, None], axis=2)
+        shared = np.mean(np.square(moves @ noise.T), axis=2)
+        alone = np.square(moves) @ np.mean(np.square(noise), axis=0)
+        out[part] = np.sqrt(apart * shared / (alone * left))
+    return out
+
+
+def _windows(a: Array, at: Index, half: int) -> Array:
+    """Return windows with a rim for their derivatives, less their means, (n, side, side)."""
+    reach = np.arange(-half - RIM, half + RIM + 1)
+    grey = a[at[:, 1, None, None] + reach[:, None], at[:, 0, None, None] + reach]
+    return grey - grey.mean(axis=(1, 2), keepdims=True)
+
+
+def _mirrored(windows: Array) -> Array:
+    """Return windows mirrored in three ways, shape (3 n, pixels)."""
+    side = round(np.sqrt(windows.shape[1]))
+    square = windows.reshape(-1, side, side)
+    ways = square[:, ::-1], square[:, :, ::-1], square[:, ::-1, ::-1]
+    return np.concatenate([way.reshape(windows.shape) for way in ways])
+
+
+def _absorbed(moves: Array, columns: Array) -> float:
+    """Return the part of the noise's effect that residuals no longer have.
+
+    It is the part of `moves`, mirrored, that the unknowns of other windows take up.
+    """
+    n, _, pixels = columns.shape
+    basis = np.linalg.qr(columns.transpose(0, 2, 1).astype(float))[0]
+    unit = _mirrored(moves.reshape(-1, pixels).astype(float))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    taken = unit @ basis.transpose(1, 0, 2).reshape(pixels, -1)
+    return float(np.sum(np.square(taken))) / (n * len(unit))
+
+
+def _moves(columns: Array, residuals: Array, gain: Array) -> Array:
+    """Return the derivatives of positions by b's grey values, float32, shape (n, 2, pixels).
+
+    A match satisfies B^T v = 0 with the design matrix B, derivatives of a. The derivatives of
+    B^T v by the position are B^T times the derivatives of b; with those of a, the noise that is in
+    both factors would seem to be texture. Derivatives of b are a's times the gain, plus those of
+    the residuals.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, unknowns, pixels)
+        Of the design matrices.
+    residuals : ndarray, shape (n, pixels)
+    gain : ndarray, shape (n,)
+    """
+    n, _, pixels = columns.shape
+    side = round(np.sqrt(pixels))
+    inner = _columns(residuals.reshape(n, side, side)).reshape(n, N_UNKNOWNS, -1)[:, :6]
+    # a rim of the residuals has no derivatives; the other pixels stand for it
+    inner *= np.float32(pixels / inner.shape[2])
+    own = columns.reshape(n, N_UNKNOWNS, side, side)[..., RIM:-RIM, RIM:-RIM]
+    N = np.matmul(columns, columns.transpose(0, 2, 1)).astype(float)
+    N[:, :, :6] *= gain[:, None, None]
+    N[:, :, :6] += np.matmul(own.reshape(n, N_UNKNOWNS, -1), inner.transpose(0, 2, 1))
+    return np.matmul(np.linalg.inv(N)[:, :2].astype(np.float32), columns)
+
+
+def _columns(grey: Array) -> Array:
+    """Return derivatives by the unknowns of windows, without their rim, (n, unknowns, pixels)."""
+    side = grey.shape[2] - 2 * RIM
+    x = np.linspace(-1, 1, side, dtype=np.float32)
+    y = x[:, None]
+    gx = _slopes(grey)[:, RIM:-RIM]
+    gy = _slopes(grey.swapaxes(1, 2)).swapaxes(1, 2)[:, :, RIM:-RIM]
+    own, one = grey[:, RIM:-RIM, RIM:-RIM], np.ones_like(gx)
+    all_of_them = [gx, gy, gx * x, gx * y, gy * x, gy * y, own, one, one * x, one * y]
+    return np.stack(all_of_them, axis=1).reshape(len(grey), N_UNKNOWNS, side * side)
+
+
+def _slopes(grey: Array) -> Array:
+    """Return derivatives along rows: central differences of fourth order, without the rim."""
+    near, far = grey[..., 3:-1] - grey[..., 1:-3], grey[..., 4:] - grey[..., :-4]
+    return (8 * near - far) / np.float32(12)
+
+
+# --- the surface that is matched -------------------------------------------------------------
 
 
 def _spline_of_seen(image: Array) -> Array:

@@ -14,7 +14,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
 from acx4lib.tie_points.harris import best_of_cells, response
-from acx4lib.tie_points.least_squares_matching import correlate, match, noise_correlation
+from acx4lib.tie_points.least_squares_matching import correlate, match
 from acx4lib.tie_points.overlaps import SharedWindow, SyntheticWindow, grey_window
 
 TILE_PX = 1024  # small enough for the memory and for the processor's cache
@@ -42,7 +42,8 @@ class TieOptions:
         Smallest mean squared derivative of the grey values in its weakest direction, divided by
         that of noise alone.
     largest_sigma_px : float
-        Largest predicted sigma of a point's difference along columns or rows.
+        Largest predicted sigma of a point's difference along columns or rows. Where the pictures
+        are so poor that it leaves out many, it is twice the median, but at most `consensus_px`.
     consensus_px : float
         Largest misfit of a point with the others of its overlap.
     """
@@ -57,6 +58,12 @@ class TieOptions:
     least_texture: float = 3.0
     largest_sigma_px: float = 0.15
     consensus_px: float = 0.5
+
+    @property
+    def least_width_px(self) -> int:
+        """Width that an overlap must have for windows around a point to lie in both heads."""
+        in_first = self.window_px // 2 + 2
+        return in_first + max(in_first, self.correlation_px // 2 + self.search_px) + 1
 
     def __post_init__(self) -> None:
         for name in ("correlation_px", "window_px"):
@@ -113,13 +120,6 @@ class OverlapTask:
         """Width of the border of grey values that a tile needs around it, px."""
         return self.options.window_px // 2 + self.options.search_px + 6
 
-    @property
-    def correlation(self) -> Array:
-        """Correlation of the noise of neighbouring pixels in the synthetic geometry."""
-        a, b = self.shared.head_a, self.shared.head_b
-        pixel_mm = (self.orientation.heads[a].pixel_mm + self.orientation.heads[b].pixel_mm) / 2
-        return noise_correlation(pixel_mm / self.synthetic.pixel_mm)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapMatches:
@@ -144,12 +144,21 @@ class OverlapMatches:
 def match_overlap(task: OverlapTask) -> OverlapMatches:
     """Return all matches of an overlap, including false ones and those on moving objects."""
     parts = [_match_corners(task, tile) for tile in _tiles(task)]
+    sigma = np.concatenate([part.sigma_px for part in parts])
+    sure = np.max(sigma, axis=1) < _largest_sigma(sigma, task.options)
+    counts = np.sum([part.counts for part in parts], axis=0)
     return OverlapMatches(
-        colrow_a=np.concatenate([part.colrow_a for part in parts]),
-        colrow_b=np.concatenate([part.colrow_b for part in parts]),
-        sigma_px=np.concatenate([part.sigma_px for part in parts]),
-        counts=np.sum([part.counts for part in parts], axis=0),
+        colrow_a=np.concatenate([part.colrow_a for part in parts])[sure],
+        colrow_b=np.concatenate([part.colrow_b for part in parts])[sure],
+        sigma_px=sigma[sure],
+        counts=np.array([*counts, sure.sum()]),
     )
+
+
+def _largest_sigma(sigma: Array, options: TieOptions) -> float:
+    """Return the sigma from which a match is left out."""
+    usual = float(np.median(np.max(sigma, axis=1))) if len(sigma) else 0.0
+    return max(options.largest_sigma_px, min(2 * usual, options.consensus_px))
 
 
 def shift_at(shift: Array, colrow: Array) -> Array:
@@ -233,13 +242,13 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
     )
     good = (coefficient >= options.least_correlation) & np.isfinite(found[:, 0])
     at = at[good]
-    matches = match(tile.a, tile.b, at, found[good], half=half, correlation=task.correlation)
-    sure = np.all(matches.sigma_px < options.largest_sigma_px, axis=1)
+    matches = match(tile.a, tile.b, at, found[good], half=half)
+    done = np.isfinite(matches.sigma_px[:, 0])
     return OverlapMatches(
-        colrow_a=(at + tile.first_a)[sure].astype(float),
-        colrow_b=(matches.colrow + tile.first_b)[sure],
-        sigma_px=matches.sigma_px[sure],
-        counts=np.array([n_cells, textured.sum(), good.sum(), sure.sum()]),
+        colrow_a=(at + tile.first_a)[done].astype(float),
+        colrow_b=(matches.colrow + tile.first_b)[done],
+        sigma_px=matches.sigma_px[done],
+        counts=np.array([n_cells, textured.sum(), good.sum()]),
     )
 
 

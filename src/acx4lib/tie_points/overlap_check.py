@@ -1,10 +1,11 @@
-"""Check that the pictures of an exposure belong together: turned heads, other exposures."""
+"""Check that the pictures of an exposure belong together: turned or exchanged, of another one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from functools import cache
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -20,6 +21,7 @@ Turns = tuple[bool, bool]
 
 LEAST_CELLS = 30  # with texture; with fewer nothing is said
 LEAST_SHARE = 0.2  # of these cells, that agree where two pictures show the same
+MOST_ORDERED = 4  # heads whose pictures are tried in every order
 _AS_THEY_ARE: Turns = (False, False)
 
 
@@ -68,11 +70,13 @@ def check_overlaps(
     turned = tuple(np.ascontiguousarray(image[::-1, ::-1]) for image in right.images)
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
-    verdicts = []
-    for shared in windows:
-        task = _task(right, orientation, synthetic, shared, noise[shared.head_a])
-        verdicts += _verdict(task, right, turned)
-    return _sentences(verdicts, [head.name for head in orientation.heads])
+    names = [head.name for head in orientation.heads]
+    tasks = [_task(right, orientation, synthetic, one, noise[one.head_a]) for one in windows]
+    verdicts = [verdict for task in tasks for verdict in _verdict(task, right, turned)]
+    if all(verdict.turns == _AS_THEY_ARE for verdict in verdicts):
+        return []
+    order = _exchanged(tasks, right, least=sum(v.turns is not None for v in verdicts))
+    return _sentences_of_order(order, names) if order else _sentences(verdicts, names)
 
 
 def _task(
@@ -106,14 +110,88 @@ def _verdict(
         images = list(right.images)
         images[a] = turned[a] if turn_a else images[a]
         images[b] = turned[b] if turn_b else images[b]
-        matches = match_overlap(replace(task, images=images))
-        n_textured = int(matches.counts[1])
-        agree = large_shifts.consensus(matches, 2 * task.options.consensus_px).sum()
-        if n_textured >= LEAST_CELLS and agree > LEAST_SHARE * n_textured:
+        found = _fitting(replace(task, images=images))
+        if np.isfinite(found.shift_px):
             return [_Verdict(head_a=a, head_b=b, turns=(turn_a, turn_b))]
         if not (turn_a or turn_b):
-            enough = n_textured >= LEAST_CELLS and _has_texture(task, b)
+            enough = found.n_textured >= LEAST_CELLS and _has_texture(task, b)
     return [_Verdict(head_a=a, head_b=b, turns=None)] if enough else []
+
+
+def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int) -> tuple[int, ...]:
+    """Return whose picture fits in the place of each head; empty where no exchange explains it.
+
+    Exchanged pictures may fit in two ways, since heads across from each other see the ground
+    turned by 180 degrees. The right way needs smaller shifts.
+
+    Parameters
+    ----------
+    tasks : sequence of OverlapTask
+    right : GreyExposure
+    least : int
+        Number of overlaps that fit without an exchange, turned or not. An exchange must explain
+        as many, and more than half of all.
+    """
+    found = cache(lambda t, i, j: _fitting(_with(tasks[t], right, (i, j))))
+
+    def explained(order: tuple[int, ...]) -> tuple[int, float]:
+        pairs = [(order[task.shared.head_a], order[task.shared.head_b]) for task in tasks]
+        shifts = [found(t, *pair).shift_px for t, pair in enumerate(pairs)]
+        return sum(np.isfinite(shifts)), -float(np.nansum(shifts))
+
+    enough = max(least, len(tasks) // 2 + 1)
+    for orders in _orders(right):
+        best = max(orders, key=explained, default=())
+        if best and explained(best)[0] >= enough:
+            return best
+    return ()
+
+
+def _orders(right: GreyExposure) -> Iterator[list[tuple[int, ...]]]:
+    """Yield the exchanges of two pictures of one size, and then, of a few, all other orders."""
+    shapes = [image.shape for image in right.images]
+    own = tuple(range(len(shapes)))
+    swaps = [tuple({i: j, j: i}.get(k, k) for k in own) for i, j in combinations(own, 2)]
+    yield [one for one in swaps if [shapes[k] for k in one] == shapes]
+    if len(own) <= MOST_ORDERED:
+        others = set(permutations(own)) - {own, *swaps}
+        yield [one for one in sorted(others) if [shapes[k] for k in one] == shapes]
+
+
+def _with(task: OverlapTask, right: GreyExposure, pictures: tuple[int, int]) -> OverlapTask:
+    """Return the matching of an overlap with two other pictures in the places of its heads."""
+    images = list(right.images)
+    a, b = task.shared.head_a, task.shared.head_b
+    images[a], images[b] = (right.images[k] for k in pictures)
+    return replace(task, images=images)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fitting:
+    """How well two pictures fit.
+
+    Attributes
+    ----------
+    n_textured : int
+        Cells with texture.
+    shift_px : float
+        Usual shift of the points that agree; NaN where the pictures do not fit.
+    """
+
+    n_textured: int
+    shift_px: float
+
+
+def _fitting(task: OverlapTask) -> _Fitting:
+    """Match two pictures in the places of an overlap's heads."""
+    matches = match_overlap(task)
+    n_textured = int(matches.counts[1])
+    agree = large_shifts.consensus(matches, 2 * task.options.consensus_px)
+    fits = n_textured >= LEAST_CELLS and agree.sum() > LEAST_SHARE * n_textured
+    shifts = np.hypot(*(matches.colrow_b - matches.colrow_a)[agree].T)
+    return _Fitting(
+        n_textured=n_textured, shift_px=float(np.median(shifts)) if fits else float("nan")
+    )
 
 
 def _has_texture(task: OverlapTask, b: int) -> bool:
@@ -122,6 +200,20 @@ def _has_texture(task: OverlapTask, b: int) -> bool:
     shared = replace(task.shared, head_a=b, head_b=task.shared.head_a)
     counts = match_overlap(replace(task, images=images, shared=shared)).counts
     return int(counts[1]) >= LEAST_CELLS
+
+
+def _sentences_of_order(order: Sequence[int], names: Sequence[str]) -> list[str]:
+    """Return a sentence for two pictures that are exchanged, or one for each of several."""
+    moved = [k for k, picture in enumerate(order) if picture != k]
+    if len(moved) == 2:
+        a, b = moved
+        return [
+            f"{names[a]}: its picture is exchanged with that of {names[b]}; exchange their files"
+        ]
+    return [
+        f"{names[k]}: its picture is that of {names[order.index(k)]}, in whose place it fits"
+        for k in moved
+    ]
 
 
 def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import Camera
-from acx4lib.synthetic_image.frame import coverage, reduced_camera, reduced_heads
+from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
+from acx4lib.synthetic_image.frame import (
+    coverage,
+    footprint,
+    head_from_synthetic,
+    reduced_camera,
+    reduced_heads,
+)
 from acx4lib.synthetic_image.head_map import HeadMap, window_map
 from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points.compiled.spline import sample_between_nodes
@@ -21,7 +27,10 @@ from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 SyntheticWindow = tuple[int, int, int, int]
 
 STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, with errors of 0.002 px between
+LONG = 3  # widths of a narrow overlap; where heads only touch at a corner, nobody expects ties
 _NODES = 100  # along the longer side of the synthetic image, to find overlaps
+_BORDER = 200  # points on each side of a head
+_ROUNDING = 1e-3  # px
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +45,15 @@ class SharedWindow:
         Rectangle around it: first row, row after the last, first column, column after the last.
     area_px : float
         Number of synthetic pixels that both heads see.
+    width_px : float
+        Its width, synthetic pixels.
     """
 
     head_a: int
     head_b: int
     window: SyntheticWindow
     area_px: float
+    width_px: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,23 +77,67 @@ class GreyExposure:
 
 
 def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[SharedWindow]:
-    """Return the parts that pairs of heads share, found on a grid over the synthetic image."""
+    """Return the parts that pairs of heads share.
+
+    They are found on a grid over the synthetic image; strips that are narrower than its meshes, by
+    the heads' borders.
+    """
     size = np.array([synthetic.height_px, synthetic.width_px])
-    seen = coverage(orientation, synthetic, spacing_px=max(int(size.max()) // _NODES, 1)).seen
+    grid = coverage(orientation, synthetic, spacing_px=max(int(size.max()) // _NODES, 1))
+    seen = grid.seen
     spacing = (size - 1) / (np.array(seen.shape[1:]) - 1)
     out = []
     for a in range(len(seen)):
         for b in range(a + 1, len(seen)):
             both = np.argwhere(seen[a] & seen[b])
+            strip = _strip(orientation, (a, b), synthetic)
             if not len(both):
+                out += [strip] if strip.area_px > LONG * strip.width_px**2 else []
                 continue
             # the shared part may extend up to the next node
             first = np.maximum(np.floor((both.min(axis=0) - 1) * spacing), 0)
             last = np.minimum(np.ceil((both.max(axis=0) + 1) * spacing) + 1, size)
             window = (int(first[0]), int(last[0]), int(first[1]), int(last[1]))
             area = float(len(both) * np.prod(spacing))
-            out.append(SharedWindow(head_a=a, head_b=b, window=window, area_px=area))
+            inner = _depths(orientation, (a, b), synthetic, grid.xy[seen[a] & seen[b]])
+            width = max(strip.width_px, 2 * float(inner.min(axis=0).max()))
+            out.append(replace(strip, window=window, area_px=area, width_px=width))
     return out
+
+
+def _strip(
+    orientation: RelativeOrientation, pair: tuple[int, int], synthetic: Camera
+) -> SharedWindow:
+    """Return what two heads share, if each sees a part of the other's border and no more."""
+    half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
+    xy = np.concatenate([footprint(orientation, k, per_side=_BORDER) for k in pair])
+    depths = _depths(orientation, pair, synthetic, xy)
+    # a point of a border is 0 px inside its own head
+    within = (depths.min(axis=0) > -_ROUNDING) & np.all(np.abs(xy) <= half, axis=1)
+    colrow = colrow_from_xy(synthetic, xy[within])
+    empty = not len(colrow)
+    first = np.zeros(2) if empty else np.floor(colrow.min(axis=0))
+    last = np.zeros(2) if empty else np.ceil(colrow.max(axis=0)) + 1
+    width = float(depths[:, within].max(initial=0.0))
+    return SharedWindow(
+        head_a=pair[0],
+        head_b=pair[1],
+        window=(int(first[1]), int(last[1]), int(first[0]), int(last[0])),
+        area_px=width * float(np.max(last - first)),
+        width_px=width,
+    )
+
+
+def _depths(
+    orientation: RelativeOrientation, pair: tuple[int, int], synthetic: Camera, xy: Array
+) -> Array:
+    """Return how far points lie inside the borders of two heads, synthetic px, shape (2, n)."""
+    found = []
+    for k in pair:
+        head = orientation.heads[k]
+        depth = border_distance(head, head_from_synthetic(orientation, k, xy))
+        found.append(depth * head.pixel_mm / synthetic.pixel_mm)
+    return np.nan_to_num(np.stack(found), nan=-1.0)
 
 
 def grey(image: np.ndarray) -> Array:

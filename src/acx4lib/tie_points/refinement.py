@@ -10,7 +10,7 @@ one that all heads share; it remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -22,21 +22,17 @@ from acx4lib.bundle.start.robust import HUBER_WIDTH, SUSPECT, sizes, spread
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotation_from_opk
 from acx4lib.least_squares import adjustment
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
-from acx4lib.tie_points.differences import sides, synthetic_from_head_jacobian, tie_differences
+from acx4lib.tie_points.differences import PER_HEAD, by_pair, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
-
-PER_HEAD = 6 + len(INTERIOR)
-"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
 
 STEPS, NEARLY_MM = 30, 5e-6
 """Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
@@ -60,6 +56,9 @@ class Refined:
         Standard deviation of unit weight; one if the `sigma_px` of the tie points are right.
     rejected : ndarray, shape (n_ties,)
         Tie points that disagree with most others; they have no weight.
+    turn_sigma : ndarray, shape (n_heads, 3)
+        Of the changes of omega, phi, kappa, rad: where tie points are precise it is that of the
+        error which they took away.
     held : str
         The head whose orientation is held.
     unreached : tuple of str
@@ -69,6 +68,7 @@ class Refined:
     orientation: RelativeOrientation
     sigma0: float
     rejected: Mask
+    turn_sigma: Array
     held: str
     unreached: tuple[str, ...]
 
@@ -241,7 +241,7 @@ class _Overlaps:
                 columns=place[at][None],
                 unit=np.zeros(len(own), dtype=np.intp),
             )
-            for own, at, J in _by_pair(state, self.ties)
+            for own, at, J in by_pair(state, self.ties)
         ]
 
     def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
@@ -261,24 +261,12 @@ def _normals(
     """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
     n = PER_HEAD * len(orientation.heads)
     d, N, h = tie_differences(orientation, ties), np.zeros((n, n)), np.zeros(n)
-    for own, at, by_both in _by_pair(orientation, ties):
+    for own, at, by_both in by_pair(orientation, ties):
         J = by_both.reshape(2 * len(own), -1)
         PJ = np.repeat(weight[own], 2)[:, None] * J
         N[np.ix_(at, at)] += PJ.T @ J
         h[at] += PJ.T @ d[own].ravel()
     return N, h
-
-
-def _by_pair(
-    orientation: RelativeOrientation, ties: TiePoints
-) -> Iterator[tuple[Index, Index, Array]]:
-    """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
-    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
-        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
-        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
-        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
-        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
-        yield own, at, np.concatenate([-by_a, by_b], axis=2)
 
 
 # --- quality ---------------------------------------------------------------------------------
@@ -307,22 +295,23 @@ def _refined(
         raise AdjustmentError(msg)
     u = tie_differences(now, ties[used]) / sigma[used, None]
     sigma0_sq = float(np.sum(u**2)) / redundancy
-    cov = _covariance(start, now, N, columns, sigma0_sq * inverse.dense)
+    cov, cov_change = _covariances(start, now, N, columns, sigma0_sq * inverse.dense)
     tied = _tied(start, ties[used])
     others = np.setdiff1d(np.arange(len(start.heads)), tied)
     return Refined(
         orientation=replace(now, cov_joint=cov),
         sigma0=float(np.sqrt(sigma0_sq)),
         rejected=~used,
+        turn_sigma=sigmas(cov_change)[: 6 * len(start.heads)].reshape(-1, 6)[:, 3:],
         held=start.heads[tied[0]].name,
         unreached=tuple(start.heads[k].name for k in others),
     )
 
 
-def _covariance(
+def _covariances(
     start: RelativeOrientation, now: RelativeOrientation, N: Array, columns: Index, noise: Array
-) -> Array:
-    """Return the joint covariance after the refinement.
+) -> tuple[Array, Array]:
+    """Return the joint covariances after the refinement, and of what it changed.
 
     Estimated parameters no longer depend on their former values. They depend on the errors of the
     held parameters as far as these affect the tie points.
@@ -334,11 +323,13 @@ def _covariance(
     J = np.eye(len(N))
     J[columns] = -np.linalg.solve(N[np.ix_(columns, columns)], N[columns])
     J[np.ix_(columns, columns)] = 0.0
-    J = J[np.ix_(order, order)] @ np.linalg.inv(_angles_from_turns(start))
+    to_angles = _angles_from_turns(now)
+    J = to_angles @ J[np.ix_(order, order)] @ np.linalg.inv(_angles_from_turns(start))
     added = np.zeros_like(N)
     added[np.ix_(columns, columns)] = noise
-    to_angles = _angles_from_turns(now)
-    return propagate(to_angles, propagate(J, start.cov_joint) + added[np.ix_(order, order)])
+    by_ties = propagate(to_angles, added[np.ix_(order, order)])
+    after, change = (propagate(M, start.cov_joint) + by_ties for M in (J, J - np.eye(len(J))))
+    return after, change
 
 
 def _angles_from_turns(orientation: RelativeOrientation) -> Array:

@@ -39,6 +39,8 @@ class OverlapTies:
         least squares, of points that agree with each other.
     shift_px : ndarray, shape (2,)
         Shift found in reduced images, mean over the overlap, synthetic col, row.
+    width_px, least_width_px : float
+        Width of the overlap, and the width that matching needs.
     """
 
     head_a: int
@@ -50,21 +52,34 @@ class OverlapTies:
     n_matched: int
     n_ties: int
     shift_px: Array
+    width_px: float
+    least_width_px: float
 
     @property
     def sentence(self) -> str:
         """A warning on the overlap for the user; empty where there is nothing to warn of."""
         heads = " and ".join(self.names)
+        if self.width_px < self.least_width_px and not self.n_ties:
+            return (
+                f"{heads}: their pictures overlap by {self.width_px:.0f} px, and the windows of "
+                f"matching need {self.least_width_px:.0f} px, so no tie points are found there"
+            )
         if self.n_textured < 0.25 * self.n_cells:
             return (
                 f"{heads}: {_grouped(self.n_textured)} of {_grouped(self.n_cells)} cells have "
                 "texture (water or cloud?)"
             )
+        if not self.n_ties and self.n_textured:
+            return (
+                f"{heads}: {_grouped(self.n_textured)} cells have texture, but their points do not "
+                "agree (images of different exposures, a head turned, or its orientation too far "
+                "off?)"
+            )
         if self.n_ties < 0.1 * self.n_textured:
             return (
-                f"{heads}: {_grouped(self.n_textured)} cells have texture, but only "
-                f"{_grouped(self.n_ties)} points agree (images of different exposures, a head "
-                "turned, or its orientation too far off?)"
+                f"{heads}: only {_grouped(self.n_ties)} points, which agree, for "
+                f"{_grouped(self.n_textured)} cells with texture (noise, compression, or other "
+                "bands?)"
             )
         return ""
 
@@ -177,7 +192,9 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
 def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
     """Return the matches of an overlap that agree, and their numbers."""
     matches = match_overlap(task)
-    agree = large_shifts.consensus(matches, task.options.consensus_px)
+    # of poor pictures, good matches miss each other by more
+    usual = 4 * float(np.median(matches.sigma_px)) if len(matches.sigma_px) else 0.0
+    agree = large_shifts.consensus(matches, max(task.options.consensus_px, usual))
     kept = OverlapMatches(
         colrow_a=matches.colrow_a[agree],
         colrow_b=matches.colrow_b[agree],
@@ -199,6 +216,8 @@ def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
         n_matched=n_matched,
         n_ties=int(agree.sum()),
         shift_px=shift_at(task.shift, middle)[0],
+        width_px=shared.width_px,
+        least_width_px=task.options.least_width_px,
     )
 
 

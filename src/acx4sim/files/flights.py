@@ -13,7 +13,7 @@ from acx4sim.files import csv_files as tables
 from acx4sim.files.toml_files import flight_toml, truth
 from acx4sim.fly import Track, fly, record, stream
 from acx4sim.gross_errors import spoil
-from acx4sim.observe import Sight, ground_points, look, strew_tie_points
+from acx4sim.observe import ground_points, measure
 from acx4sim.pictures.photography import Photography, order, told
 from acx4sim.plan import BlockPlan, Options, Plan, stated
 
@@ -70,18 +70,18 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
     recorded: dict[str, Track] = {}
     points: dict[str, Array] = {}
     for name, block in plan.blocks.items():
-        tracks[name] = fly(plan, block, stream(seed, plan.name, name, "fly"))
+        tracks[name] = fly(plan, block, stream(seed, plan.draws, name, "fly"))
         path, names, x_g = _surveyed(plan, name)
         points.update(zip(names, x_g, strict=True))
         if path not in files:
-            rng = stream(seed, plan.name, path)
+            rng = stream(seed, plan.draws, path)
             files[path] = tables.control_points(plan, names, x_g, options, rng)
         recorded[name] = record(
             tracks[name],
             plan.noise,
             options,
-            white=stream(seed, plan.name, name, "trajectory"),
-            slow=stream(seed, plan.name, name, "slow errors"),
+            white=stream(seed, plan.draws, name, "trajectory"),
+            slow=stream(seed, plan.draws, name, "slow errors"),
         )
         files.update(_block_tables(plan, name, tracks[name], seed, options))
         files[f"{name}/trajectory.csv"] = tables.trajectory(plan, recorded[name])
@@ -194,15 +194,10 @@ def _block_tables(
     """Tabulate images and measurements of a block."""
     block = plan.blocks[name]
     _, names, x_g = _surveyed(plan, name)
-    surveyed = look(plan, block, track, x_g)
-    rng = stream(seed, plan.name, name, "tie points")
-    ties, tie_sight = strew_tie_points(plan, block, track, block.tie_points, rng)
-    sight = Sight(
-        colrow=np.concatenate([surveyed.colrow, tie_sight.colrow], axis=2),
-        seen=np.concatenate([surveyed.seen, tie_sight.seen], axis=2),
-    )
-    rng = stream(seed, plan.name, name, "image points")
-    points = _pointing(plan, block, names, len(ties), options, rng)
+    sight = measure(plan, block, track, x_g, stream(seed, plan.draws, name, "tie points"))
+    rng = stream(seed, plan.draws, name, "image points")
+    n_ties = sight.seen.shape[2] - len(names)
+    points = _pointing(plan, block, names, n_ties, options, rng)
     images = tables.images(block, track)
     measured = tables.image_points(images["image"], points, sight, rng)
     return {f"{name}/images.csv": images, f"{name}/image_points.csv": measured}

@@ -18,12 +18,18 @@ NOTE = (
     "body frame against the grid. Control points: east, north, height. In block heads every "
     "head's exterior orientation follows from its own boresight and lever arm."
 )
-_HEADS_NOTE = (
-    "Blocks calibration and validation are measured in an ideal synthetic image with the "
-    "parameters of camera SYN here, the paper's Table 3. Images rendered from the heads follow "
-    "the heads instead: their boresight is the mount_* of SYN in flight.toml, and their focal "
-    "length is, to first order, that of the first head. Xc, Yc of Table 1 are no lever arms and "
-    "are not contained in the heads' positions."
+_SYNTHETIC_NOTE = (
+    "The boresight of synthetic images that are made of the heads is the mount_* of their camera "
+    "in flight.toml, and their focal length is, to first order, that of the first head. Xc, Yc of "
+    "Table 1 are no lever arms and are not contained in the heads' positions."
+)
+_IDEAL_NOTE = (
+    "Blocks calibration and validation are measured in an ideal synthetic image, which no heads "
+    "make, with the parameters of camera SYN here, the paper's Table 3."
+)
+_CARRIED_NOTE = (
+    "Blocks calibration and validation are measured in the heads. The synthetic camera that these "
+    "make has no parameters of its own, and is no camera here."
 )
 
 
@@ -39,6 +45,8 @@ def flight_toml(plan: Plan, options: Options) -> str:
     if plan.heads:
         heads = ", ".join(f'"{name}"' for name in plan.heads)
         lines += ["", "[synthetic]", f'camera = "{plan.synthetic}"', f"heads = [{heads}]"]
+    if plan.measured_in_heads:
+        lines.append('measured_in = "heads"')
     lines += ["", "[apriori]"]
     lines += [f"{key} = {value:.6g}" for key, value in _apriori(plan, options).items()]
     if plan.heads:
@@ -85,8 +93,8 @@ def truth(
         "name": plan.name,
         "seed": seed,
         "options": asdict(replace(options, tie_points=dict(options.tie_points))),
-        "note": f"{NOTE} {_HEADS_NOTE}" if plan.heads else NOTE,
-        "cameras": {name: _camera_truth(plan, name) for name in plan.cameras},
+        "note": _note(plan),
+        "cameras": {name: _camera_truth(plan, name) for name in _real_cameras(plan)},
     }
     if plan.heads:
         result["heads_in_synthetic_frame"] = {
@@ -102,6 +110,20 @@ def truth(
     result["exposures"] = {name: _exposure_truth(plan, track) for name, track in tracks.items()}
     result["control_points"] = {name: _plain(x, 6) for name, x in points.items()}
     return result
+
+
+def _note(plan: Plan) -> str:
+    if not plan.heads:
+        return NOTE
+    return " ".join(
+        [NOTE, _CARRIED_NOTE if plan.measured_in_heads else _IDEAL_NOTE, _SYNTHETIC_NOTE]
+    )
+
+
+def _real_cameras(plan: Plan) -> list[str]:
+    """Return the cameras with true parameters: not the one that is made of the heads."""
+    made = plan.synthetic if plan.measured_in_heads else ""
+    return [name for name in plan.cameras if name != made]
 
 
 def _plain(values: Array, decimals: int) -> list[float]:

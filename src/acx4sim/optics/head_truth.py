@@ -5,92 +5,84 @@ parameters. The simulator needs the true ones.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
+from acx4sim.earth import chained_deg
 from acx4sim.optics.lens import Camera
 
-# Table 1 of the paper: omega, phi, kappa, deg, of the heads in the synthetic frame.
-HEAD_ANGLES_DEG = MappingProxyType(
-    {
-        "CAM1": (-14.809011, 12.809331, 92.975179),
-        "CAM2": (14.782598, 12.163894, -93.408507),
-        "CAM3": (14.689320, -9.877792, -87.634640),
-        "CAM4": (-14.920852, -9.596413, 87.434563),
-    }
-)
+_HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 
-# True f, xp, yp, k1, p1, p2 (mm, mm^-2, mm^-1) and lever arm (m, forward, left, up).
-#
 # With f held at 74 mm, the distance of a head from the ground appears 74/f times as large as it
-# is. Hence, to first order, Zc of Table 1 gives f_1 / f_h = 1 + (Zc_h - 74) / 74. Table 1 does not
-# give f_1. With 74.136 the largest and the smallest f differ equally from 74; then terrain causes
-# the smallest misfit. A wrong f in an oblique head also shifts its x_p and y_p (by up to 0.04 mm
-# here) and turns it (by up to 0.03 deg). With these constants an adjustment of exact data of seed
-# 1 gives x_p, y_p, k1, p1, p2 and Zc of Table 1; tests/support/flights/find_head_truth.py found
-# them. The lens centres form a square of 16 cm around that of the synthetic camera.
-HEAD_TRUTH: Mapping[str, tuple[tuple[float, ...], tuple[float, float, float]]] = MappingProxyType(
+# is, and a wrong f in an oblique head shifts its x_p and y_p (by up to 0.13 mm here) and turns it
+# (by up to 0.1 deg). With these constants an adjustment of exact data of seed 1 gives omega, phi,
+# kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
+# size follows from Table 3: the calibration block, measured in these heads, carried into the
+# synthetic image and adjusted in a single step, gives the f that is printed there.
+# tests/benchmarks/find_head_truth.py found the constants. The lens centres form a square of
+# 16 cm, which looks outward, around Table 3's lever arm: that is chosen. What the synthetic camera
+# has in k1, k2, k3 comes from it, and so does the lever arm's z that is estimated: the rays of the
+# four heads meet above them.
+HEADS: Mapping[str, Camera] = MappingProxyType(
     {
-        "CAM1": (
-            (
-                74.136,
-                0.005975483345,
-                -0.04493369593,
-                2.277202705e-6,
-                3.107557742e-6,
-                -7.119293656e-6,
-            ),
-            (0.143, -0.479, -0.201),
+        "CAM1": replace(
+            _HEAD,
+            f_mm=74.4389053,
+            xp_mm=-0.08080392474,
+            yp_mm=0.02093444368,
+            k1=2.291806101e-6,
+            p1=2.745062848e-6,
+            p2=-7.121845834e-6,
+            boresight_deg=(-14.913735852, 12.884539895, 92.998827550),
+            lever_m=(0.143, -0.479, -0.201),
         ),
-        "CAM2": (
-            (
-                73.863353,
-                0.1011944753,
-                0.1048741053,
-                2.070101412e-6,
-                -1.141690995e-6,
-                -2.713552706e-6,
-            ),
-            (0.143, -0.319, -0.201),
+        "CAM2": replace(
+            _HEAD,
+            f_mm=74.16489102,
+            xp_mm=0.0286387633,
+            yp_mm=0.03095828064,
+            k1=2.068907165e-6,
+            p1=-1.100236633e-6,
+            p2=-2.797163423e-6,
+            boresight_deg=(14.816523601, 12.190427434, -93.415600831),
+            lever_m=(0.143, -0.319, -0.201),
         ),
-        "CAM3": (
-            (
-                73.98380272,
-                0.265901166,
-                -0.05432755368,
-                1.960532123e-6,
-                -7.359213611e-6,
-                5.230666725e-7,
-            ),
-            (0.303, -0.319, -0.201),
+        "CAM3": replace(
+            _HEAD,
+            f_mm=74.28494785,
+            xp_mm=0.1887359703,
+            yp_mm=0.006500190715,
+            k1=1.951961423e-6,
+            p1=-7.390083345e-6,
+            p2=4.906455792e-7,
+            boresight_deg=(14.747050803, -9.919186678, -87.624866070),
+            lever_m=(0.303, -0.319, -0.201),
         ),
-        "CAM4": (
-            (
-                74.06428651,
-                -0.1977375532,
-                -0.002137874081,
-                2.149797908e-6,
-                1.365247211e-6,
-                2.362553564e-6,
-            ),
-            (0.303, -0.479, -0.201),
+        "CAM4": replace(
+            _HEAD,
+            f_mm=74.36368964,
+            xp_mm=-0.2839144687,
+            yp_mm=-0.06410368246,
+            k1=2.151545704e-6,
+            p1=1.214386385e-6,
+            p2=2.21805227e-6,
+            boresight_deg=(-15.003486335, -9.649317871, 87.420655857),
+            lever_m=(0.303, -0.479, -0.201),
         ),
     }
 )
+"""The heads; their boresight_deg are omega, phi, kappa in the synthetic frame."""
 
 
-def head(name: str) -> Camera:
-    """Return one head; the synthetic frame is the body frame, as its mount_* are zero."""
-    (f, xp, yp, k1, p1, p2), lever = HEAD_TRUTH[name]
-    return Camera(
-        width_px=8984,
-        height_px=6732,
-        pixel_um=6.0,
-        f_mm=f,
-        xp_mm=xp,
-        yp_mm=yp,
-        k1=k1,
-        p1=p1,
-        p2=p2,
-        boresight_deg=HEAD_ANGLES_DEG[name],
-        lever_m=lever,
-    )
+def mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
+    """Return a head on the IMU.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    mount_deg : tuple of float
+        Omega, phi, kappa of the synthetic frame in the body frame, as flight.toml declares them.
+    """
+    head = HEADS[name]
+    return replace(head, boresight_deg=chained_deg(mount_deg, head.boresight_deg))

@@ -63,7 +63,7 @@ def station(plan: Plan, exposure: str, *, seed: int = 1) -> Station:
     plan : Plan
         The flight, for instance `acx4_plan()`.
     exposure : str
-        Name of the exposure, for instance ``H3-04``.
+        Name of the exposure, for instance ``H3-04``, or with its block, ``heads/H3-04``.
     seed : int
         Seed of the flight.
 
@@ -74,9 +74,10 @@ def station(plan: Plan, exposure: str, *, seed: int = 1) -> Station:
     """
     some = []
     for name, block in plan.blocks.items():
-        track = fly(plan, block, stream(seed, plan.name, name, "fly"))
-        if exposure in track.exposure:
-            return _station(plan, name, track, track.exposure.index(exposure))
+        track = fly(plan, block, stream(seed, plan.draws, name, "fly"))
+        own = exposure.removeprefix(f"{name}/")
+        if own in track.exposure:
+            return _station(plan, name, track, track.exposure.index(own))
         some += [track.exposure[0], track.exposure[-1]]
     msg = f"exposure {exposure!r} is not in {plan.name}; it has, for instance, {', '.join(some)}"
     raise ValueError(msg)

@@ -4,7 +4,7 @@ import pytest
 
 from acx4lib import flight as flights
 from acx4lib.stages import heads
-from support.flights import other_heads
+from support.flights import in_heads
 from support.flights.simulated import fly
 
 
@@ -25,4 +25,4 @@ def stage(flight):
 
 @pytest.fixture(scope="session")
 def other(tmp_path_factory):
-    return flights.read(other_heads.write(tmp_path_factory.mktemp("other") / "flight"))
+    return flights.read(in_heads.write_other_heads(tmp_path_factory.mktemp("other") / "flight"))

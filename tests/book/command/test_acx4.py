@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import struct
@@ -17,6 +18,7 @@ from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder.marks import MARK
+from support.flights.spoilt import change
 from support.helpers import hears_interrupts
 from support.small_notebooks import write
 
@@ -81,10 +83,39 @@ def test_a_simulated_flight_is_found_good(acx4, flight):
     assert "validation" in out
 
 
+def test_a_wrong_sign_is_a_note_of_the_check_with_the_reading_that_fits(acx4, flight, tmp_path):
+    shutil.copytree(flight, tmp_path / "flipped")
+    for block in ("calibration", "validation"):
+        change(
+            tmp_path / "flipped",
+            f"{block}/trajectory.csv",
+            lambda table: table.assign(pitch_deg=-table["pitch_deg"]),
+        )
+    status, out, err = acx4("check", tmp_path / "flipped")
+    assert (status, err) == (0, "")
+    for block in ("calibration", "validation"):
+        says = f"{block}: with pitch of opposite sign the residuals of attitude fall from"
+        assert re.search(rf"  {says} \d\.\d+° to 0\.0\d+°\n?", out)
+
+
+def test_trying_readings_compiles_nothing(flight):
+    code = (
+        "import sys\n"
+        "from acx4lib.conventions.search import notes\n"
+        "from acx4lib.flight.reader import read\n"
+        "assert not list(notes(read(sys.argv[1])))\n"
+        "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, flight], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_simulate_names_what_it_knows_and_never_writes_over_a_flight(acx4, flight, tmp_path):
     status, out, err = acx4("simulate", "acx5", "--out", tmp_path / "new")
     assert (status, out) == (2, "")
-    assert err == "unknown flight 'acx5'; known: acx4, single-head\n"
+    assert err == "unknown flight 'acx5'; known: acx4, acx4-ideal, single-head\n"
     before = (flight / "flight.toml").read_bytes()
     status, out, err = acx4("simulate", "single-head", "--out", flight, "--seed", 9)
     assert (status, out) == (2, "")

@@ -181,7 +181,7 @@ def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, not
 @pytest.mark.slow
 def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     flight = tmp_path / "flight"
-    acx4sim.write(acx4sim.DESIGNS["acx4"](seed=1), flight)
+    acx4sim.write(acx4sim.DESIGNS["acx4-ideal"](seed=1), flight)
     folder = tmp_path / "notebooks"
     write(folder / "00-flight.ipynb", PARAMETERS, "seed")
     for stage in results.STAGES:

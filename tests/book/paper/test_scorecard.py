@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from acx4book.paper import printed, scorecard
+from acx4book.paper.roles import ROLES
 from acx4book.paper.scorecard import Ours
 
 
@@ -35,23 +36,38 @@ def test_a_verdict_counts_combined_standard_deviations(off, verdict):
     )
     ours_sigma = 0.002
     combined = np.sqrt(ours_sigma**2 + 0.0010**2 + 0.00005**2 / 3)
-    ours = Ours(value=74.4404 + off * combined, sigma=ours_sigma, role=scorecard.INPUT)
+    ours = Ours(value=74.4404 + off * combined, sigma=ours_sigma)
     row = scorecard.line(f, "value", ours)
     assert row["verdict"] == verdict
     assert row["deviation"] == pytest.approx(off, abs=1e-9)
     assert bool(row["reason"]) == (verdict != "agrees")
 
 
+def test_a_printed_mean_is_less_sure_where_points_share_errors():
+    """What is printed beside a mean is the scatter of 36 points; theirs is not independent."""
+    mean = next(
+        scorecard.as_printed_row(row)
+        for row in printed.table(4).to_dict("records")
+        if row["parameter"] == "mean_height_m" and row["column"] == "single_step"
+    )
+    paper_sigma = 1.5 * mean.sigma / 6
+    off = 2.5 * np.sqrt(0.05**2 + paper_sigma**2 + 0.005**2 / 3)
+    row = scorecard.line(mean, "value", Ours(value=mean.value + off, sigma=0.05, sharing=1.5))
+    assert row["deviation"] == pytest.approx(2.5)
+    assert row["verdict"] == "near"
+
+
 def test_counts_are_those_of_the_card():
     card = pd.DataFrame(
         {
             "table": [1, 1, 1, 3],
-            "role": ["input", "input", "independent", "independent"],
+            "role": ["given", "given", "independent", "independent"],
             "verdict": ["agrees", "differs", "near", "agrees"],
         }
     )
-    table = scorecard.counts(card).set_index(["table", "role"])
-    assert table.loc[(1, "input")].to_dict() == {
-        "numbers": 2, "agrees": 1, "near": 0, "differs": 1
-    }  # fmt: skip
+    table = scorecard.counts(card).set_index("role")
+    assert [*table.index] == [*ROLES]
+    given = table.loc["given"]
+    assert (given["paper's Table 1"], given["paper's Table 3"], given["numbers"]) == (2, 0, 2)
+    assert (given["agrees"], given["near"], given["differs"]) == (1, 0, 1)
     assert table["numbers"].sum() == 4

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.report import estimates
 from acx4book.report.material import read
-from acx4book.report.sections import correlation_sentence
+from acx4book.report.sections import correlation_sentence, joint_table
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
@@ -65,3 +65,18 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
     assert correlation_sentence(material) == (
         "Correlations above 0.9: $f$ and $x_p$ (+0.95), $x_p$ and $y_p$ (-0.91)."
     )
+
+
+def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):
+    rows = results.parameters(run.found, SINGLE, "CAM")["value"]
+    cov = results.covariance(run.found, SINGLE)
+    found = {test.keys: test for test in estimates.joint_tests(run, SINGLE)}
+    listed = {p.parameter: p for p in estimates.estimates(run, SINGLE)}
+    for keys in (("k1", "k2", "k3"), ("p1", "p2")):
+        names = [f"CAM/{key}" for key in keys]
+        sigma = np.sqrt(np.diag(cov.loc[names, names]))
+        related = cov.loc[names, names].to_numpy() / sigma / sigma[:, None]
+        z = rows[list(keys)].to_numpy() / sigma
+        assert_allclose(found[keys].f_ratio, z @ np.linalg.solve(related, z) / len(z), rtol=1e-6)
+        assert_allclose(found[keys].largest, max(abs(listed[key].t) for key in keys), rtol=1e-9)
+    assert len(joint_table(run)) == len(found) == 4

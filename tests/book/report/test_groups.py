@@ -8,6 +8,7 @@ from scipy import stats
 from acx4book.report import groups
 from acx4book.report.material import read, residuals
 from acx4lib.results import folder as results
+from acx4lib.results.rows import COMPONENTS
 from support.run_results import SINGLE
 
 
@@ -49,6 +50,11 @@ def test_a_detectable_error_is_found_in_four_of_five_cases(run):
     assert_allclose(group.detectable, expected)
 
 
+def test_every_component_of_the_results_has_a_group():
+    listed = {(kind, name) for kind, names in COMPONENTS.items() for name in names}
+    assert set(groups.GROUPS) == listed
+
+
 def test_baardas_delta_is_the_textbooks_4_13():
     """alpha = 0.1 %, beta = 20 %: the same sum with another critical value."""
     assert_allclose(stats.norm.isf(0.0005) + groups.DETECTABLE - 3.9, 4.13, atol=0.005)
@@ -57,5 +63,5 @@ def test_baardas_delta_is_the_textbooks_4_13():
 def test_limits_of_the_ratio_hold_in_95_of_100_samples(rng):
     v = rng.normal(size=(20_000, 30))
     ratio = np.sqrt(np.mean(v**2, axis=1))
-    low, high = groups.ratio_limits(30.0)
+    low, high = groups.ratio_limits(30.0, probability=0.95)
     assert_allclose(np.mean((ratio > low) & (ratio < high)), 0.95, atol=0.005)  # 3 sigma

@@ -232,8 +232,8 @@ LITTLE = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
 
 def fly(seed, **options):
     """Simulate noise that the flight's sigma do not know."""
-    true = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE, **options))
-    told = acx4sim.single_head(seed=seed, options=acx4sim.Options(**LITTLE))
+    true = acx4sim.DESIGNS["single-head"](seed=seed, options=acx4sim.Options(**LITTLE, **options))
+    told = acx4sim.DESIGNS["single-head"](seed=seed, options=acx4sim.Options(**LITTLE))
     return flown.read_back(replace(true, toml=told.toml)).flight
 
 

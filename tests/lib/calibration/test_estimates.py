@@ -20,6 +20,7 @@ from acx4lib.calibration.estimates import (
     not_determined,
     parameters,
 )
+from acx4lib.calibration.trust.needs import needed
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT
@@ -150,7 +151,7 @@ def test_a_parameter_is_not_determined_above_the_stated_limit(name, limit):
     assert not_determined(with_sigmas(**{name: 0.99 * limit})) == []
     (line,) = not_determined(with_sigmas(**{name: 1.01 * limit}))
     assert line.startswith(f"CAM {estimates.REPORTED[name][0]} is not determined (sigma ")
-    assert estimates.HELP[name] in line
+    assert needed(name) in line
 
 
 def test_an_open_parameter_has_an_infinite_sigma_and_says_so(found):

@@ -106,9 +106,9 @@ def shifted_flight(seed, options):
     shifted = acx4sim.Options(
         gnss_shift_m=tuple(SHIFT), gnss_strip_drift_m_per_min=(0.3, 0.3, 0.2), **options
     )
-    with_drift = flown.read_back(acx4sim.single_head(seed=seed, options=shifted))
+    with_drift = flown.read_back(acx4sim.DESIGNS["single-head"](seed=seed, options=shifted))
     no_drift = flown.read_back(
-        acx4sim.single_head(
+        acx4sim.DESIGNS["single-head"](
             seed=seed, options=replace(shifted, gnss_strip_drift_m_per_min=(0.0, 0.0, 0.0))
         )
     )

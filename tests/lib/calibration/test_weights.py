@@ -83,8 +83,10 @@ def test_factors_that_do_not_settle_are_an_error_that_names_them(block, monkeypa
 def test_a_flights_gnss_that_is_2_5_times_worse_than_stated_is_found_so():
     """Through the flight's files; the bound is 3.3 of the factor's own standard deviations."""
     options = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
-    true = acx4sim.single_head(seed=2, options=acx4sim.Options(**options, gnss_noise=2.5))
-    told = acx4sim.single_head(seed=2, options=acx4sim.Options(**options))
+    true = acx4sim.DESIGNS["single-head"](
+        seed=2, options=acx4sim.Options(**options, gnss_noise=2.5)
+    )
+    told = acx4sim.DESIGNS["single-head"](seed=2, options=acx4sim.Options(**options))
     toml = told.toml + 'weights = "estimated"\n'
     flight = flown.read_back(replace(true, toml=toml)).flight
     assert flight.weights == "estimated"

@@ -29,7 +29,7 @@ def test_the_papers_design_is_read_from_the_trajectory(flown):
 
 
 def test_coincident_strips_overlap_wholly_and_are_flown_both_ways():
-    high, low = design.levels(fly("acx4", seed=1).flight.calibration)
+    high, low = design.levels(fly("acx4-ideal", seed=1).flight.calibration)
     assert high.side_overlap == pytest.approx(1.0, abs=0.02)
     assert (high.n_directions, low.n_directions) == (2, 2)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from acx4lib import flight
+from support.flights import in_heads
 from support.flights.spoilt import CONTROL, IMAGES, POINTS, TOML, TRAJECTORY, change, replace
 from support.flights.written import CAMERA, MOUNTS, write_flight
 from support.helpers import flight_problems as problems
@@ -176,7 +177,13 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, stages",
+        "heights, refraction, cameras, synthetic, apriori, stages, format",
+    ),
+    (
+        TOML,
+        'name = "small"',
+        'name = "small"\nformat = 3',
+        ":2: format: 3; must be a whole number up to 2; a larger one is of a later acx4",
     ),
     (
         TOML,
@@ -233,6 +240,25 @@ REPLACED = [
     (
         TOML,
         "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = [0.1, 0.1]",
+        ":15: cameras.CAM.lever_sigma_m: [0.1, 0.1]; must be a number or a list of three",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = 0",
+        ":15: cameras.CAM.lever_sigma_m: 0; must be positive, at most 1e6",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_sigma_m = 0.1",
+        ":14: cameras.CAM.lever_sigma_m: sigma of nothing; needs the values it is of: lever_x_m, "
+        "lever_y_m, lever_z_m",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
         "[apriori]\nheading_deg = 0",
         ":15: apriori.heading_deg: 0; must be positive, at most 1e6",
     ),
@@ -274,6 +300,13 @@ REPLACED = [
         "lever_z_m = 0.2",
         '[synthetic]\ncamera = "SYN"\nheads = ["CAM"]',
         ":15: synthetic.camera: 'SYN'; must be one of [cameras.…]",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        '[synthetic]\ncamera = "CAM"\nheads = ["CAM"]\nmeasured_in = "head"',
+        ":17: synthetic.measured_in: 'head' (did you mean 'heads'?); "
+        "must be 'synthetic' or 'heads'",
     ),
 ]
 
@@ -409,6 +442,30 @@ def test_a_geoid_grid_that_is_none_is_named_without_a_pipeline(tmp_path):
         f"{TOML}:3: heights: 'geoid.gtx' cannot be used (PROJ cannot read it as a geoid grid); "
         "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
     ]
+
+
+def test_a_block_that_is_measured_in_heads_has_no_other_cameras(tmp_path):
+    in_heads.write(tmp_path / "a")
+    assert flight.read(tmp_path / "a").carried == ("calibration", "validation")
+    replace(tmp_path / "a", IMAGES, "LEFT,E", "CAM,E")
+    table = (tmp_path / "a" / IMAGES).read_text().splitlines()
+    assert table[1].split(",")[1] == "CAM"
+    (first, *_) = problems(tmp_path / "a")
+    assert first == (
+        f"{IMAGES}:2: camera: 'CAM' is no head; must be one of synthetic.heads in flight.toml, "
+        "since measured_in is 'heads'"
+    )
+
+
+def test_heads_of_a_validation_need_not_be_in_a_calibration_that_is_carried(tmp_path):
+    """The synthetic camera is what is calibrated; a rig without one of its heads is left out."""
+    in_heads.write(tmp_path)
+    for file in (IMAGES, POINTS):
+        table = (tmp_path / file).read_text().splitlines()
+        (tmp_path / file).write_text("\n".join(r for r in table if "RIGHT" not in r) + "\n")
+    read = flight.read(tmp_path)
+    assert [camera.name for camera in read.calibration.cameras] == ["LEFT"]
+    assert [camera.name for camera in read.validation.cameras] == ["LEFT", "RIGHT"]
 
 
 def test_heads_need_the_synthetic_camera_and_images_of_every_head(tmp_path):

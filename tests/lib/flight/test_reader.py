@@ -317,7 +317,7 @@ def true_camera(camera: Camera, truth: dict[str, float]) -> Camera:
 
 
 def test_the_simulated_flight_has_the_images_of_section_3_2(tmp_path):
-    acx4sim.write(acx4sim.acx4(seed=2), tmp_path / "acx4")
+    acx4sim.write(acx4sim.acx4_ideal(seed=2), tmp_path / "acx4")
     read = flight.read(tmp_path / "acx4")
     assert [len(block.images) for block in read.blocks.values()] == [4 * 31, 52, 268]
     assert [len(set(block.images.strips)) for block in read.blocks.values()] == [4, 5, 20]

@@ -158,6 +158,14 @@ def test_correct_jacobian(interior, xy):
 # --- limits ----------------------------------------------------------------------------------
 
 
+@given(interior=interiors(), xy=image_points())
+def test_correct_by_point_is_its_derivative(interior, xy):
+    numeric = [
+        numeric_jacobian(lambda at: camera.correct(interior, at), one, step=1e-4) for one in xy
+    ]
+    assert_allclose(camera.correct_by_point(interior, xy), numeric, atol=1e-8)
+
+
 @pytest.mark.parametrize("f", [0.0, -74.0, np.nan, np.inf])
 def test_a_focal_length_must_be_positive(f):
     with pytest.raises(ValueError, match=f"^f.*got (f=)?{f}"):
@@ -167,6 +175,13 @@ def test_a_focal_length_must_be_positive(f):
 def test_the_sensor_ends_at_the_outer_edges_of_its_pixels():
     colrow = np.array([[-0.5, -0.5], [8983.5, 6731.5], [-0.51, 0], [0, 6731.51], [100, 100]])
     assert camera.inside(HEAD, colrow).tolist() == [True, True, False, False, True]
+
+
+def test_the_distance_from_the_border_is_to_the_nearest_outer_edge():
+    small = Camera(name="CAM", width_px=100, height_px=40, pixel_mm=0.01, interior=Interior(f=50))
+    colrow = np.array([[-0.5, 20.0], [3.0, 20.0], [50.0, 38.5], [50.0, 41.0], [np.nan, 3.0]])
+    assert_allclose(camera.border_distance(small, colrow), [0.0, 3.5, 1.0, -1.5, np.nan])
+    assert camera.inside(small, colrow).tolist() == [True, True, True, False, False]
 
 
 def test_the_diagonal_of_a_head():

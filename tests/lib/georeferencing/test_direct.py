@@ -217,7 +217,7 @@ def test_covariances_of_points_carry_everything_they_depend_on(rig, calibration,
     J_columns = numeric_jacobian(by_columns, np.zeros(20), step=COLUMN_STEPS)
     # the corrected point stands for the measured one: distortion changes lengths by 0.4 %
     largest = np.abs(J_columns).max(axis=(0, 1))
-    assert np.all(np.abs(found.by_parameters - J_columns) < 1e-5 * largest)
+    assert np.all(np.abs(found.sources.by_parameters - J_columns) < 1e-5 * largest)
     cov_columns = J_columns @ calibration.cov @ np.swapaxes(J_columns, 1, 2)
     cov_body = sum(
         J_body[:, :, 6 * e : 6 * e + 6] @ cov @ np.swapaxes(J_body[:, :, 6 * e : 6 * e + 6], 1, 2)

@@ -91,6 +91,15 @@ def test_no_bias_in_table_4():
     assert accuracy.mean_test(biased).accepted == (False, True, True)
 
 
+def test_bias_with_a_known_covariance():
+    """1.645 sigma at 90 %: that of the normal distribution."""
+    cov = np.diag([0.02, 0.05, 0.10]) ** 2
+    test = accuracy.bias_test(np.array([0.03, -0.10, 0.16]), cov)
+    assert_allclose(test.statistic, [1.5, -2.0, 1.6])
+    assert test.critical == pytest.approx(1.645, abs=5e-4)
+    assert test.accepted == (True, False, True)
+
+
 def test_bias_of_errors_without_scatter():
     test = accuracy.mean_test(accuracy.from_differences(np.tile([0.0, 0.5, -0.5], (9, 1))))
     assert test.statistic == (0.0, np.inf, -np.inf)
@@ -126,6 +135,25 @@ def test_rms_of_36_points_is_known_to_24_percent():
     # chi-square of 36 at 97.5 % and 2.5 % from a printed table: 54.437, 21.336
     assert_allclose([36 / lower**2, 36 / upper**2], [54.437, 21.336], atol=5e-4)
     assert np.isnan(accuracy.rms_interval(1.0, 0)).all()
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 1.0])
+def test_correlated_errors_count_as_fewer(rho):
+    """All correlated by rho, n of them: n / (1 + (n - 1) rho^2), between n and one."""
+    cov = 4e-4 * (rho * np.ones((25, 25)) + (1 - rho) * np.eye(25))
+    assert accuracy.effective_number(cov) == pytest.approx(25 / (1 + 24 * rho**2))
+    assert accuracy.effective_number(np.zeros((0, 0))) == 0.0
+
+
+def test_rms_of_correlated_errors_stays_within_its_limits(rng):
+    """A shift shared by 25 points: 95 % of 20 000 RMS, to the 2 % that the approximation leaves."""
+    own, shared = rng.normal(size=(20_000, 25)), 0.5 * rng.normal(size=(20_000, 1))
+    rms = np.sqrt(np.mean((own + shared) ** 2, axis=1) / 1.25)
+    n = accuracy.effective_number(np.eye(25) + 0.25)
+    low, high = accuracy.rms_limits(n)
+    assert np.mean((low < rms) & (rms < high)) == pytest.approx(0.95, abs=0.02)
+    independent_low, independent_high = accuracy.rms_limits(25)
+    assert np.mean((independent_low < rms) & (rms < independent_high)) < 0.935
 
 
 # --- PEC-PCD -------------------------------------------------------------------------------

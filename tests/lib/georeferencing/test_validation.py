@@ -6,31 +6,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import stats
 
-from acx4lib.calibration.estimates import from_bundle, given
+from acx4lib.calibration.estimates import from_bundle
+from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.collinearity import project
-from acx4lib.geometry.frames import Pose, transform
-from acx4lib.georeferencing.validation import compare, validate
+from acx4lib.geometry.frames import Pose
+from acx4lib.georeferencing.validation import validate
 from support import blocks
-
-
-@pytest.fixture(scope="module")
-def block():
-    """Four check points; the survey in the CRS differs from the mapping frame's axes by 0.7 deg."""
-    return blocks.simulate(blocks.fly(), check=blocks.terrain(4, half_m=200.0, seed=8))
-
-
-@pytest.fixture(scope="module")
-def cameras(block):
-    return given(block.cameras)
-
-
-def surveyed_off(block, by):
-    """The block with its survey moved by east, north, height."""
-    R_m_g = np.swapaxes(block.check.R_g_m, 1, 2)
-    x_m = block.check.x_m + transform(R_m_g, np.broadcast_to(by, block.check.x_m.shape))
-    return replace(block, check=replace(block.check, x_m=x_m))
-
 
 # --- pairs -----------------------------------------------------------------------------------
 
@@ -97,7 +80,8 @@ def test_without_check_points_there_is_nothing_to_compare(block, cameras):
     assert len(found.pairs) == len(found.points) == 0
     assert found.redundancy == 0
     assert found.sigma0_sq == 1.0
-    assert found.chi_square_p == 1.0
+    assert found.chi_square_p == found.joint_chi_square_p == 1.0
+    assert np.isnan(found.mean_cov).all()
 
 
 # --- differences -----------------------------------------------------------------------------
@@ -105,28 +89,10 @@ def test_without_check_points_there_is_nothing_to_compare(block, cameras):
 
 def test_differences_are_estimated_less_surveyed_along_the_axes_of_the_crs(block, cameras):
     by = np.array([0.10, -0.20, 0.30])
-    found = validate(surveyed_off(block, by), cameras, method="given")
+    found = validate(blocks.surveyed_off(block, by), cameras, method="given")
     # 900 m above the ellipsoid a metre on the ground is 0.9998 m in the grid: 4e-5 m of 0.2 m
     assert_allclose(found.points.d, -np.tile(by, (4, 1)), atol=5e-5)
     assert_allclose(found.pairs.d, -np.tile(by, (len(found.pairs), 1)), atol=5e-5)
-
-
-def test_a_point_that_was_not_met_has_no_difference(block):
-    x_m = block.check.x_m.copy()
-    x_m[1] = np.nan
-    d, sigma = compare(block, x_m, np.tile(0.01 * np.eye(3), (4, 1, 1)), np.arange(4))
-    assert np.isnan(d[1]).all()
-    assert_allclose(np.delete(d, 1, axis=0), 0.0, atol=1e-7)
-    assert np.isfinite(sigma).all()
-
-
-def test_sigmas_have_the_surveys_part_and_lie_along_the_axes_of_the_crs(block):
-    R = block.check.R_g_m
-    cov_grid = np.diag([0.03, 0.05, 0.20]) ** 2
-    cov = np.swapaxes(R, 1, 2) @ cov_grid @ R
-    _, sigma = compare(block, block.check.x_m, cov, np.arange(4))
-    expected = np.hypot([0.03, 0.05, 0.20], [0.01, 0.01, 0.02])
-    assert_allclose(sigma, np.tile(expected, (4, 1)), rtol=1e-9)
 
 
 def test_differences_are_as_large_as_their_sigmas_say(block, cameras):
@@ -139,7 +105,7 @@ def test_differences_are_as_large_as_their_sigmas_say(block, cameras):
     for seed in range(60):
         rng = np.random.default_rng(seed)
         survey = rng.normal(size=(4, 3)) * block.check.sigma_m
-        noisy = surveyed_off(blocks.noisy(block, rng), survey)
+        noisy = blocks.surveyed_off(blocks.noisy(block, rng), survey)
         points = validate(noisy, cameras, method="given").points
         z.append(points.d / points.sigma)
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.3)
@@ -151,14 +117,53 @@ def test_a_calibrations_uncertainty_makes_sigmas_larger(block, cameras, mounted)
     uncertain = validate(block, replace(estimated, cameras=block.cameras), method="single_step")
     certain = validate(block, cameras, method="given")
     assert np.all(uncertain.points.sigma > certain.points.sigma)
-    J = uncertain.points.by_parameters
+    J = uncertain.points.sources.by_parameters
     extra = J @ estimated.cov @ np.swapaxes(J, 1, 2)
-    in_grid = block.check.R_g_m @ extra @ np.swapaxes(block.check.R_g_m, 1, 2)
     assert_allclose(
         uncertain.points.sigma**2 - certain.points.sigma**2,
-        np.diagonal(in_grid, axis1=1, axis2=2),
+        np.diagonal(extra, axis1=1, axis2=2),
         rtol=1e-6,
     )
+
+
+# --- all differences together ----------------------------------------------------------------
+
+
+def calibrated_and_checked(seed):
+    """Calibrate on one noisy flight, validate it on another with twelve check points."""
+    rng = np.random.default_rng(seed)
+    flown = blocks.noisy(blocks.standard(), rng)
+    calibration = single_step(flown, free=("f", "xp", "yp", "k1", "p1", "p2")).calibration
+    points = blocks.terrain(12, half_m=300.0, seed=8)
+    other = blocks.noisy(blocks.simulate(blocks.fly(seed=9), check=points), rng)
+    survey = rng.normal(size=(12, 3)) * other.check.sigma_m
+    return validate(blocks.surveyed_off(other, survey), calibration, method="single_step")
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return [calibrated_and_checked(seed) for seed in range(60)]
+
+
+@pytest.mark.slow
+def test_joint_p_values_of_60_flights_are_uniform(flights):
+    p = [found.joint_chi_square_p for found in flights]
+    assert {found.joint_dof for found in flights} == {36}
+    assert stats.kstest(p, "uniform").pvalue > 0.01
+    summed = sum(found.joint_chi_square for found in flights)
+    assert 0.005 < stats.chi2.cdf(summed, 60 * 36) < 0.995
+
+
+@pytest.mark.slow
+def test_the_mean_has_its_sigma_which_is_twice_that_of_independent_points(flights):
+    """Of 60 flights and 3 axes, a spread of 1 is found to sqrt(1 / 360) = 0.05."""
+    mean = np.array([found.points.d.mean(axis=0) for found in flights])
+    sigma = np.array([np.sqrt(np.diag(found.mean_cov)) for found in flights])
+    as_if_independent = [
+        np.sqrt(np.sum(found.points.sigma**2, axis=0)) / len(found.points) for found in flights
+    ]
+    assert np.sqrt(np.mean((mean / sigma) ** 2)) == pytest.approx(1.0, abs=0.15)
+    assert np.sqrt(np.mean((mean / as_if_independent) ** 2)) > 1.6
 
 
 # --- blunders --------------------------------------------------------------------------------

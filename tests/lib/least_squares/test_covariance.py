@@ -28,3 +28,14 @@ def test_what_is_held_has_no_sigma_and_no_correlation():
     cov = np.diag([4.0, 0.0, -1e-30])
     assert_allclose(covariance.sigmas(cov), [2.0, 0.0, 0.0])
     assert_allclose(covariance.correlation(np.diag([4.0, 0.0])), [[1.0, 0.0], [0.0, 0.0]])
+
+
+def test_a_half_times_itself_is_the_covariance(rng):
+    """Also with scales that differ by 12 digits, and for a parameter that is held."""
+    mix = rng.normal(size=(2, 4, 4))
+    scale = np.array([1.0, 1e-6, 1e-12, 0.0])
+    cov = scale[:, None] * (mix @ np.swapaxes(mix, 1, 2)) * scale
+    H = covariance.half(cov)
+    size = np.where(scale > 0, scale, 1.0)
+    back = H @ np.swapaxes(H, 1, 2)
+    assert_allclose(back / size[:, None] / size, cov / size[:, None] / size, atol=1e-12)

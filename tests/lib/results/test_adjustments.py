@@ -1,6 +1,7 @@
 """What stands in a results folder is what was computed, and can be read back."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,7 +35,9 @@ def folder(tmp_path_factory, flown, mountings):
     found = results.read(path)
     validations = [
         validation.validate(flown.validation, said, method=method)
-        for method, said in read_back.calibrations_for(flown, found).items()
+        for method, said in read_back.calibrations_for(
+            flown, found, flown.validation.cameras
+        ).items()
     ]
     adjustments.write(path, "validation", validation_records.of_validations(validations))
     return path
@@ -98,7 +101,9 @@ def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
 
 
 def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
-    without = read_back.calibrations_for(_only_validation(flown), results.read(tmp_path))
+    without = read_back.calibrations_for(
+        _only_validation(flown), results.read(tmp_path), flown.validation.cameras
+    )
     assert list(without) == ["given"]
     assert without["given"].n_columns == 0
     checked = validation.validate(flown.validation, without["given"], method="given")
@@ -121,8 +126,6 @@ def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
 
 
 def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(flown):
-    from dataclasses import replace  # noqa: PLC0415 used once
-
     block = flown.calibration
     camera = block.cameras[0]
     wrong = camera.with_interior(replace(camera.interior, f=1.03 * camera.interior.f))
@@ -212,15 +215,30 @@ def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
     assert_allclose(np.sort(np.sqrt(np.diag(reported))), np.sort(sigma), rtol=1e-9)
 
 
-def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, tmp_path):
-    held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
+def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, mountings, tmp_path):
+    known = replace(flown.calibration, cameras=mountings["single_step"].calibration.cameras)
+    held = mounting.single_step(known, free=(), fix=("lever_arm", "boresight"))
     adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(held)])
     (method,) = read_back.calibrated_methods(results.read(tmp_path))
-    back = read_back.read_calibration(
-        results.read(tmp_path), f"mounting/{method}", flown.calibration.cameras
-    )
+    back = read_back.read_calibration(results.read(tmp_path), f"mounting/{method}", known.cameras)
     assert back.n_columns == 0
-    assert back.cameras[0].interior == flown.calibration.cameras[0].interior
+    assert back.cameras[0].interior == known.cameras[0].interior
+
+
+def test_a_calibration_that_contradicts_its_data_is_written_but_not_validated(flown, tmp_path):
+    """Held at approximate values, the camera leaves control points decimetres off."""
+    held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(held)])
+    found = results.read(tmp_path)
+    assert read_back.calibrated_methods(found) == ()
+    entry = found.summary["mounting/single_step"]
+    ((group, n_rejected, n),) = entry["stopped_groups"]
+    assert group.startswith("control points")
+    assert n_rejected > n / 10
+    (line,) = entry["stopped"]
+    assert line.startswith(f"mounting/single_step: data snooping would reject {n_rejected} of {n}")
+    assert entry["not_determined"] == []
+    assert entry["expected_rejections"] == pytest.approx(0.73, abs=0.1)  # of 3725 rays and 300 more
 
 
 def test_a_validation_says_what_spoils_all_of_its_points(flown):
@@ -230,11 +248,12 @@ def test_a_validation_says_what_spoils_all_of_its_points(flown):
     block = flown.validation
     said = estimates.given(block.cameras)
     checked = validation.validate(block, said, method="given")
-    notes = validation_records.of_validation(checked).summary["validation/given"]["notes"]
-    assert [note.partition(" measurements")[0] for note in notes] == ["validation/given: 24 of 75"]
+    entry = validation_records.of_validation(checked).summary["validation/given"]
+    assert entry["stopped_groups"] == [["rays of camera CAM", 24, 75]]
+    assert entry["n_rejected"] == 0
     check = block.check
     lower = replace(block, check=replace(check, x_m=check.x_m - [0.0, 0.0, 45.0]))
     checked = validation.validate(lower, said, method="given")
-    (_, note) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    (note,) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
     assert " m too high, " in note
     assert note.endswith("points or trajectory, or the focal length, is wrong")

@@ -2,14 +2,18 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
 import acx4sim
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
-from acx4lib.results import folder
-from acx4lib.stages import mounting, order, validation
+from acx4lib.flight.block import select_cameras
+from acx4lib.results import folder, read_back
+from acx4lib.stages import heads, mounting, order, rig, synthetic, validation
+from support.flights import in_heads
+from support.flights.simulated import HEADS
 
 NEEDLESS = ("acx4book", "acx4sim", "matplotlib", "papermill", "nbformat")
 
@@ -50,6 +54,99 @@ def test_what_a_flight_does_not_have_is_said(flight):
         "rig": order.NO_RIG,
     }
     assert order.missing(flight, "validation") == ""
+
+
+# --- a flight that is measured in its heads ----------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    path = tmp_path_factory.mktemp("in_heads") / "flight"
+    acx4sim.write(in_heads.small(), path)
+    return flights.read(path)
+
+
+@pytest.fixture(scope="module")
+def gone_through(flown, tmp_path_factory):
+    """Return the results of all stages, and what mounting and validation return."""
+    results = tmp_path_factory.mktemp("through")
+    for stage in (heads, synthetic):
+        stage.run(flown, results)
+    calibrated = mounting.run(flown, results)
+    rig.run(flown, results)
+    return results, calibrated, validation.run(flown, results)
+
+
+def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gone_through):
+    results, calibrated, _ = gone_through
+    assert [camera.name for camera in calibrated.block.cameras] == ["SYN"]
+    assert calibrated.block.images.names == flown.calibration.trajectory.exposures
+    found = folder.read(results)
+    assert folder.cameras(found, "mounting/single_step") == ("SYN",)
+    assert set(calibrated.mountings.methods) == {"two_step", "two_step_gnss", "single_step"}
+    residuals = folder.rows(found, "residuals", "mounting/single_step")
+    of_points = residuals[residuals["kind"] == "image_point"]
+    assert set(of_points["image_or_exposure"]) <= set(calibrated.block.images.names)
+    assert of_points["sigma"].nunique() > 100  # carried, each by the map where it lies
+
+
+def test_measurements_of_heads_are_not_calibrated_as_if_they_were_of_one_camera(flown):
+    with pytest.raises(ValueError, match="block calibration is measured in heads"):
+        mounting.calibrate(flown)
+
+
+def test_the_rig_of_the_calibration_block_stands_beside_that_of_the_heads(gone_through):
+    found = folder.read(gone_through[0])
+    for method in ("mounting/rig", "mounting/rig_calibration"):
+        assert folder.cameras(found, method) == HEADS
+        assert found.summary[method]["left_out"] == []
+    images = folder.rows(found, "exterior_orientation", "mounting/rig_calibration")["image"]
+    assert set(images.str[0]) == {"C"}
+
+
+def test_both_rigs_are_validated_in_the_images_of_the_heads(flown, gone_through):
+    results, _, checked = gone_through
+    assert [v.method for v in checked.in_heads] == ["rig", "rig_calibration"]
+    assert [v.method for v in checked.validations] == ["two_step", "two_step_gnss", "single_step"]
+    found = folder.read(results)
+    assert set(found.validation["method"]) == {
+        v.method for v in (*checked.validations, *checked.in_heads)
+    }
+    exposure = dict(
+        zip(flown.validation.images.names, flown.validation.images.exposure_idx, strict=True)
+    )
+    for one in checked.in_heads:
+        pairs = found.validation[found.validation["method"] == one.method]
+        a, b = pairs["image_a"].map(exposure), pairs["image_b"].map(exposure)
+        assert (a != b).all()  # two heads of one exposure have no base
+        assert one.n_failed > 0
+        normalised = one.points.d / one.points.sigma
+        # one flight, and points that share its parameters: no more than a coarse bound
+        assert 0.5 < normalised.std() < 1.6
+
+
+def test_without_one_of_its_heads_a_rig_is_not_validated(flown, gone_through):
+    results = folder.read(gone_through[0])
+    rows = results.parameters
+    kept = (rows["method"] != "rig_calibration") | (rows["camera"] != "CAM3")
+    fewer = replace(results, parameters=rows[kept])
+    assert set(read_back.rigs_for(fewer, flown.validation.cameras)) == {"rig"}
+    some = select_cameras(flown.validation, ["CAM1", "CAM2"])
+    assert set(read_back.rigs_for(fewer, some.cameras)) == {"rig", "rig_calibration"}
+
+
+def test_points_are_carried_before_the_mounting_is_calibrated(flown, tmp_path):
+    with pytest.raises(FlightError, match="run stage synthetic first"):
+        mounting.run(flown, tmp_path)
+    assert not order.is_end(flown, "synthetic")
+
+
+def test_without_the_heads_block_there_is_nothing_to_carry_by(flown, flight):
+    bare = replace(flown, blocks={k: v for k, v in flown.blocks.items() if k != "heads"})
+    for stage in ("mounting", "validation"):
+        assert "is measured in heads" in order.missing(bare, stage)
+        assert order.missing(flown, stage) == ""
+    assert order.is_end(flight, "synthetic")
 
 
 def test_the_stages_need_neither_the_book_nor_plotting():

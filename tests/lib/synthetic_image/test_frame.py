@@ -11,7 +11,7 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.geometry.camera import correct, distortion, inside, xy_from_colrow
+from acx4lib.geometry.camera import colrow_from_xy, correct, distortion, inside, xy_from_colrow
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image import frame
 from acx4lib.synthetic_image.frame import (
@@ -19,7 +19,9 @@ from acx4lib.synthetic_image.frame import (
     footprint,
     head_from_synthetic,
     synthetic_from_head,
+    synthetic_from_head_jacobian,
 )
+from support.helpers import numeric_jacobian
 from support.pictures import printed_camera
 from support.strategies import image_points
 
@@ -143,3 +145,22 @@ def test_a_heads_pose_is_counted_in_millimetres_over_the_plane():
     T = frame.head_pose(ORIENTATION, 1)
     assert_allclose(T.r, [0.042, 0.052, 74.272], atol=0)
     assert_allclose(np.degrees(T.opk), [14.782598, 12.163894, -93.408507], atol=1e-10)
+
+
+# --- the way back ----------------------------------------------------------------------------
+
+
+@given(xy=image_points(1))
+@pytest.mark.parametrize("k", range(4))
+def test_the_jacobian_of_the_way_back_is_that_of_differences(k, xy):
+    (colrow,) = colrow_from_xy(ORIENTATION.heads[k], xy)
+    numeric = numeric_jacobian(
+        lambda at: synthetic_from_head(ORIENTATION, k, at[None])[0], colrow, step=1.0
+    )
+    found = synthetic_from_head_jacobian(ORIENTATION, k, colrow[None])[0]
+    assert_allclose(found, numeric, rtol=1e-6, atol=1e-9)
+
+
+def test_a_ray_that_looks_up_meets_no_synthetic_image():
+    upward = replace(ORIENTATION, opk=ORIENTATION.opk + np.array([np.pi, 0.0, 0.0]))
+    assert np.isnan(synthetic_from_head(upward, 0, np.array([[4000.0, 3000.0]]))).all()

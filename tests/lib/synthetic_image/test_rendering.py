@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from acx4lib.synthetic_image.compiled.interpolation import SHOULDER
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.head_map import HeadMap
 from acx4lib.synthetic_image.rendering import RenderPlan, render, render_plan, render_rows, resample
+from acx4lib.synthetic_image.response import Response
 from support.pictures import printed_camera
 from support.pictures.exact_rendering import blended, exact_positions, sampled, sampled_cubic
 
@@ -201,6 +203,8 @@ COEFFICIENTS = np.array(
     ]
 )
 
+RESPONSE = Response(coefficients=COEFFICIENTS)
+
 
 @pytest.mark.parametrize("cubic", [False, True])
 @pytest.mark.parametrize("coefficients", [None, COEFFICIENTS])
@@ -209,7 +213,7 @@ def test_grey_values_are_those_of_an_exact_rendering(images, positions, cubic, c
         render_plan(
             heads, synthetic, feather_px=15, interpolation="cubic" if cubic else "bilinear"
         ),
-        coefficients=coefficients,
+        response=None if coefficients is None else Response(coefficients=coefficients),
     )
     exact = blended(images, positions, feather_px=15, coefficients=coefficients, cubic=cubic)
     difference = np.abs(render(plan, images) - exact)
@@ -267,21 +271,56 @@ def test_the_response_is_taken_off(images):
         np.rint(20000 * np.exp(g + np.multiply.outer(q, a) + np.multiply.outer(q**2, b)))
         for g, a, b in np.moveaxis(COEFFICIENTS, -1, 1)
     ]
-    plan = replace(render_plan(heads, synthetic, feather_px=15), coefficients=COEFFICIENTS)
+    plan = replace(render_plan(heads, synthetic, feather_px=15), response=RESPONSE)
     out = render(plan, [one.astype(np.uint16) for one in seen])
     assert np.abs(out.astype(int) - 20000).max() <= 1  # rounded before and after
 
 
+RESPONSE_OF_A_BRIGHT_HEAD = Response(coefficients=np.array([[[np.log(1.2), 0, 0]]]))
+
+
 def test_what_is_saturated_stays_saturated():
     """The second head was 1.2 times brighter; its numbers go down, its saturated ones do not."""
-    plan = replace(identity(40, 40), coefficients=np.array([[[np.log(1.2), 0, 0]]]))
+    plan = replace(identity(40, 40), response=RESPONSE_OF_A_BRIGHT_HEAD)
     image = np.full((40, 40, 1), 60000, np.uint16)
     image[10:20] = 65535
     out = render(plan, [image])
     assert np.all(out[10:20] == 65535)
     assert np.all(out[:10] == 50000)
-    darker = replace(plan, coefficients=-plan.coefficients)
+    dark = Response(coefficients=-RESPONSE_OF_A_BRIGHT_HEAD.coefficients)
+    darker = replace(plan, response=dark)
     assert np.all(render(darker, [image]) == 65535)  # 72000 does not fit: held, not wrapped
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_sky_at_the_limit_gets_no_speckles(dtype):
+    """Noise of a hundredth about saturation, of a head that is made 1.2 times darker."""
+    top, rng = np.iinfo(dtype).max, np.random.default_rng(3)
+    sky = top * (1 + 0.01 * rng.standard_normal((60, 60, 1)))
+    sky = np.clip(np.rint(sky), 0, top)
+    plan = replace(identity(60, 60), response=RESPONSE_OF_A_BRIGHT_HEAD)
+    out = render(plan, [sky.astype(dtype)]).astype(float)
+    assert np.all(out[sky == top] == top)
+    below = sky < top
+    # four times the noise, not the sixth of the range by which the head is too bright
+    assert np.all(top - out[below] <= SHOULDER * (top - sky[below]) + 0.5)
+    assert np.all(np.diff(out[below][np.argsort(sky[below])]) >= 0)
+
+
+def test_far_from_saturation_grey_values_are_divided_by_the_response():
+    levels = np.repeat(np.arange(230, dtype=np.uint8)[None, :, None], 2, axis=0)
+    plan = replace(identity(230, 2), response=RESPONSE_OF_A_BRIGHT_HEAD)
+    assert_allclose(render(plan, [levels]), levels / 1.2, atol=0.5001)
+
+
+def test_beyond_its_reach_a_response_is_that_of_the_limit():
+    limited = Response(coefficients=np.array([[[0.0, 0.0, 1.0]]]), reach=np.array([[0.2, 0.5]]))
+    plan = replace(identity(161, 161), response=limited)
+    out = render(plan, [np.full((161, 161, 1), 20000, np.uint16)])[..., 0]
+    assert_allclose(out[80, 80], 20000 * np.exp(-0.04), atol=1)
+    assert_allclose(out[0, 0], 20000 * np.exp(-0.25), atol=1)
+    q = 4 * 64**2 / (2 * 161**2)  # at a node, 64 px from the middle
+    assert_allclose(out[80, 16], 20000 * np.exp(-(q**2)), rtol=1e-4)
 
 
 # --- stripes, threads, memory --------------------------------------------------------------------
@@ -373,7 +412,7 @@ def test_plans_that_cannot_be_are_refused(change, words):
 
 
 def test_a_response_of_other_bands_is_refused():
-    plan = replace(identity(6, 4), coefficients=np.zeros((1, 3, 3)))
+    plan = replace(identity(6, 4), response=Response(coefficients=np.zeros((1, 3, 3))))
     with pytest.raises(ValueError, match="response of 3 bands for 1"):
         render(plan, [np.zeros((4, 6, 1), np.uint8)])
 

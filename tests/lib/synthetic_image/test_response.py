@@ -15,7 +15,7 @@ from acx4lib.synthetic_image.response import (
     log_response,
     poor_overlaps,
 )
-from support.pictures import printed_camera
+from support.pictures import printed_camera, taken
 
 K = 12
 ORIENTATION = printed_camera.heads()
@@ -172,6 +172,51 @@ def test_saturated_samples_are_left_out_and_counted(level):
     large = [o for o in found.overlaps if (o.head_a + o.head_b) % 2]  # neighbours
     assert all(np.all(o.n_saturated > 100) for o in large)
     assert curve_error(found.response, known()) < 0.003
+
+
+@pytest.mark.parametrize("quality", [75, 90])
+def test_a_compressed_sky_that_is_partly_saturated_does_no_harm(quality):
+    """Compression makes 250 to 255 of what was saturated, in both heads whatever they lose."""
+    images = pictures(
+        known(), rng=np.random.default_rng(5), dtype=np.uint8, noise=0.1, scale=200 / 12000
+    )
+    found = estimate([taken.compressed(image, quality) for image in images])
+    large = [o for o in found.overlaps if (o.head_a + o.head_b) % 2]  # neighbours
+    assert all(np.all(o.n_saturated > 500) for o in large)
+    assert curve_error(found.response, known()) < 0.01
+
+
+def test_beyond_the_samples_a_response_goes_on_as_it_was_for_all_bands():
+    """Samples of the inner half, one band of them bent by haze: the corner keeps its colour."""
+    rng = np.random.default_rng(14)
+    n = 4000
+    q = rng.uniform(0.2, 0.5, (2, n))
+    bent = 0.02 * np.sin(25 * q[0]) * [[0.0], [0.0], [1.0]]
+    nothing = np.zeros((n, 3), dtype=bool)
+    samples = Samples(
+        head_a=0,
+        head_b=1,
+        xy=rng.uniform(-1, 1, (n, 2)),
+        q_a=q[0],
+        q_b=q[1],
+        log_ratio=-0.2 * (q[0] - q[1])[:, None] + bent.T + rng.normal(0, 0.003, (n, 3)),
+        saturated=nothing,
+        dark=nothing,
+    )
+    response = fit_response([samples], n_heads=2, n_bands=3).response
+    assert_allclose(response.reach, [[0.1, 0.6], [0.1, 0.6]], atol=0.01)
+    camera = ORIENTATION.heads[0]
+    corner, middle = np.array([[-0.5, -0.5]]), np.array([[4491.5, 3365.5]])
+    inner = middle + np.sqrt(0.6) * (corner - middle)
+    at_limit, at_corner = (log_response(response, 0, at, camera) for at in (inner, corner))
+    assert_allclose(at_corner, at_limit, atol=0.002)
+    assert np.ptp(at_corner) < 0.08
+    free = Response(coefficients=response.coefficients)
+    assert np.ptp(log_response(free, 0, corner, camera)) > 2 * np.ptp(at_corner)
+
+
+def test_where_overlaps_reach_the_corners_nothing_is_limited(fit):
+    assert not np.isfinite(fit.response.reach[:, 1]).any()
 
 
 def test_dark_samples_are_left_out_and_counted(images):

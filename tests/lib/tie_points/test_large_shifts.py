@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acx4lib.tie_points.large_shifts import LEAST_TIES, NARROW_PX, coarse_factor, consensus
+from acx4lib.tie_points.large_shifts import NARROW_PX, WITNESSES, coarse_factor, consensus
 from acx4lib.tie_points.matching import OverlapMatches
 from acx4lib.tie_points.overlaps import SharedWindow
 
@@ -52,7 +52,7 @@ def test_what_a_badly_known_lens_bends_is_kept_as_a_whole():
     assert agree[50:].all()
 
 
-@pytest.mark.parametrize("n", [0, 1, LEAST_TIES - 1])
+@pytest.mark.parametrize("n", [0, 1, 2 + WITNESSES])
 def test_few_matches_are_no_witnesses(n):
     a = places(n, np.random.default_rng(0))
     assert not consensus(matches(a, a + 1.0), 0.5).any()
@@ -68,7 +68,33 @@ def test_matches_by_chance_do_not_agree():
 def test_images_are_reduced_until_overlaps_are_narrow(reduce, factor):
     """The overlaps of Table 1's heads are 2700 px wide, section 2.1 by its numbers."""
     side = 2700 // reduce
-    window = SharedWindow(head_a=0, head_b=1, window=(0, 3 * side, 0, side), area_px=3.0 * side**2)
+    window = SharedWindow(
+        head_a=0, head_b=1, window=(0, 3 * side, 0, side), area_px=3.0 * side**2, width_px=side
+    )
     assert coarse_factor([window]) == factor
     assert side / factor < 1.5 * NARROW_PX
     assert coarse_factor([]) == 1
+
+
+# --- few matches -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("width", "length"), [(20, 2000), (2600, 7000)])
+def test_nine_right_matches_are_kept_and_false_ones_among_them_left_out(width, length):
+    """Over a whole overlap, or along one that is hardly wider than the windows."""
+    rng = np.random.default_rng(5)
+    a = rng.uniform([0, 1000], [width, 1000 + length], size=(11, 2))
+    b = through_homography(a) + rng.normal(scale=0.05, size=a.shape)
+    b[9:] += [[3.0, -4.0], [-6.0, 1.0]]
+    agree = consensus(matches(a, b), 0.5)
+    assert agree[:9].all()
+    assert not agree[9:].any()
+
+
+def test_few_matches_by_chance_do_not_agree():
+    rng = np.random.default_rng(6)
+    for n in (6, 8, 11):
+        for _ in range(100):
+            a = places(n, rng)
+            b = a + rng.uniform(-8, 8, size=a.shape)
+            assert not consensus(matches(a, b), 0.5).any()

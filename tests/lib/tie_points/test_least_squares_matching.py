@@ -9,7 +9,6 @@ from scipy import ndimage, optimize
 from acx4lib.tie_points.least_squares_matching import (
     correlate,
     match,
-    noise_correlation,
     spline_coefficients,
 )
 from support.pictures import taken
@@ -93,22 +92,6 @@ def test_spline_coefficients_are_those_of_scipy(texture):
     assert_allclose(spline_coefficients(image), expected, rtol=1e-6)  # single precision
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.07, 1.2])
-def test_the_noise_of_interpolated_pixels_correlates_as_predicted(scale):
-    """White noise, interpolated by scipy's splines at places of all fractions."""
-    rng = np.random.default_rng(3)
-    noise = rng.standard_normal((700, 700))
-    n = 600
-    at = 20.0 + np.arange(n) / scale
-    # each line at a fraction of its own, where the pixels are as wide as the original ones
-    rows = np.linspace(20.0, 660.0, n)[:, None] + np.zeros(n)
-    cols = at[None] + rng.random(n)[:, None]
-    lines = ndimage.map_coordinates(noise, [rows, cols], order=3)
-    found = [np.mean(lines[:, : n - d] * lines[:, d:]) for d in range(5)]
-    # 360 000 products, of which a third is independent
-    assert_allclose(found / found[0], noise_correlation(scale), atol=0.012)
-
-
 # --- least-squares matching ------------------------------------------------------------------
 
 
@@ -165,11 +148,13 @@ def test_it_is_the_least_squares_solution_of_ten_unknowns(texture):
     rng = np.random.default_rng(5)
     a = (texture + rng.normal(scale=15, size=(N, N))).astype(np.float32)
     b = (1.1 * shifted(texture, 0.3, -0.4) + rng.normal(scale=15, size=(N, N))).astype(np.float32)
-    at = grid(step=64, margin=60)
+    at = grid(margin=60)
     matches = match(a, b, at, at.astype(float), half=HALF)
+    ratios = []
     filtered = ndimage.spline_filter(b.astype(float), mode="mirror")
     y, x = (g.ravel() for g in np.mgrid[-HALF : HALF + 1, -HALF : HALF + 1])
-    for (col, row), found, sigma in zip(at, matches.colrow, matches.sigma_px, strict=True):
+    places = zip(at[::9], matches.colrow[::9], matches.sigma_px[::9], strict=True)
+    for (col, row), found, sigma in places:
         window = a[row + y, col + x].astype(float)
 
         def residuals(p, col=col, row=row, window=window):
@@ -184,7 +169,11 @@ def test_it_is_the_least_squares_solution_of_ten_unknowns(texture):
         )
         assert_allclose(found - [col, row], fit.x[:2], atol=0.6 * sigma.max())
         cov = np.linalg.inv(fit.jac.T @ fit.jac) * 2 * fit.cost / (len(x) - 10)
-        assert_allclose(sigma, np.sqrt(np.diag(cov)[:2]), rtol=0.1)
+        ratios.append(sigma / np.sqrt(np.diag(cov)[:2]))
+    # the noise is white here; what each window has of it at its edges differs by a tenth, and
+    # derivatives of the interpolated image have noise that is no texture
+    assert_allclose(ratios, 1.0, atol=0.4)
+    assert_allclose(np.mean(ratios), 1.0, atol=0.2)
 
 
 def normalised_squares(matches, truth):
@@ -208,10 +197,29 @@ def test_the_predicted_sigma_is_honest(texture, noise):
     assert 0.85 < np.mean(squares) < 1.25
 
 
+@pytest.mark.parametrize("quality", [75, 90])
+@pytest.mark.parametrize("finest", [0.1, 0.2])
+def test_the_predicted_sigma_is_honest_for_compressed_images(quality, finest):
+    """Blocks share their noise, and it is largest at edges: as white it is 1.2 to 2 times less."""
+    rng = np.random.default_rng(9)
+    seen = taken.texture(N, rng, finest=finest, contrast=30.0, level=120.0)
+    at, squares = grid(), []
+    for _ in range(8):
+        shift = rng.uniform(-4, 4, 2)
+        pair = seen, shifted(seen, *shift)
+        noisy = [np.rint(one + rng.normal(size=(N, N))).astype(np.uint8) for one in pair]
+        a, b = (taken.compressed(one, quality).astype(np.float32) for one in noisy)
+        matches = match(a, b, at, at + shift.round(), half=HALF)
+        good = np.all(matches.sigma_px < 0.5, axis=1)
+        assert good.mean() > 0.6
+        squares.append(np.square((matches.colrow - at - shift) / matches.sigma_px)[good])
+    assert 0.75 < np.mean(np.concatenate(squares)) < 1.3
+
+
 def test_the_predicted_sigma_is_honest_for_images_that_were_interpolated(texture):
-    """Without the correlation of their noise it would promise a quarter too much."""
+    """Neighbouring pixels then have the same noise in part."""
     rng = np.random.default_rng(8)
-    at, squares, as_white = grid(), [], []
+    at, squares = grid(), []
     places = np.arange(N) * 0.87  # of the interpolated image in the original one
     rows, cols = np.meshgrid(places, places, indexing="ij")
 
@@ -224,13 +232,23 @@ def test_the_predicted_sigma_is_honest_for_images_that_were_interpolated(texture
         a = interpolated(texture + rng.normal(scale=60, size=(N, N)), 0.3, 0.2)
         b = shifted(texture, *(0.87 * shift)) + rng.normal(scale=60, size=(N, N))
         b = interpolated(b, 0.3, 0.2)
-        a, b = a.astype(np.float32), b.astype(np.float32)
-        known = match(a, b, at, at * 1.0, half=HALF, correlation=noise_correlation(1 / 0.87))
-        squares.append(normalised_squares(known, at + shift))
-        white = match(a, b, at, at * 1.0, half=HALF)
-        as_white.append(normalised_squares(white, at + shift))
+        matches = match(a.astype(np.float32), b.astype(np.float32), at, at * 1.0, half=HALF)
+        squares.append(normalised_squares(matches, at + shift))
     assert 0.85 < np.mean(squares) < 1.25
-    assert np.mean(as_white) > 1.2 * np.mean(squares)
+
+
+def test_what_two_bands_show_differently_is_no_texture(texture):
+    """Each has texture of its own, half as strong: derivatives of one image would be too large."""
+    rng = np.random.default_rng(10)
+    at, squares = grid(), []
+    for _ in range(8):
+        shift = rng.uniform(-0.6, 0.6, 2)
+        own = [taken.texture(N, rng, finest=0.2, contrast=750.0, level=0.0) for _ in range(2)]
+        a, b = texture + own[0], shifted(texture, *shift) + own[1]
+        matches = match(a.astype(np.float32), b.astype(np.float32), at, at * 1.0, half=HALF)
+        good = np.all(matches.sigma_px < 0.5, axis=1)
+        squares.append(np.square((matches.colrow - at - shift) / matches.sigma_px)[good])
+    assert 0.7 < np.mean(np.concatenate(squares)) < 1.4
 
 
 def test_windows_without_texture_or_over_nothing_have_no_match(texture):

@@ -68,6 +68,23 @@ def test_two_and_two_exposures_are_named_as_pairs(images, others):
     assert [sentence.split(":")[0] for sentence in found] == ["CAM1 and CAM4", "CAM2 and CAM3"]
 
 
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (0, 3), (1, 3)])
+def test_exchanged_pictures_are_named(images, a, b):
+    wrong = list(images)
+    wrong[a], wrong[b] = images[b], images[a]
+    assert check(wrong) == [
+        f"CAM{a + 1}: its picture is exchanged with that of CAM{b + 1}; exchange their files"
+    ]
+
+
+def test_pictures_that_changed_places_in_a_ring_are_named(images):
+    assert check([images[1], images[2], images[0], images[3]]) == [
+        "CAM1: its picture is that of CAM2, in whose place it fits",
+        "CAM2: its picture is that of CAM3, in whose place it fits",
+        "CAM3: its picture is that of CAM1, in whose place it fits",
+    ]
+
+
 def water(image, rng):
     return np.rint(9000 + 47 * rng.standard_normal(image.shape)).astype(np.uint16)
 

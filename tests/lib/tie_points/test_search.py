@@ -194,6 +194,62 @@ def test_eight_bit_images_of_one_band_are_enough(true):
     assert np.sqrt(np.mean(error**2)) < 0.06  # one grey value in thirty of contrast is noise
 
 
+@pytest.mark.parametrize("quality", [75, 88])
+def test_sigma_is_honest_for_eight_bits_compressed(true, quality):
+    """As the frames of many cameras are; with white noise it would be half as large."""
+    ground = taken.texture(2048, np.random.default_rng(3), finest=0.1, contrast=30.0, level=120.0)
+    true = first_two(true)
+    images = taken.pictures(
+        true, SYNTHETIC, ground, np.random.default_rng(5), noise=0.1, dtype=np.uint8
+    )
+    found = find_ties([taken.compressed(i, quality) for i in images], first_two(NOMINAL), SYNTHETIC)
+    error = errors_px(found.ties, true)
+    assert len(found.ties) > 600
+    assert found.sentences == []
+    assert 0.8 < np.mean((error / (np.sqrt(2) * found.ties.sigma_px[:, None])) ** 2) < 1.25
+
+
+def apart(full_px):
+    """Heads 1 and 2, moved apart by so many full-size pixels."""
+    two = first_two(NOMINAL)
+    xyz = two.xyz_mm + np.outer([-1, 1], [0.0, full_px * 0.0056 / 2, 0.0])
+    return replace(two, xyz_mm=xyz)
+
+
+@pytest.mark.parametrize(("full_px", "width"), [(2600, 16), (2550, 23)])
+def test_an_overlap_narrower_than_the_windows_is_named_with_its_width(ground, full_px, width):
+    heads = apart(full_px)
+    images = taken.pictures(heads, SYNTHETIC, ground, np.random.default_rng(6))
+    found = find_ties(images, heads, SYNTHETIC)
+    assert len(found.ties) == 0
+    assert found.sentences == [
+        f"CAM1 and CAM2: their pictures overlap by {width} px, and the windows of matching need "
+        "28 px, so no tie points are found there"
+    ]
+
+
+def test_a_few_right_points_are_kept_and_said_to_be_few(images, true):
+    """All but a corner of the overlap is water, which noise alone makes rough."""
+    rng = np.random.default_rng(9)
+    pair = [image.copy() for image in images[:2]]
+    part = next(s for s in shared_windows(NOMINAL, SYNTHETIC) if (s.head_a, s.head_b) == (0, 1))
+    for k, image in enumerate(pair):
+        head = NOMINAL.heads[k]
+        colrow = np.stack(np.meshgrid(np.arange(head.width_px), np.arange(head.height_px)), -1)
+        xy = synthetic_from_head(true, k, colrow.reshape(-1, 2).astype(float))
+        col = (SYNTHETIC.width_px - 1) / 2 + xy[:, 0] / SYNTHETIC.pixel_mm
+        row = (SYNTHETIC.height_px - 1) / 2 - xy[:, 1] / SYNTHETIC.pixel_mm
+        middle = part.window[0] + part.window[1]
+        dry = (abs(col - 300) < 35) & (abs(row - middle / 2) < 35)
+        wet = ~dry.reshape(image.shape[:2])
+        image[wet] = water((int(wet.sum()), 3), rng)
+    found = find_ties(pair, first_two(NOMINAL), SYNTHETIC)
+    assert 6 <= len(found.ties) < 40
+    error = np.hypot(*errors_px(found.ties, first_two(true)).T)
+    assert np.median(error) < 0.12  # the shore has steps of a pixel
+    assert not any("turned" in sentence for sentence in found.sentences)
+
+
 # --- misuse ----------------------------------------------------------------------------------
 
 

@@ -16,7 +16,7 @@ EXACT = {"image_noise": 0, "control_noise": 0, "gnss_noise": 0, "attitude_noise"
 
 
 def acx4(**options):
-    return acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
+    return acx4sim.acx4_ideal(seed=1, options=acx4sim.Options(blocks=BLOCK, **options))
 
 
 def test_a_ray_is_bent_as_the_tabulated_atmosphere_bends_it():

@@ -25,6 +25,7 @@ from acx4sim.pictures.photography import landscape
 from acx4sim.pictures.pictures import Tiles, camera_response, picture
 from acx4sim.scenery.noise import cell_m
 from acx4sim.scenery.photo import read_photo
+from support.pictures.targets import cut_out, middle_of_disc
 
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, blocks=("heads",))
 PLAN = acx4_plan()
@@ -38,20 +39,6 @@ def at():
 @pytest.fixture(scope="module")
 def exact():
     return acx4sim.acx4(seed=1, options=EXACT)
-
-
-def cut_out(camera, col, row, width, height):
-    """Return the camera of a part of the sensor, which begins at a column and row."""
-    pixel = camera.pixel_um / 1000
-    dx = (col + (width - camera.width_px) / 2) * pixel
-    dy = -(row + (height - camera.height_px) / 2) * pixel
-    return replace(
-        camera,
-        width_px=width,
-        height_px=height,
-        xp_mm=camera.xp_mm - dx,
-        yp_mm=camera.yp_mm - dy,
-    )
 
 
 def pixels_of(camera, n, seed=0):
@@ -193,10 +180,8 @@ def test_painted_points_are_where_the_flight_measures_them(exact, at, name):
         left, top = int(col) - 12, int(row) - 12
         part = cut_out(PLAN.cameras[name], left, top, 25, 25)
         fine = replace(part, width_px=100, height_px=100, pixel_um=part.pixel_um / 4)
-        white = picture(at, fine, ground).astype(float).sum(axis=2) - 3 * 3200  # the pad
-        rows, cols = np.indices(white.shape)
-        white[np.hypot(rows - 49.5, cols - 49.5) > 4 * 3.4] = 0
-        middle = np.array([(cols * white).sum(), (rows * white).sum()]) / white.sum()
+        grey = picture(at, fine, ground).astype(float).mean(axis=2)
+        middle = middle_of_disc(grey, np.array([49.5, 49.5]), 4 * 3.4)
         assert_allclose((middle + 0.5) / 4 - 0.5, [col - left, row - top], atol=0.003)
 
 
@@ -321,6 +306,17 @@ def test_an_ordinary_camera_takes_pictures_too(tmp_path, photo):
     options = acx4sim.Options(blocks=("calibration",), tie_points={"calibration": 0})
     folder = with_pictures(tmp_path / "f", photo, "single-head", ["C1-02"], options)
     assert tifffile.imread(folder / "calibration/images/C1-02.tif").shape == (181, 241, 3)
+
+
+def test_blocks_that_are_measured_in_heads_have_pictures_of_their_own(tmp_path, photo):
+    options = acx4sim.Options(tie_points={"heads": 0, "calibration": 0})
+    folder = with_pictures(tmp_path / "f", photo, "acx4", ["H3-04", "calibration/C2-05"], options)
+    for block, exposure in (("heads", "H3-04"), ("calibration", "C2-05")):
+        images = pd.read_csv(folder / block / "images.csv", dtype=str, keep_default_na=False)
+        named = images[images["file"] != ""]
+        assert set(named["exposure"]) == {exposure}
+        assert all((folder / block / file).is_file() for file in named["file"])
+        assert len(list((folder / block / "images").iterdir())) == 4
 
 
 def test_a_flight_without_pictures_has_no_column_for_files():

@@ -24,7 +24,7 @@ from acx4lib.tie_points import ties as tie_points
 from acx4sim.files.writer import truth_path
 
 SEEDS = range(1, 21)
-CAMERA = {"acx4": "SYN", "single-head": "CAM"}
+CAMERA = {"acx4": "SYN", "acx4-ideal": "SYN", "single-head": "CAM"}
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 MOUNTED = ("calibration", "validation")
 MOUNTING_NAMES = (

@@ -11,6 +11,7 @@ import tifffile
 
 import acx4sim
 from acx4sim.files.writer import truth_path
+from support.flights import in_heads
 from support.flights.written import write_flight
 
 KEPT = 5
@@ -29,7 +30,7 @@ def write_all(folder: Path) -> list[Path]:
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1, options=acx4sim.Options()), simulated)
     truth_path(simulated).unlink()
     _thin(simulated)
-    return [pictured, above_geoid, simulated]
+    return [pictured, above_geoid, simulated, in_heads.write(folder / "in_heads")]
 
 
 def _add_pictures(folder: Path) -> None:

@@ -73,7 +73,7 @@ def _equalised(image: Array, at: Array, values: Array, coefficients: Array) -> A
     g, a, b = coefficients.T
     top = np.iinfo(image.dtype).max
     factor = np.exp(g + np.outer(q, a) + np.outer(q**2, b))
-    return np.where(values >= top - 0.5, top, values / factor)
+    return np.maximum(values / factor, np.minimum(4 * values - 3 * top, top))
 
 
 def sampled(image: Array, at: Array) -> Array:

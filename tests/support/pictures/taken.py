@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from scipy import ndimage
 
@@ -42,6 +43,13 @@ def texture(n, rng, *, finest=0.3, contrast=1500.0, level=12000.0):
     spectrum = np.fft.rfft2(rng.standard_normal((n, n))) * r**-1.2 * np.exp(-((r / finest) ** 4))
     values = np.fft.irfft2(spectrum, s=(n, n))
     return level + contrast * (values - values.mean()) / values.std()
+
+
+def compressed(image, quality):
+    """An 8-bit picture after a JPEG file, without its reduction of colours."""
+    full = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    _, stream = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality, *full])
+    return cv2.imdecode(stream, cv2.IMREAD_UNCHANGED).reshape(image.shape)
 
 
 def pictures(orientation, camera, ground, rng, *, noise=0.5, bands=3, dtype=np.uint16):

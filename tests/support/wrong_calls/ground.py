@@ -10,7 +10,7 @@ from acx4book.pages.benchmarks import sigma_tests
 from acx4book.paper import printed
 from acx4lib.bundle import reliability
 from acx4lib.geometry import geodesy
-from acx4lib.georeferencing import accuracy, direct, standards, validation
+from acx4lib.georeferencing import accuracy, differences, direct, standards, validation
 from acx4lib.least_squares import covariance, w_test
 from support import blocks
 from support.wrong_calls.material import BLOCK, FOUND, FRAME, Wrong, calibrated, fit, said
@@ -83,13 +83,15 @@ def ground() -> list[Wrong]:
             "refraction: expected one of none, standard, got 'air'",
         ),
         Wrong(
-            lambda: validation.compare(
+            lambda: differences.compare(
                 BLOCK, np.zeros((2, 3)), np.zeros((2, 3, 3)), np.array([0, 5])
             ),
             "check_idx: expected whole numbers from 0 to 1, got 5 in row 1",
         ),
         Wrong(
-            lambda: validation.compare(BLOCK, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0, 1])),
+            lambda: differences.compare(
+                BLOCK, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0, 1])
+            ),
             r"cov: expected shape \(2, 3, 3\), got \(2, 3\)",
         ),
     ]
@@ -130,6 +132,10 @@ def statistics() -> list[Wrong]:
             "probability: expected a probability between 0 and 1, got 1.0",
         ),
         Wrong(
+            lambda: accuracy.bias_test(np.zeros(3), np.ones(3)),
+            r"mean_cov: expected shape \(3, 3\), got \(3,\)",
+        ),
+        Wrong(
             lambda: accuracy.mean_test(np.zeros((4, 3))),
             "accuracy: expected an Accuracy, got an array",
         ),
@@ -153,8 +159,8 @@ def statistics() -> list[Wrong]:
             "rms: expected zero or a positive number, got -1.0",
         ),
         Wrong(
-            lambda: accuracy.rms_interval(1.0, 2.5),
-            "n: expected a whole number of 0 or more, got 2.5",
+            lambda: accuracy.rms_interval(1.0, -2.5),
+            "n: expected zero or a positive number, got -2.5",
         ),
         Wrong(
             lambda: reliability.noncentrality(power=80),

@@ -63,7 +63,7 @@ def ties() -> tie_points.TiePoints:
 
 @cache
 def flown() -> SimulatedFlight:
-    return acx4sim.single_head(options=acx4sim.Options(tie_points={"calibration": 10}))
+    return acx4sim.DESIGNS["single-head"](options=acx4sim.Options(tie_points={"calibration": 10}))
 
 
 @cache

@@ -9,8 +9,9 @@ import numpy as np
 from acx4book.chapters.image_quality import deviations
 from acx4book.chapters.synthetic_image import parallax
 from acx4lib.errors import AdjustmentError
+from acx4lib.flight import synthetic_images
 from acx4lib.production import exposure, tiff
-from acx4lib.synthetic_image import frame, grey_samples, head_map, rendering, response
+from acx4lib.synthetic_image import carried, frame, grey_samples, head_map, rendering, response
 from acx4lib.tie_points import (
     differences,
     harris,
@@ -49,6 +50,18 @@ def pixels() -> list[Wrong]:
         Wrong(
             lambda: frame.synthetic_from_head(HEADS, -1, np.zeros((1, 2))),
             "k: expected a whole number from 0 to 3, got -1",
+        ),
+        Wrong(
+            lambda: carried.carry(HEADS, HEADS, SYNTHETIC),
+            "block: expected a Block, got a RelativeOrientation",
+        ),
+        Wrong(
+            lambda: carried.carry(BLOCK, HEADS, SYNTHETIC),
+            f"block 'calibration': no orientation of {BLOCK.cameras[0].name}",
+        ),
+        Wrong(
+            lambda: synthetic_images.synthetic_images(BLOCK, "SYN"),
+            "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(
             lambda: frame.footprint(HEADS, "CAM1"),
@@ -206,10 +219,6 @@ def pixels() -> list[Wrong]:
         Wrong(
             lambda: least_squares_matching.spline_coefficients(PICTURE),
             r"image: expected shape \(rows, cols\), got \(60, 80, 3\)",
-        ),
-        Wrong(
-            lambda: least_squares_matching.noise_correlation(0.0),
-            "scale: expected a positive number, got 0.0",
         ),
         Wrong(
             lambda: correlate(PICTURE, PICTURE, at, near, half=5, search=3),

@@ -76,13 +76,15 @@ def _beside(ours: float, printed: str | None, *, digits: int = 0, scale: float =
 def level_table(flight: Flight) -> pd.DataFrame:
     """Return the blocks by flying height, in brackets what the paper says of its own.
 
+    Overlaps and ground pixels are those of the synthetic images where there are any.
+
     Parameters
     ----------
     flight : Flight
     """
     rows = []
-    for name, block in flight.blocks.items():
-        for i, level in enumerate(levels(block)):
+    for name in flight.blocks:
+        for i, level in enumerate(levels(flight.mounted(name))):
             said = PRINTED.get((name, i), {}) if paper.applies(flight) else {}
             rows.append({"Block": name, **_level_cells(level, said)})
     return pd.DataFrame(rows)

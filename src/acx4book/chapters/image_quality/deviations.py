@@ -92,21 +92,13 @@ class Deviations:
         return Deviations(**{one.name: getattr(self, one.name)[keep] for one in fields(self)})
 
 
-def measure(
-    image: np.ndarray,
-    ideal: np.ndarray,
-    *,
-    windows: Windows | None = None,
-    correlation: Array | None = None,
-) -> Deviations:
+def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = None) -> Deviations:
     """Measure one corner of each cell of an ideal picture in another image of the same camera.
 
     Parameters
     ----------
     image, ideal : ndarray, shape (rows, cols, bands)
     windows : Windows, optional
-    correlation : ndarray, optional
-        Of the image's noise between pixels 0, 1, ... apart, as `match` takes it.
 
     Returns
     -------
@@ -123,9 +115,7 @@ def measure(
         a, b, at, at.astype(float), half=windows.correlation_px // 2, search=windows.search_px
     )
     alike = np.isfinite(near[:, 0]) & (coefficient >= LEAST_CORRELATION)
-    found = match(
-        a, b, at[alike], near[alike], half=windows.matching_px // 2, correlation=correlation
-    )
+    found = match(a, b, at[alike], near[alike], half=windows.matching_px // 2)
     sigma = np.sqrt(np.mean(found.sigma_px**2, axis=1))
     good = np.isfinite(found.colrow[:, 0]) & (sigma <= windows.largest_sigma_px)
     places = at[alike][good].astype(float)

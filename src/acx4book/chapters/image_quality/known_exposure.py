@@ -26,7 +26,6 @@ from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response, estimate_response
-from acx4lib.tie_points.least_squares_matching import noise_correlation
 from acx4sim.designs import acx4_plan
 from acx4sim.optics.lens import Camera as TrueCamera
 from acx4sim.pictures.ground_rays import Station, ground_from_pixels, pixels_from_ground, station
@@ -247,8 +246,7 @@ def deviations(
         In pixels of the full-size image; points that stand out from those around are left out.
     """
     image = render_known(known, orientation, response)
-    scale = orientation.heads[0].pixel_mm / known.synthetic.pixel_mm
-    found = measure(image, known.ideal, windows=windows, correlation=noise_correlation(scale))
+    found = measure(image, known.ideal, windows=windows)
     found = found[consistent(found)]
     small = reduced_camera(known.synthetic, known.reduce)
     return Deviations(

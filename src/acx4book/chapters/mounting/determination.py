@@ -7,7 +7,8 @@ import pandas as pd
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.calibration.estimates import HELP, LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M
+from acx4lib.calibration.estimates import LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M
+from acx4lib.calibration.trust.needs import needed
 from acx4lib.geometry.parameters import REPORTED
 
 
@@ -21,11 +22,11 @@ def geometry_table() -> pd.DataFrame:
     """Return limit and geometry for every parameter; neighbours with the same ones in one row."""
     rows: list[dict[str, str]] = []
     for key, (name, _) in REPORTED.items():
-        limit, needed = _limit(key), HELP[key]
-        if rows and (rows[-1]["Largest σ"], rows[-1]["It needs"]) == (limit, needed):
+        limit, geometry = _limit(key), needed(key)
+        if rows and (rows[-1]["Largest σ"], rows[-1]["It needs"]) == (limit, geometry):
             rows[-1]["Parameter"] = Markup(f"{rows[-1]['Parameter']}, {LABELS[name]}")
         else:
-            rows.append({"Parameter": LABELS[name], "Largest σ": limit, "It needs": needed})
+            rows.append({"Parameter": LABELS[name], "Largest σ": limit, "It needs": geometry})
     return pd.DataFrame(rows)
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import pandas as pd
 
 from acx4book.paper import printed
-from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.gnss_shift import not_determined, notes
@@ -22,33 +20,6 @@ FREE_OF_SHIFT = (
     "GNSS positions are taken to be free of a common shift; `gnss` in flight.toml makes one an "
     "unknown."
 )
-
-
-def lever_arm(seen: pd.DataFrame) -> str:
-    """Say by how much the lever arm read from the interior orientation misses the estimated one.
-
-    Parameters
-    ----------
-    seen : DataFrame
-        As `variants.lever_arm_seen` returns it.
-    """
-    if seen.empty:
-        return "One of the two methods gave no result, so there is nothing to compare."
-    difference = seen["lever_seen_m"] - seen["lever_estimated_m"]
-    sigma = np.hypot(seen["sigma_seen_m"], seen["sigma_estimated_m"])
-    if not np.any(sigma > 0):
-        return "Interior orientation and lever arm are held, so there is nothing to compare."
-    largest = float(np.max(np.abs(difference[sigma > 0]) / sigma[sigma > 0]))
-    shifts = ", ".join(
-        f"{shift:+.4f} mm in {LABELS.get(f'{key}_mm', str(key))}"
-        for shift, key in zip(seen["shift_mm"], seen["parameter"], strict=True)
-    )
-    return (
-        f"The interior orientation of the two-step method with GNSS positions differs from that "
-        f"of the single step by {shifts}. Read as a lever arm, this misses the one that the "
-        f"single step estimates by {listed(difference, '+.2f')} m, at most "
-        f"{largest:.1f} combined standard deviations."
-    )
 
 
 def scatter(flight: Flight, mounting: Mounting | None) -> str:

@@ -12,9 +12,14 @@ from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.calibration.determination import Pair, Part, strong_correlations, weakest_combination
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting
+from acx4lib.calibration.trust.determination import (
+    Pair,
+    Part,
+    strong_correlations,
+    weakest_combination,
+)
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight

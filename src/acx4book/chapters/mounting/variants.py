@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import expected
-from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
+from acx4lib.calibration.estimates import parameters, reported_covariance
 from acx4lib.calibration.mounting import METHODS, Mounting, Mountings, single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block, SurveyedPoints, select_images
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.covariance import correlation
 
 SHOWN = ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m")
 
@@ -125,69 +125,6 @@ def _in_grid(block: Block, origin: Array, surveyed: SurveyedPoints) -> SurveyedP
     if len(surveyed) == 0:
         return surveyed
     return replace(surveyed, x_m=block.frame.to_grid(surveyed.x_m) - origin, R_g_m=identity)
-
-
-def lever_arm_seen(mountings: Mountings) -> pd.DataFrame:
-    """Compare what the two-step interior orientation took up with the lever arm it could not see.
-
-    Valid for cameras that look down: a lever arm (x, y, z) in the camera's axes that is taken to
-    be zero shifts x_p by -f x / H, y_p by -f y / H and f by -f z / H, at the flying height H.
-
-    Parameters
-    ----------
-    mountings : Mountings
-
-    Returns
-    -------
-    DataFrame
-        Per camera and axis: shift of two_step_gnss against single_step and its sigma (mm), the
-        lever arm that it means, and the one that the single step estimates, with their sigma
-        (m). No rows where one of the two methods is missing.
-    """
-    if not {"single_step", "two_step_gnss"} <= set(mountings.methods):
-        return pd.DataFrame(columns=list(SEEN))
-    single = mountings["single_step"].calibration
-    gnss = mountings["two_step_gnss"].calibration
-    block = mountings["single_step"].bundle.network.block
-    height = float(flying_heights(block).mean())
-    rows: list[tuple[object, ...]] = []
-    for k in range(len(single.cameras)):
-        rows += _seen_by_camera(single, gnss, k, height)
-    return pd.DataFrame(rows, columns=list(SEEN))
-
-
-SEEN = (
-    *("camera", "parameter", "shift_mm", "sigma_shift_mm"),
-    *("lever_seen_m", "sigma_seen_m", "lever_estimated_m", "sigma_estimated_m"),
-)
-
-
-def _seen_by_camera(
-    single: Calibration, gnss: Calibration, k: int, height: float
-) -> list[tuple[object, ...]]:
-    camera, other = single.cameras[k], gnss.cameras[k]
-    R_c_b = camera.T_b_c.R.T
-    estimated, held = R_c_b @ camera.T_b_c.r, R_c_b @ other.T_b_c.r
-    columns = single.layout.mount[k, :3]
-    cov = np.zeros((3, 3))
-    if np.all(columns >= 0):
-        cov = single.sigma0_sq * single.cov[np.ix_(columns, columns)]
-    sigma_estimated = sigmas(propagate(R_c_b, cov))
-    sigma = {p.key: p.sigma for p in parameters(single) if p.camera == camera.name}
-    sigma_gnss = {p.key: p.sigma for p in parameters(gnss) if p.camera == camera.name}
-    per_metre = -camera.interior.f / height
-    rows: list[tuple[object, ...]] = []
-    for axis, key in enumerate(("xp", "yp", "f")):
-        shift = getattr(other.interior, key) - getattr(camera.interior, key)
-        spread = float(np.hypot(sigma.get(key, 0.0), sigma_gnss.get(key, 0.0)))
-        seen = shift / per_metre + held[axis]
-        rows.append(
-            (
-                *(camera.name, key, shift, spread, seen, abs(spread / per_metre)),
-                *(estimated[axis], sigma_estimated[axis]),
-            )
-        )
-    return rows
 
 
 def correlations(mountings: Mountings, method: str = "single_step") -> pd.DataFrame:

@@ -82,6 +82,28 @@ def printed_heads(flight: Flight) -> RelativeOrientation:
     )
 
 
+# --- points carried from the heads -----------------------------------------------------------
+
+
+def carried(flight: Flight, stage: SyntheticStage) -> pd.DataFrame:
+    """Return what became of the points that were measured in heads, a row for each block."""
+    rows = []
+    for name, points in stage.carried.items():
+        measured = flight.block(name).image_points
+        sigma = np.median(points.sigma_px, axis=0) if len(points) else np.full(2, np.nan)
+        rows.append(
+            {
+                "Block": name,
+                "Measured in heads": f"{len(measured)}",
+                "Points of exposures": f"{len(points) + points.n_left_out}",
+                "outside the frame": f"{points.n_left_out}",
+                "Carried": f"{len(points)}",
+                "σ col, row (px)": f"{sigma[0]:.2f}, {sigma[1]:.2f}",
+            }
+        )
+    return pd.DataFrame(rows or [{"Block": "none is measured in heads"}])
+
+
 # --- tie points and refinements --------------------------------------------------------------
 
 
@@ -147,10 +169,11 @@ def rms_mm(found: Sequence[Overlap]) -> float:
 
 
 def turns(refinement: Refinement) -> pd.DataFrame:
-    """Return how the refinement turns every head, with the standard deviations after it."""
-    before, after = refinement.before, refinement.orientation
+    """Return how the refinement turns every head, with the standard deviations of the turns."""
+    before, fit = refinement.before, refinement.fits.get("rotations")
+    after = before if fit is None else fit.orientation
+    sigma = np.zeros_like(before.opk) if fit is None else np.degrees(fit.turn_sigma)
     turned_by = np.degrees(after.opk - before.opk)
-    sigma = np.degrees(after.sigma[:, 3:])
     names = ("\\omega", "\\varphi", "\\kappa")
     return pd.DataFrame(
         [

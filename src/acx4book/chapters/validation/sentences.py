@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from acx4book.chapters.mounting.sentences import listed
 from acx4book.typesetting.labels import TITLES, inside
+from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
+from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import sigmas
 
 NOTHING = "No method has all its parameters determined, so there is nothing to validate."
 
@@ -29,19 +32,24 @@ def validation(validations: Sequence[Validation]) -> str:
     )
 
 
-def normalised(validations: Sequence[Validation]) -> str:
-    """Say how large the points' differences are in predicted sigmas, and what chance allows."""
-    if not validations:
+def shared(validations: Sequence[Validation]) -> str:
+    """Say where the mean of the points would seem known best if they were independent."""
+    found = [validation for validation in validations if len(validation.points)]
+    if not found:
         return NOTHING
-    n = len(validations[-1].points)
-    low, high = np.sqrt(stats.chi2.ppf((0.025, 0.975), n) / n)
-    ratios = "; ".join(
-        f"{listed(np.sqrt(np.mean((v.points.d / v.points.sigma) ** 2, axis=0)), '.2f')} "
-        f"({inside(TITLES[v.method])})"
-        for v in validations
-    )
+    mean = np.array([sigmas(validation.mean_cov) for validation in found])
+    apart = np.array([_sigma_if_independent(validation.points) for validation in found])
+    method, axis = np.unravel_index(np.argmax(mean / apart), mean.shape)
+    worst = found[method]
     return (
-        f"The RMS of the normalised differences, east, north and height, is {ratios}. Where the "
-        f"prediction is right, {n} independent points leave it between {low:.2f} and {high:.2f} in "
-        "95 of 100 flights."
+        f"Correlations matter most in {AXES[axis]} with the parameters of the "
+        f"{inside(TITLES[worst.method])} method: the mean of its {len(worst.points)} points has a "
+        f"standard deviation of {mean[method, axis]:.3f} m, and "
+        f"{apart[method, axis]:.3f} m if they were independent."
     )
+
+
+def _sigma_if_independent(points: Differences) -> Array:
+    """Return the standard deviation of the mean without correlations, m, shape (3,)."""
+    out: Array = np.sqrt(np.sum(points.sigma**2, axis=0)) / len(points)
+    return out

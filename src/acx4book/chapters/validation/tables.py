@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,11 +11,13 @@ from acx4book.chapters.mounting.tables import PRINTED, printed_title
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.plain_text import Markup
+from acx4lib.expected import Array
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing import accuracy, standards
+from acx4lib.georeferencing import accuracy, error_sources, standards
 from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import correlation, sigmas
 
 
 def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
@@ -86,33 +88,73 @@ def _printed_validation(column: str) -> dict[str, str]:
     return cells
 
 
+TOGETHER = ("Method", "Points", "Degrees of freedom", "χ²", "p", "χ² as if independent")
+
+
+def together(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Return the joint test of all differences of a method, with their full covariance."""
+    rows = [
+        (
+            *(TITLES[found.method], len(found.points), found.joint_dof),
+            *(found.joint_chi_square, found.joint_chi_square_p),
+            float(np.sum((found.points.d / found.points.sigma) ** 2)),
+        )
+        for found in validations
+    ]
+    return pd.DataFrame(rows, columns=list(TOGETHER))
+
+
+NORMALISED = ("Method", "Axis", "RMS of d / σ", "counts as", "95 % limits", "prediction")
+
+
+def normalised(validations: Sequence[Validation]) -> pd.DataFrame:
+    """Return the RMS of the points' differences in predicted sigmas, and what chance allows."""
+    rows = []
+    for validation, axis, cov in _axes(validations):
+        z = validation.points.d[:, axis] / validation.points.sigma[:, axis]
+        rms, n = np.sqrt(np.mean(z**2)), accuracy.effective_number(correlation(cov))
+        low, high = accuracy.rms_limits(n)
+        verdict = "too small" if rms > high else "too large" if rms < low else "holds"
+        limits = f"{low:.2f} to {high:.2f}"
+        rows.append((TITLES[validation.method], AXES[axis], rms, n, limits, verdict))
+    return pd.DataFrame(rows, columns=list(NORMALISED))
+
+
+def _axes(validations: Sequence[Validation]) -> Iterator[tuple[Validation, int, Array]]:
+    """Yield every validation with points, axis by axis, and the points' covariance there."""
+    for validation in validations:
+        if len(validation.points):
+            among = error_sources.axis_covariances(validation.points.sources)
+            yield from ((validation, axis, cov) for axis, cov in enumerate(among))
+
+
 BIAS = (
-    *("Method", "Axis", "Points", "Mean (m)", "RMS (m)"),
-    *("RMS, 95 % limits (m)", "t", "critical", "bias"),
+    *("Method", "Axis", "Points", "Mean (m)", "σ of the mean (m)", "mean / σ", "critical"),
+    *("bias", "RMS (m)", "RMS, 95 % limits (m)"),
 )
 
 
 def bias(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return Student's t of the means, one difference per point, with the verdicts."""
+    """Return the tests of the means, one difference per point, with the verdicts."""
     rows = []
-    for validation in validations:
+    for validation, axis, cov in _axes(validations):
         said = accuracy.from_differences(validation.points.d)
-        test = accuracy.mean_test(said)
-        for axis, name in enumerate(AXES):
-            interval = accuracy.rms_interval(said.rms[axis], said.n)
-            rows.append(
-                {
-                    "Method": TITLES[validation.method],
-                    "Axis": name,
-                    "Points": said.n,
-                    "Mean (m)": said.mean[axis],
-                    "RMS (m)": said.rms[axis],
-                    "RMS, 95 % limits (m)": f"{interval[0]:.2f} to {interval[1]:.2f}",
-                    "t": test.statistic[axis],
-                    "critical": test.critical,
-                    "bias": "none seen" if test.accepted[axis] else "significant",
-                }
-            )
+        test = accuracy.bias_test(np.array(said.mean), validation.mean_cov)
+        low, high = accuracy.rms_interval(said.rms[axis], accuracy.effective_number(cov))
+        rows.append(
+            {
+                "Method": TITLES[validation.method],
+                "Axis": AXES[axis],
+                "Points": said.n,
+                "Mean (m)": said.mean[axis],
+                "σ of the mean (m)": sigmas(validation.mean_cov)[axis],
+                "mean / σ": test.statistic[axis],
+                "critical": test.critical,
+                "bias": "none seen" if test.accepted[axis] else "significant",
+                "RMS (m)": said.rms[axis],
+                "RMS, 95 % limits (m)": f"{low:.2f} to {high:.2f}",
+            }
+        )
     return pd.DataFrame(rows, columns=list(BIAS))
 
 

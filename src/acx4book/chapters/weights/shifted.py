@@ -51,7 +51,7 @@ KINDS: Mapping[str, tuple[acx4sim.Options, SetUp]] = MappingProxyType(
 """The errors that a flight has, and what of them is unknown."""
 
 
-def shifted_trajectories(seeds: Iterable[int], *, design: str = "acx4") -> pd.DataFrame:
+def shifted_trajectories(seeds: Iterable[int], *, design: str = "acx4-ideal") -> pd.DataFrame:
     """Compare calibrations with and without a GNSS shift as an unknown, on flights that need it.
 
     Lever arms that are held are so at their true values.

@@ -70,7 +70,7 @@ def single(block: Block, free: Sequence[str]) -> Network:
 
 
 def trajectory_errors(
-    seeds: Iterable[int], *, design: str = "acx4", set_up: SetUp = single
+    seeds: Iterable[int], *, design: str = "acx4-ideal", set_up: SetUp = single
 ) -> pd.DataFrame:
     """Compare the errors of calibrations with their sigma, for white and for slow noise.
 
@@ -103,7 +103,7 @@ def trajectory_errors(
     return pd.DataFrame(rows, columns=columns)
 
 
-def height_errors(seed: int, *, design: str = "acx4") -> pd.DataFrame:
+def height_errors(seed: int, *, design: str = "acx4-ideal") -> pd.DataFrame:
     """Return the height error of every exposure of one flight, for white and for slow noise.
 
     Returns
@@ -211,7 +211,7 @@ def wrong_sigma(flown: Flown, wrong: Mapping[str, float]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def refraction_effect(design: str = "acx4", seed: int = 1) -> pd.DataFrame:
+def refraction_effect(design: str = "acx4-ideal", seed: int = 1) -> pd.DataFrame:
     """Return what a flight through air gives when it is adjusted with and without refraction.
 
     The measurements have no noise, so that a difference is refraction's alone; sigma are those

@@ -1,30 +1,43 @@
-"""Errata of the paper: 22 places where its numbers, units or words disagree.
+"""Errata of the paper: 22 findings on how its numbers, units and words go together.
 
-Every number of a finding is computed from the transcribed tables (`acx4book.paper.printed`).
+Every number of a finding is computed from the transcribed tables (`acx4book.paper.printed`);
+three findings say more with the results of a run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from acx4book.paper import absorbed, printed
 from acx4book.paper.errata import agreements as agreeing
 from acx4book.paper.errata import heads, mounting, text, validation
 from acx4book.typesetting.myst import marked
+from acx4lib.calibration.absorption import Absorption
+from acx4lib.expected import Array
+from acx4lib.flight.reader import read_kept
 from acx4lib.results import folder
+from acx4lib.results.provenance import KEPT
+
+MISPRINT, CONTRADICTION, OPEN, CONSISTENT = "misprint", "contradiction", "open", "consistent"
+"""Kinds of findings. Open is what the paper does not tell or explain."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One discrepancy inside the paper.
+    """One finding on the paper.
 
     Attributes
     ----------
     number : int
         1 to 22.
+    kind : str
+        `MISPRINT`, `CONTRADICTION`, `OPEN` or `CONSISTENT`.
     place : str
         Place in the paper.
     printed, computed, verdict : str
@@ -32,69 +45,98 @@ class Finding:
     """
 
     number: int
+    kind: str
     place: str
     printed: str
     computed: str
     verdict: str
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """What findings take from a run; without one they say less.
+
+    Attributes
+    ----------
+    correlations : mapping of str to float
+        Largest correlations between interior and exterior orientation of the heads, by names
+        such as ``CAM1 xp_mm/omega_deg``; for item 11.
+    absorbed : Absorption, optional
+        What interior orientation takes up of a lever arm; for item 14.
+    predicted_m : ndarray, shape (3,), optional
+        RMS in east, north, height that is predicted over all pairs; for item 21.
+    """
+
+    correlations: Mapping[str, float] = field(default_factory=dict)
+    absorbed: Absorption | None = None
+    predicted_m: Array | None = None
+
+
 Check = Callable[[], tuple[str, str, str]]
 
-CHECKS: dict[int, tuple[str, Check]] = {
-    1: ("eq. (2)", text.y_equation),
-    2: ("before eq. (14)", text.equation_number),
-    3: ("Table 3", mounting.exponents),
-    4: ("Tables 1 and 3", text.units),
-    5: ("Table 4", validation.rms_and_sigma),
-    6: ("Table 4", validation.small_errors),
-    7: ("2.1, 3.1, Table 1", heads.focal_length),
-    8: ("Table 1", heads.missing_digit),
-    9: ("4.1, Table 3", mounting.synthetic_distortion),
-    10: ("4.1, Table 1", heads.border_distortion),
-    12: ("Table 3", mounting.angle_sigmas),
-    13: ("Tables 1 and 3", mounting.variance_factors),
-    14: ("Table 3", mounting.lever_arm),
-    15: ("Table 3", mounting.phi_difference),
-    16: ("Table 1", heads.reference_camera),
-    17: ("Tables 1 and 2", heads.coverage),
-    18: ("abstract, Table 4", validation.headline),
-    19: ("2.2, 3.2", text.one_direction),
-    20: ("4.3", validation.map_scales),
-    21: ("3.1, Table 4", validation.error_budget),
-    22: ("throughout", text.wording),
-}
-"""Place and check by number; `audit` adds number 11, which needs a run."""
+
+def _checks(run: Run) -> dict[int, tuple[str, str, Check]]:
+    """Return kind, place and check by number."""
+    return {
+        1: (MISPRINT, "eq. (2)", text.y_equation),
+        2: (MISPRINT, "before eq. (14)", text.equation_number),
+        3: (MISPRINT, "Table 3", mounting.exponents),
+        4: (MISPRINT, "Tables 1 and 3", text.units),
+        5: (CONTRADICTION, "Table 4", validation.rms_and_sigma),
+        6: (CONTRADICTION, "Table 4", validation.small_errors),
+        7: (CONTRADICTION, "2.1, 3.1, Tables 1 and 3", heads.focal_length),
+        8: (MISPRINT, "Table 1", heads.missing_digit),
+        9: (CONTRADICTION, "4.1, Table 3", mounting.synthetic_distortion),
+        10: (CONSISTENT, "4.1, Table 1", heads.border_distortion),
+        11: (OPEN, "4.1", partial(heads.correlations, run.correlations)),
+        12: (OPEN, "Table 3", mounting.angle_sigmas),
+        13: (OPEN, "Tables 1 and 3", mounting.variance_factors),
+        14: (CONSISTENT, "Table 3", partial(mounting.lever_arm, run.absorbed)),
+        15: (OPEN, "Table 3", mounting.phi_difference),
+        16: (OPEN, "Table 1", heads.reference_camera),
+        17: (CONSISTENT, "Tables 1 and 2", heads.coverage),
+        18: (CONTRADICTION, "abstract, Table 4", validation.headline),
+        19: (OPEN, "2.2, 3.2", text.one_direction),
+        20: (OPEN, "4.3", validation.map_scales),
+        21: (OPEN, "3.1, Table 4", partial(validation.error_budget, run.predicted_m)),
+        22: (MISPRINT, "throughout", text.wording),
+    }
 
 
-def audit(largest_correlations: Mapping[str, float] | None = None) -> list[Finding]:
+def audit(run: Run = Run()) -> list[Finding]:
     """Check the paper against itself.
 
     Parameters
     ----------
-    largest_correlations : mapping, optional
-        Largest correlations between interior and exterior orientation in a run of the heads,
-        for item 11, by a name such as ``CAM1 xp_mm/omega_deg``.
+    run : Run
+        As `read_run` returns it; by default there is none.
 
     Returns
     -------
     list of Finding
         In the order of their numbers.
     """
+    found = []
+    for number, (kind, place, check) in _checks(run).items():
+        said = dict(zip(("printed", "computed", "verdict"), check(), strict=True))
+        found.append(Finding(number=number, kind=kind, place=place, **said))
+    return found
 
-    def correlations() -> tuple[str, str, str]:
-        return heads.correlations(largest_correlations)
 
-    checks = {**CHECKS, 11: ("4.1", correlations)}
-    return [_finding(number, *checks[number]) for number in sorted(checks)]
+def errata(findings: Sequence[Finding]) -> pd.DataFrame:
+    """Return what is misprinted, contradictory or open: a table of the findings, kind by kind."""
+    kinds = (CONTRADICTION, OPEN, MISPRINT)
+    wrong = [finding for finding in findings if finding.kind in kinds]
+    return table(sorted(wrong, key=lambda finding: kinds.index(finding.kind)))
 
 
-def _finding(number: int, place: str, check: Check) -> Finding:
-    printed, computed, verdict = check()
-    return Finding(number=number, place=place, printed=printed, computed=computed, verdict=verdict)
+def consistent(findings: Sequence[Finding]) -> pd.DataFrame:
+    """Return the findings that the paper's numbers agree, as a table."""
+    return table([finding for finding in findings if finding.kind == CONSISTENT])
 
 
 def table(findings: Sequence[Finding]) -> pd.DataFrame:
-    """Return findings as a table: number, place, printed, computed, verdict."""
+    """Return findings as a table: number, kind, place, printed, computed, verdict."""
     columns = [*Finding.__dataclass_fields__]
     return marked(pd.DataFrame([asdict(finding) for finding in findings], columns=columns))
 
@@ -105,19 +147,13 @@ def agreements() -> pd.DataFrame:
     return marked(pd.DataFrame(rows, columns=["place", "printed", "computed"]))
 
 
-def largest_correlations(results_path: str | Path) -> dict[str, float]:
-    """Read the largest interior-exterior correlations of a run's heads, for `audit`.
+def read_run(results_path: str | Path) -> Run:
+    """Read what findings take from a run.
 
     Parameters
     ----------
     results_path : path
         Results folder; '' for none.
-
-    Returns
-    -------
-    dict
-        By names such as ``CAM1 xp_mm/omega_deg``, from the optional object
-        ``largest_correlations`` of ``heads/bundle/...`` in summary.json. Empty without any.
 
     Raises
     ------
@@ -125,11 +161,34 @@ def largest_correlations(results_path: str | Path) -> dict[str, float]:
         Where there is no such folder.
     """
     if not str(results_path):
-        return {}
+        return Run()
+    found = folder.read(results_path)
+    kept = Path(results_path) / KEPT
+    flight = read_kept(kept) if kept.is_dir() else None
+    if flight is None or not printed.applies(flight):
+        return Run(correlations=_largest_correlations(found))
+    return Run(
+        correlations=_largest_correlations(found),
+        absorbed=absorbed.of_run(flight, found),
+        predicted_m=_predicted(found),
+    )
+
+
+def _largest_correlations(found: folder.Results) -> dict[str, float]:
+    """Return the optional objects ``largest_correlations`` of ``heads/bundle/...``."""
     stage = "heads/bundle/"
     return {
         f"{name.removeprefix(stage)} {pair}": float(correlation)
-        for name, entry in folder.read(results_path).summary.items()
+        for name, entry in found.summary.items()
         if name.startswith(stage) and isinstance(pairs := entry.get("largest_correlations"), dict)
         for pair, correlation in pairs.items()
     }
+
+
+def _predicted(found: folder.Results) -> Array | None:
+    """Return the RMS that is predicted over all pairs of the single step; None without any."""
+    if "validation/single_step" not in found.summary:
+        return None
+    pairs = folder.rows(found, "validation", "validation/single_step")
+    sigma = pairs[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy(dtype=float)
+    return np.sqrt(np.mean(sigma**2, axis=0)) if len(sigma) else None

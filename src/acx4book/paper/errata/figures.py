@@ -10,6 +10,7 @@ from acx4book.paper import printed
 from acx4book.paper.errata.mounting import lever_arm_in_interior
 from acx4book.paper.errata.validation import implied_sample_sizes
 from acx4book.typesetting import style
+from acx4lib.calibration.absorption import Absorption
 from acx4lib.geometry.parameters import AXES
 
 LABELS = {"two_step": "two-step", "single_step": "single-step"}
@@ -49,35 +50,36 @@ def sample_sizes() -> Figure:
     return fig
 
 
-def lever_arm() -> Figure:
+def lever_arm(absorbed: Absorption | None = None) -> Figure:
     """Draw the differences in interior orientation beside the lever arm (item 14).
+
+    Parameters
+    ----------
+    absorbed : Absorption, optional
+        From a run of the study's flight.
 
     Returns
     -------
     Figure
-        Two-step minus single-step at the mean flying height, and the single-step's lever arm
-        with its sign changed; the error bars are one standard deviation of their difference.
+        Two-step minus single-step at the mean flying height and, with a run, at the effective
+        heights; and the single-step's lever arm with its sign changed.
     """
-    table = lever_arm_in_interior()
-    place = np.arange(len(table))
+    table = lever_arm_in_interior(absorbed)
+    bars = {"at the mean flying height": (table["at_ground_m"], style.SOFT)}
+    if absorbed is not None:
+        seen = table["sum_effective_m"] - table["lever_m"]
+        bars["at the effective heights"] = (seen, style.ORANGE)
+    bars["lever arm of the single step, sign changed"] = (-table["lever_m"], style.BLUE)
+    place, width = np.arange(len(table)), 0.8 / len(bars)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.7))
-        ax.barh(
-            *(place - 0.18, table["at_ground_m"], 0.32),
-            color=style.ORANGE,
-            label="two-step minus single-step, at the ground",
-        )
-        ax.barh(
-            *(place + 0.18, -table["lever_m"], 0.32),
-            color=style.BLUE,
-            xerr=table["sigma_sum_m"],
-            error_kw={"ecolor": style.INK, "capsize": 3, "lw": 1},
-            label="lever arm of the single step, sign changed",
-        )
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.9))
+        for i, (label, (values, colour)) in enumerate(bars.items()):
+            offset = (i - (len(bars) - 1) / 2) * width
+            ax.barh(place + offset, values, 0.9 * width, color=colour, label=label)
         ax.axvline(0.0, color=style.INK, linewidth=0.8)
-        ax.set(xlabel="metres at the mean flying height", xlim=(-0.5, 0.5))
+        ax.set(xlabel="metres", xlim=(-0.5, 0.5))
         ax.set_yticks(place, [INTERIOR_LABELS[name] for name in table.index])
         ax.grid(visible=False, axis="y")
         ax.invert_yaxis()
-        fig.legend(loc="outside lower center", ncols=2)
+        fig.legend(loc="outside lower center", ncols=len(bars))
     return fig

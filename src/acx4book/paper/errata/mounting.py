@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,18 @@ import pandas as pd
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import scientific
+from acx4lib.calibration.absorption import Absorption
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES
+from acx4lib.least_squares.covariance import sigmas
 
 LEVER_ARM = {"f_mm": "lever_z_m", "xp_mm": "lever_x_m", "yp_mm": "lever_y_m"}
 """The component of the lever arm that an interior parameter absorbs at one flying height."""
+
+ARM = tuple(f"lever_{axis}_m" for axis in "xyz")
+
+ROUNDING_MM = 0.00005
+"""Half a unit of the last digit that Table 3 prints of f, x_p, y_p."""
 
 
 def corner_radius() -> float:
@@ -152,81 +160,124 @@ def mean_height() -> float:
     return (printed.statement("block_2_low_m") + printed.statement("block_2_high_m")) / 2
 
 
-def lever_arm_in_interior() -> pd.DataFrame:
+def lever_arm_in_interior(absorbed: Absorption | None = None) -> pd.DataFrame:
     """Compare the two methods' interior orientation with the lever arm.
 
     At one flying height H a lever arm (x, y, z) has the effect of (-x, -y) f/H in the principal
-    point and of -z f/H in the focal length, because body and image axes are nearly parallel.
+    point and of -z f/H in the focal length, because body and image axes are nearly parallel. Over
+    two heights least squares says what the effect is.
+
+    Parameters
+    ----------
+    absorbed : Absorption, optional
+        From a run of the study's flight.
 
     Returns
     -------
     DataFrame
         By interior parameter: shift_mm (two-step minus single-step), shift_in_sigma (of the
         single-step), at_ground_m (shift at the mean flying height), lever (name), lever_m, sum_m
-        (zero if the shift is the lever arm with opposite sign), sigma_sum_m.
+        (zero if the shift is the lever arm with opposite sign). With a run also expected_mm (the
+        shift that the printed lever arm causes), height_m (from which this component alone would
+        cause it), sum_effective_m (the sum at that height), sigma_mm (of shift less expected, as
+        the methods share their measurements).
     """
-    scale = mean_height() / printed.value(3, "f_mm", "single_step")
-    rows = []
-    for name, lever in LEVER_ARM.items():
-        two, one = (printed.value(3, name, method) for method in printed.METHODS)
-        sigma_two, sigma_one = (printed.sigma(3, name, method) for method in printed.METHODS)
-        lever_m = printed.value(3, lever, "single_step")
-        sigma_lever = printed.sigma(3, lever, "single_step")
-        sigma_shift = scale * np.hypot(sigma_two, sigma_one)
-        rows.append(
-            {
-                "parameter": name,
-                "shift_mm": two - one,
-                "shift_in_sigma": abs(two - one) / sigma_one,
-                "at_ground_m": scale * (two - one),
-                "lever": lever,
-                "lever_m": lever_m,
-                "sum_m": scale * (two - one) + lever_m,
-                "sigma_sum_m": np.hypot(sigma_shift, sigma_lever),
-            }
-        )
-    return pd.DataFrame(rows).set_index("parameter")
+    table = pd.DataFrame([_at_mean_height(*pair) for pair in LEVER_ARM.items()])
+    table = table.set_index("parameter")
+    if absorbed is None:
+        return table
+    f = printed.value(3, "f_mm", "single_step")
+    printed_arm = [printed.value(3, name, "single_step") for name in ARM]
+    table["expected_mm"] = absorbed.by_lever @ printed_arm
+    table["height_m"] = -f * table["lever_m"] / table["expected_mm"]
+    table["sum_effective_m"] = table["shift_mm"] * table["height_m"] / f + table["lever_m"]
+    table["sigma_mm"] = sigmas(absorbed.cov_mm)
+    return table
 
 
-def lever_arm_table() -> pd.DataFrame:
+def _at_mean_height(name: str, lever: str) -> dict[str, object]:
+    two, one = (printed.value(3, name, method) for method in printed.METHODS)
+    at_ground = mean_height() / printed.value(3, "f_mm", "single_step") * (two - one)
+    lever_m = printed.value(3, lever, "single_step")
+    return {
+        "parameter": name,
+        "shift_mm": two - one,
+        "shift_in_sigma": abs(two - one) / printed.sigma(3, name, "single_step"),
+        "at_ground_m": at_ground,
+        "lever": lever,
+        "lever_m": lever_m,
+        "sum_m": at_ground + lever_m,
+    }
+
+
+def lever_arm_table(absorbed: Absorption | None = None) -> pd.DataFrame:
     """Return the comparison of `lever_arm_in_interior` as a table for readers."""
-    found = lever_arm_in_interior()
-    labels = [(LABELS[name], LABELS[lever]) for name, lever in LEVER_ARM.items()]
+    found = lever_arm_in_interior(absorbed)
+    columns = {
+        "Difference (mm)": (found["shift_mm"], "+.4f"),
+        "Lever arm (m)": (found["lever_m"], "+.3f"),
+        "At the mean height (m)": (found["at_ground_m"], "+.3f"),
+        "Sum (mm)": (1e3 * found["sum_m"], "+.0f"),
+    }
+    if absorbed is not None:
+        columns |= {
+            "Expected (mm)": (found["expected_mm"], "+.4f"),
+            "Effective height (m)": (found["height_m"], ".0f"),
+            "Sum at that height (mm)": (1e3 * found["sum_effective_m"], "+.0f"),
+        }
+    names = [(LABELS[name], LABELS[lever]) for name, lever in LEVER_ARM.items()]
     return pd.DataFrame(
         {
-            "Parameter": [name for name, _ in labels],
-            "Difference (mm)": found["shift_mm"].to_numpy(),
-            "At the ground (m)": found["at_ground_m"].to_numpy(),
-            "Component": [lever for _, lever in labels],
-            "Lever arm (m)": found["lever_m"].to_numpy(),
-            "Sum (m)": found["sum_m"].to_numpy(),
-            "σ of the sum (m)": found["sigma_sum_m"].to_numpy(),
+            "Parameter": [name for name, _ in names],
+            "Component": [lever for _, lever in names],
+            **{
+                title: [f"{value:{spec}}" for value in values]
+                for title, (values, spec) in columns.items()
+            },
         }
     )
 
 
-def lever_arm() -> tuple[str, str, str]:
+def lever_arm(absorbed: Absorption | None = None) -> tuple[str, str, str]:
     """Item 14: the interior orientation has absorbed the lever arm."""
-    table = lever_arm_in_interior()
-    worst = (table["sum_m"].abs() / table["sigma_sum_m"]).max()
-    shifts, in_sigma, ground, lever = (
-        ", ".join(f"{value:{spec}}" for value in table[column])
-        for column, spec in (
-            ("shift_mm", "+.4f"),
-            ("shift_in_sigma", ".0f"),
-            ("at_ground_m", "+.3f"),
-            ("lever_m", "+.3f"),
-        )
+    table = lever_arm_in_interior(absorbed)
+    shifts, in_sigma, lever = (
+        _listed(table[column], spec)
+        for column, spec in (("shift_mm", "+.4f"), ("shift_in_sigma", ".0f"), ("lever_m", "+.3f"))
     )
+    computed = (
+        f"the lever arm z, x, y is {lever} m; at the mean flying height of {mean_height():.0f} m"
+        f" the sums of the differences, {_listed(table['at_ground_m'], '+.3f')} m, and of the lever"
+        f" arm are {_listed(1e3 * table['sum_m'], '+.0f')} mm"
+    )
+    verdict = (
+        "The paper says that the interior orientation absorbed the relative position. The numbers"
+        " say so too, and more exactly than their standard deviations: the differences are the"
+        " lever arm with its sign changed."
+    )
+    if absorbed is not None:
+        rounding_um = 1e3 * ROUNDING_MM * np.sqrt(2 / 3)
+        off_um = 1e3 * (table["shift_mm"] - table["expected_mm"]).abs()
+        computed += (
+            f"; with the heights that least squares gives, {_listed(table['height_m'], '.0f')} m,"
+            f" they are {_listed(1e3 * table['sum_effective_m'], '+.0f')} mm"
+        )
+        verdict += (
+            f" What is left of them, up to {off_um.max():.1f} µm in the image, is more than the"
+            f" rounding of the print, {rounding_um:.2f} µm, and what measurements that both methods"
+            f" share can make, {1e3 * table['sigma_mm'].max():.2f} µm: the effective heights depend"
+            " on weights and tie points that the paper does not tell."
+        )
     return (
         f"f, x_p, y_p of the two methods differ by {shifts} mm, {in_sigma} standard"
         " deviations of the single-step",
-        f"at the mean flying height of {mean_height():.0f} m these are {ground} m; the lever arm"
-        f" z, x, y is {lever} m",
-        "The paper says that the interior orientation absorbed the relative position. The numbers"
-        " say so too: the differences are the lever arm with its sign changed, to within"
-        f" {worst:.1f} standard deviations.",
+        computed,
+        verdict,
     )
+
+
+def _listed(values: Iterable[float], spec: str) -> str:
+    return ", ".join(f"{value:{spec}}" for value in values)
 
 
 def phi_difference() -> tuple[str, str, str]:

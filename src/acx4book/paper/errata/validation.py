@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +12,7 @@ from scipy import stats
 from acx4book.paper import printed as paper
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.myst import scientific
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import standards
 from acx4lib.georeferencing.accuracy import Accuracy, Triple, from_summary, triple
@@ -77,20 +78,33 @@ def implied_sample_sizes() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def matching_sizes(largest: int) -> list[int]:
+    """Return the numbers of errors for which every printed RMS comes out to its last digit."""
+    columns = [printed_accuracy(method) for method in paper.METHODS]
+    return [
+        n
+        for n in range(2, largest + 1)
+        if all(np.allclose(np.round(least_rms(replace(c, n=n)), 2), c.rms) for c in columns)
+    ]
+
+
 def rms_and_sigma() -> tuple[str, str, str]:
     """Item 5: RMS smaller than the standard deviation."""
     printed = printed_accuracy("two_step")
     least = ", ".join(f"{value:.3f}" for value in least_rms(printed))
     sizes = implied_sample_sizes()
+    matching = matching_sizes(printed.n)
     return (
         f"mean {printed.mean[0]:.2f} m, standard deviation {printed.std[0]:.2f} m and RMS"
         f" {printed.rms[0]:.2f} m at {printed.n} points",
         f"for n = {printed.n} the two-step's standard deviations demand an RMS of {least} m"
         f" (X, Y, Z); the printed numbers belong together for n = {sizes['n'].min():.1f} to"
         f" {sizes['n'].max():.1f} on all {len(sizes)} axes, rounding allows"
-        f" {sizes['n_low'].min():.1f} to {sizes['n_high'].max():.1f}",
-        "Contradiction: the rows do not describe one sample; perhaps some are of pairs, others of"
-        " points.",
+        f" {sizes['n_low'].min():.1f} to {sizes['n_high'].max():.1f}; for n ="
+        f" {', '.join(map(str, matching))}, and no other n up to {printed.n}, all {len(sizes)}"
+        " printed RMS come out exactly",
+        f"As if each RMS were that of {', '.join(map(str, matching))} errors. What they are is not"
+        f" told; the RMS of {printed.n} points with these standard deviations it is not.",
     )
 
 
@@ -222,24 +236,43 @@ def attitude_budget_m(side: str) -> tuple[float, float, float]:
     return float(plan), float(ratio), float(np.sqrt(2) * plan / ratio)
 
 
-def error_budget() -> tuple[str, str, str]:
-    """Item 21: errors predicted from the accuracy of the trajectory."""
+def error_budget(predicted_m: Array | None = None) -> tuple[str, str, str]:
+    """Item 21: errors predicted from the accuracy of the trajectory.
+
+    Parameters
+    ----------
+    predicted_m : ndarray, shape (3,), optional
+        RMS in east, north, height that a run predicts over its pairs.
+    """
     plan, ratio_w, height_w = attitude_budget_m("width_mm")
     _, ratio_h, height_h = attitude_budget_m("height_mm")
     width, height = paper.value(2, "width_mm", "SYN"), paper.value(2, "height_mm", "SYN")
     east, up = (paper.value(4, f"rms_{axis}_m", "two_step") for axis in ("east", "height"))
     gnss = np.array([paper.statement("gnss_best_m"), paper.statement("gnss_worst_m")])
     best, worst = np.hypot(plan, gnss)
-    return (
-        f"positions {gnss[0]:.2f} to {gnss[1]:.2f} m, roll and pitch"
-        f" {paper.statement('roll_pitch_deg'):g}°, heading {paper.statement('heading_deg'):g}°",
+    computed = (
         f"roll and pitch alone at {paper.statement('block_3_m'):.0f} m: {plan:.3f} m in plan"
         f" ({best:.2f} to {worst:.2f} m with the positions); in"
         f" height {height_w:.2f} m with the {width:.1f} mm along the flight (B/H {ratio_w:.3f}),"
-        f" {height_h:.2f} m with the {height:.1f} mm (B/H {ratio_h:.3f})",
-        f"The height RMS of {up:.2f} m is what the attitude noise predicts; the horizontal one of"
-        f" {east:.2f} m is {east / plan:.0f} times as much as it predicts, and"
-        f" {east / worst:.1f} times the budget with the worst positions.",
+        f" {height_h:.2f} m with the {height:.1f} mm (B/H {ratio_h:.3f})"
+    )
+    verdict = (
+        f"The height RMS of {up:.2f} m is what the attitude noise predicts. The horizontal one of"
+        f" {east:.2f} m is {east / plan:.0f} times what roll and pitch alone do to one ray, and"
+        f" {east / worst:.1f} times that with the worst positions"
+    )
+    if predicted_m is not None:
+        one_axis = float(np.hypot(*predicted_m[:2]) / np.sqrt(2))
+        computed += (
+            "; all errors of a pair of images, as a run of this book predicts them in east, north,"
+            " height: " + ", ".join(f"{value:.2f}" for value in predicted_m) + " m"
+        )
+        verdict += f"; it is {east / one_axis:.1f} times what a run predicts over its pairs"
+    return (
+        f"positions {gnss[0]:.2f} to {gnss[1]:.2f} m, roll and pitch"
+        f" {paper.statement('roll_pitch_deg'):g}°, heading {paper.statement('heading_deg'):g}°",
+        computed,
+        f"{verdict}.",
     )
 
 

@@ -12,6 +12,7 @@ from acx4book.reference.surround.cameras import FRAME_PX, FisheyeCamera, image_f
 from acx4lib.expected import Array, Mask, Raster
 from acx4lib.synthetic_image.head_map import HeadMap
 from acx4lib.synthetic_image.rendering import RenderPlan, render
+from acx4lib.synthetic_image.response import Response
 
 STEP_PX = 2
 """Pixels of the frame between exact positions; errors between them, in the image, have an RMS of
@@ -68,7 +69,7 @@ def view(camera: FisheyeCamera, image: Raster, *, coefficients: Array | None = N
         maps=(nodes,),
         width_px=width,
         height_px=height,
-        coefficients=None if coefficients is None else coefficients[None],
+        response=None if coefficients is None else Response(coefficients=coefficients[None]),
         interpolation="cubic",
     )
     return View(image=render(plan, [image]), seen=_seen(nodes))

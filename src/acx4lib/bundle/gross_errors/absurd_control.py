@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.gross_errors.limits import too_many
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.ray_misfits import ASTRAY, control_misfits
@@ -44,8 +45,8 @@ ENOUGH = 3
 
 def without_absurd_control(
     block: Block, set_up: Callable[[Block], Network]
-) -> tuple[Block, Network, Index]:
-    """Return a block without the control points that are far from all of their rays.
+) -> tuple[Network, Index]:
+    """Return the network of a block without the control points far from all of their rays.
 
     Parameters
     ----------
@@ -55,19 +56,15 @@ def without_absurd_control(
 
     Returns
     -------
-    block : Block
-        The given one, if it has no such points.
     network : Network
-        The network of the returned block.
     rows : ndarray of int
         Rows of these points in the control of the given block.
     """
     network = set_up(block)
     rows = _absurd(network, set_up)
     if len(rows):
-        block = without(block, _taken_out(rows))
-        network = set_up(block)
-    return block, network, rows
+        network = set_up(without(block, _taken_out(rows)))
+    return network, rows
 
 
 def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
@@ -108,7 +105,8 @@ def unlike(misfits: Array) -> Mask:
         return np.zeros(len(misfits), dtype=bool)
     out: Mask = misfits > max(DOUBTFUL, UNLIKE * float(np.median(misfits)))
     n, n_all = int(out.sum()), len(out)
-    return out if n <= max(1, n_all // SHARE) and n_all - n >= ENOUGH else np.zeros_like(out)
+    few = n <= max(1, n_all // SHARE) and not too_many(n, n_all)
+    return out if few and n_all - n >= ENOUGH else np.zeros_like(out)
 
 
 def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:

@@ -6,28 +6,32 @@ residual, a rejected one by its difference from the prediction by the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
+from acx4lib.bundle.gross_errors.limits import Stopped, sentence, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
+from acx4lib.bundle.gross_errors.single_tests import (
+    Observations,
+    Verdict,
+    by_group,
+    flat,
+    judge,
+    observations,
+)
 from acx4lib.bundle.network import Network, State
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
-from acx4lib.least_squares.normal_equations import Group
-from acx4lib.least_squares.w_test import OUT, statistics, tau_limits, w_limits
-
-T = TypeVar("T", bound=np.generic)
+from acx4lib.least_squares.w_test import OUT, tau_limits, w_limits
 
 HEAVY = 0.002
 """Share of failed tests above which a robust start is made: ten times that by chance."""
@@ -80,7 +84,8 @@ def adjust_rejecting(
     it. A rejected observation returns, once at most, if its difference from the prediction by the
     others passes the same test; the variance is that of this difference. Where the spread of w
     shows that the a priori sigma of a kind is too small, w is divided by that spread, because a
-    wrong weight is no gross error.
+    wrong weight is no gross error. What exceeds the limits of `limits` is a systematic error:
+    nothing of that group is rejected, and `Bundle.stopped` names it.
     """
     expected.instance("block", block, Block)
     expected.positive_number("critical", critical)
@@ -88,24 +93,27 @@ def adjust_rejecting(
     if not callable(set_up):
         msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
         raise ValueError(msg)
-    fitting, network, absurd = without_absurd_control(block, set_up)
-    observed = _observations(network)
-    judge = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
-    bundle, search = _first(network, _nothing_out(len(observed.kind)), judge)
-    verdict = judge(bundle, search.out)
+    network, absurd = without_absurd_control(block, set_up)
+    observed = observations(network)
+    test = partial(judge, w_limits if sigma0 == "known" else tau_limits, critical)
+    bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
+    verdict = test(bundle, search.out)
     for _ in range(MOST_ROUNDS):
         fits = ~(_misfits(network, bundle.state) > SUSPECT)
         following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
         bundle, search = _following(network, bundle.state, search, following)
-        verdict = judge(bundle, search.out)
-    bundle = _removed(fitting, set_up, bundle, _rejections(search, observed, verdict))
-    return replace(bundle, rejected=(*tested(block, bundle, absurd), *bundle.rejected))
+        verdict = test(bundle, search.out)
+    found = (*tested(block, bundle, absurd), *_rejections(search, observed, verdict))
+    kept, stopped = within_limits(block, network.rows, found)
+    if not found:
+        return bundle
+    return replace(_without(block, set_up, bundle, kept, stopped), rejected=kept, stopped=stopped)
 
 
 def _first(
-    network: Network, search: _Search, judge: Callable[[Bundle, Mask], _Verdict]
+    network: Network, search: _Search, test: Callable[[Bundle, Mask], Verdict]
 ) -> tuple[Bundle, _Search]:
     """Adjust with all observations; where many fail, without those that misfit a robust state."""
     try:
@@ -113,7 +121,7 @@ def _first(
     except AdjustmentError:
         state = robust_start(network)
     else:
-        if np.mean(judge(bundle, search.out).failed) <= HEAVY:
+        if np.mean(test(bundle, search.out).failed) <= HEAVY:
             return bundle, search
         state = robust_phase(
             network, bundle.state, [group.redundancy for group in bundle.solution.groups]
@@ -138,133 +146,35 @@ def _following(
         return _adjust_without(network, following.out, state), following
 
 
-def _removed(
+def _without(
     block: Block,
     set_up: Callable[[Block], Network],
     bundle: Bundle,
     rejected: tuple[Rejection, ...],
+    stopped: tuple[Stopped, ...],
 ) -> Bundle:
-    """Adjust the block without the rejected observations."""
-    if not rejected:
-        return bundle
+    """Adjust without the rejected observations; say what else is wrong where that fails."""
     network = set_up(without(block, rejected))
     known, state = np.isfinite(bundle.state.x_m), bundle.state
     warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
-    return replace(adjust(replace(network, start=warm)), rejected=rejected)
-
-
-# --- observations ----------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Observations:
-    """The tested observations: image points, components of control points, positions, attitudes.
-
-    Attributes
-    ----------
-    kind : ndarray, shape (n,)
-        Indices into `KINDS`.
-    row, component : ndarray, shape (n,)
-        As in `Rejection`.
-    point, pose : ndarray, shape (n,)
-        The point and the pose that it observes, -1 for none.
-    """
-
-    kind: Index
-    row: Index
-    component: Index
-    point: Index
-    pose: Index
-
-
-def _observations(network: Network) -> _Observations:
-    free = np.flatnonzero(~network.held_control)
-    in_block = np.flatnonzero(np.isin(network.block.control.point_idx, network.control.point_idx))
-    points, poses = network.image_points, np.arange(len(network.pose_names))
-    none = np.full(len(network.rows), -1)
-    unmeasured = np.full(len(poses), -1)
-    parts = [
-        (network.rows, none, points.point_idx, network.pose_idx[points.image_idx]),
-        (
-            np.repeat(in_block[free], 3),
-            np.tile(np.arange(3), len(free)),
-            np.repeat(network.control.point_idx[free], 3),
-            np.full(3 * len(free), -1),
-        ),
-        (poses, unmeasured, unmeasured, poses),
-        (poses, unmeasured, unmeasured, poses),
-    ]
-    row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
-    return _Observations(kind=kind, row=row, component=component, point=point, pose=pose)
-
-
-def _by_group(network: Network, flat: NDArray[T]) -> list[NDArray[T]]:
-    """Return values of the observations as columns, to be broadcast to the network's groups."""
-    n, k = len(network.rows), int(np.sum(~network.held_control))
-    ends = np.cumsum([n, 3 * k, len(network.pose_names)])
-    image, control, position, attitude = np.split(flat, ends)
-    return [image[:, None], control.reshape(-1, 3), position[:, None], attitude[:, None]]
+    try:
+        return adjust(replace(network, start=warm))
+    except AdjustmentError as error:
+        if not stopped:
+            raise
+        raise AdjustmentError(f"{sentence(stopped)}; with them, {error}") from error
 
 
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     """Adjust without the effect of some observations; their predictions are still computed."""
-    factors = _by_group(network, np.where(out, OUT, 1.0))
+    factors = by_group(network, np.where(out, OUT, 1.0))
     return adjust(replace(reweighted(network, factors), start=state))
-
-
-def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
-    """Return one value per observation, the largest of its components."""
-    largest = [np.max(value, axis=1) for value in values]
-    return np.concatenate([largest[0], values[1].ravel(), *largest[2:]])
 
 
 def _misfits(network: Network, state: State) -> Array:
     """Return the residuals divided by their sigma and by the spread of their kind."""
-    groups = network.residuals(state)
-    return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
-
-
-# --- tests -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Verdict:
-    """The test of every observation at one adjustment, the largest of its components.
-
-    Attributes
-    ----------
-    w : ndarray, shape (n,)
-        Zero where no other observation controls it.
-    limit : ndarray, shape (n,)
-    controlled : ndarray, shape (n,)
-    """
-
-    w: Array
-    limit: Array
-    controlled: Mask
-
-    @property
-    def failed(self) -> Mask:
-        """Which observations disagree with the others."""
-        return self.w > self.limit
-
-
-_Limits = Callable[[Sequence[Group], Sequence[Mask], float], list[float]]
-
-
-def _judge(limits: _Limits, critical: float, bundle: Bundle, out: Mask) -> _Verdict:
-    groups, outs = bundle.solution.groups, _by_group(bundle.network, out)
-    tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
-    limit = [
-        np.full(group.v.shape, value)
-        for group, value in zip(groups, limits(groups, outs, critical), strict=True)
-    ]
-    return _Verdict(
-        w=_flat([w for w, _ in tested]),
-        limit=_flat(limit),
-        controlled=_flat([controlled for _, controlled in tested]),
-    )
+    groups = network.residuals(state)[: len(KINDS)]
+    return flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 
 # --- rounds ----------------------------------------------------------------------------------
@@ -293,7 +203,7 @@ def _nothing_out(n: int) -> _Search:
     return _Search(out=none, w=np.zeros(n), returned=none)
 
 
-def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
+def _next(search: _Search, observed: Observations, verdict: Verdict, fits: Mask) -> _Search:
     """Reject observations that fail their test, put back those that pass; not both at one point.
 
     An observation that was only suspected, and that no other controls, returns where it fits.
@@ -309,7 +219,7 @@ def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mas
     )
 
 
-def _to_take(observed: _Observations, w: Array) -> Mask:
+def _to_take(observed: Observations, w: Array) -> Mask:
     """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
@@ -328,9 +238,7 @@ def _to_take(observed: _Observations, w: Array) -> Mask:
     return (w > 0) & (w >= np.maximum(largest, SMEARED * wide))
 
 
-def _rejections(
-    search: _Search, observed: _Observations, verdict: _Verdict
-) -> tuple[Rejection, ...]:
+def _rejections(search: _Search, observed: Observations, verdict: Verdict) -> tuple[Rejection, ...]:
     """Return the rejections, the largest w first."""
     w = np.where(verdict.controlled & verdict.failed, verdict.w, search.w)
     rows = np.flatnonzero(search.out)
@@ -341,6 +249,7 @@ def _rejections(
             component=int(observed.component[i]),
             statistic=float(w[i]),
             limit=float(verdict.limit[i]),
+            largest=int(verdict.largest[i] if observed.component[i] < 0 else observed.component[i]),
         )
         for i in rows[np.argsort(-w[rows], kind="stable")]
     )

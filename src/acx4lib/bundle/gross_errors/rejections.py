@@ -33,6 +33,8 @@ class Rejection:
         Its w.
     limit : float
         Limit that its w exceeds.
+    largest : int
+        Component with the largest w; -1 where it is not known.
     """
 
     kind: str
@@ -40,6 +42,7 @@ class Rejection:
     component: int
     statistic: float
     limit: float = CRITICAL
+    largest: int = -1
 
     def __post_init__(self) -> None:
         expected.one_of("kind", self.kind, KINDS)

@@ -164,9 +164,10 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
     network : Network
     factors : sequence of ndarray
         In the order of `Network.residuals`; one factor for both coordinates of an image point.
+        Declared mountings keep their sigma.
     """
     points, control, observed = network.image_points, network.control, network.observed
-    on_image, on_control, on_position, on_attitude = factors
+    on_image, on_control, on_position, on_attitude = factors[:4]
     sigma_m = control.sigma_m.copy()
     sigma_m[~network.held_control] *= on_control
     return replace(

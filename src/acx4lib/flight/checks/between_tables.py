@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from acx4lib.flight.block_from_tables import (
     used_exposures,
 )
 from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
+from acx4lib.flight.readings import FOOT
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file
@@ -41,6 +43,8 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
+    elif toml.get("synthetic", "measured_in") == "heads":
+        yield from _other_cameras(tables.images, toml, ", since measured_in is 'heads'")
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
@@ -85,28 +89,34 @@ def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
     if not isinstance(heads, list) or "camera" not in images.text:
         return
-    names, cameras = images.text["camera"], toml.table("cameras")
-    declared = [head for head in heads if isinstance(head, str)]
-    others = set(names) & cameras.keys() - set(declared)
-    yield from counted(
-        [row for row, name in enumerate(names) if name in others],
-        lambda row: images.problem(
-            row,
-            "camera",
-            f"{names[row]!r} is no head",
-            f"must be one of synthetic.heads in {toml.file}",
-        ),
-    )
-    for head in declared:
-        if head not in set(names) and head in cameras:
+    yield from _other_cameras(images, toml, "")
+    names, cameras = set(images.text["camera"]), toml.table("cameras")
+    for head in heads:
+        if isinstance(head, str) and head not in names and head in cameras:
             expected = f"every head needs images in {images.file}"
             yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
 
 
-def uncalibrated_problems(blocks: Sequence[BlockTables]) -> Iterator[Problem]:
-    """Yield the cameras of the validation block that are not in the calibration block."""
+def _other_cameras(images: Table, toml: Toml, since: str) -> Iterator[Problem]:
+    """Yield the images of declared cameras that are no heads."""
+    heads = toml.get("synthetic", "heads")
+    names = images.text.get("camera", ())
+    known = [head for head in heads if isinstance(head, str)] if isinstance(heads, list) else names
+    others = set(names) & toml.table("cameras").keys() - set(known)
+    expected = f"must be one of synthetic.heads in {toml.file}{since}"
+    yield from counted(
+        [row for row, name in enumerate(names) if name in others],
+        lambda row: images.problem(row, "camera", f"{names[row]!r} is no head", expected),
+    )
+
+
+def uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Iterator[Problem]:
+    """Yield the cameras of the validation block that are not in the calibration block.
+
+    Where both are carried into the synthetic image, its camera is calibrated.
+    """
     images = {tables.name: tables.images for tables in blocks}
-    if not {"calibration", "validation"} <= images.keys():
+    if setup.measured_in_heads or not {"calibration", "validation"} <= images.keys():
         return
     calibrated = images["calibration"].text.get("camera", ())
     validated, known = images["validation"].text.get("camera", ()), set(calibrated)
@@ -130,23 +140,31 @@ def sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
     for i, name in enumerate(names):
         camera, mine = setup.cameras[name], np.flatnonzero((camera_idx == i) & finite)
         rows = mine[~inside(camera, colrow[mine])]
+        swapped = partial(_inside_if_swapped, camera, colrow)
+        sides = np.array([camera.width_px, camera.height_px])
+        mm = bool(np.all(np.abs(colrow[mine]) <= (sides + 1) / 2 * camera.pixel_mm))
         beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
         for column, size, outside in (
             ("col_px", camera.width_px, rows[beyond_col]),
             ("row_px", camera.height_px, rows[~beyond_col]),
         ):
             expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
-            yield from counted(outside, _outside(measured, column, colrow, camera, expected))
+            hint = " (in mm from the middle?)" if mm else ""
+            yield from counted(outside, _outside(measured, column, hint, swapped, expected))
+
+
+def _inside_if_swapped(camera: Camera, colrow: Array, row: int) -> bool:
+    return bool(inside(camera, colrow[row, ::-1]))
 
 
 def _outside(
-    measured: Table, column: str, colrow: Array, camera: Camera, expected: str
+    measured: Table, column: str, hint: str, may_be_swapped: Callable[[int], bool], expected: str
 ) -> Callable[[int], Problem]:
     """Return a function that describes a row whose measurement lies outside the sensor."""
 
     def problem(row: int) -> Problem:
-        swapped = bool(inside(camera, colrow[row, ::-1]))
-        found = measured.text[column][row].strip() + (" (col and row swapped?)" if swapped else "")
+        swapped = " (col and row swapped?)" if not hint and may_be_swapped(row) else hint
+        found = measured.text[column][row].strip() + swapped
         return measured.problem(row, column, found, expected)
 
     return problem
@@ -202,11 +220,13 @@ def height_problems(tables: BlockTables) -> Iterator[Problem]:
     above = [highest.get(name, lowest) for name in trajectory.text["exposure"]]
     below = trajectory.numbers["height_m"] <= height[above]
     expected = f"must lie above the control points of {tables.control.file}"
+    above_in_feet = trajectory.numbers["height_m"] > FOOT * height[above]
+    feet = " (in feet?)" if below.mean() > 0.5 and above_in_feet.all() else ""
 
     def problem(row: int) -> Problem:
         found = (
             f"{trajectory.text['height_m'][row].strip()} is below control point "
-            f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}"
+            f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}{feet}"
         )
         return trajectory.problem(row, "height_m", found, expected)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import pyproj
 
 from acx4lib.expected import Array
-from acx4lib.flight.block_from_tables import BlockTables
+from acx4lib.flight import readings
+from acx4lib.flight.block_from_tables import BlockTables, lonlat_of
 from acx4lib.flight.problems import SHOWN
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.table import Table
@@ -17,9 +19,11 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.geometry.geodesy import GridSystem
 
+NO_TURN = np.radians(3.0)
+"""Mounting angles below which a camera has the axes of the body."""
+
 SIGNS = ((-1, 1, 1), (1, -1, 1), (-1, -1, 1), (1, 1, -1), (-1, -1, -1))
 QUARTERS = (90, 180, -90)
-ATTITUDES = ("roll_deg", "pitch_deg", "heading_deg", "omega_deg", "phi_deg", "kappa_deg")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,16 +60,12 @@ def mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
     for where in ("control", "trajectory"):
         yield from _position_mistakes(tables, setup, where)
     yield from mounting_mistakes(tables, setup)
-    yield from _attitude_mistakes(tables, setup)
+    yield from _trajectory_mistakes(tables, setup)
     yield from _measurement_mistakes(tables, setup)
 
 
-def _changed(table: Table, **columns: Array) -> Table:
-    return replace(table, numbers={**table.numbers, **columns})
-
-
 def _swapped(table: Table, a: str, b: str) -> Table:
-    return _changed(table, **{a: table.numbers[b], b: table.numbers[a]})
+    return readings.changed(table, **{a: table.numbers[b], b: table.numbers[a]})
 
 
 def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterator[Mistake]:
@@ -82,16 +82,21 @@ def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterato
             setup=setup,
         )
 
+    if where == "control":
+        height, lonlat = table.numbers["height_m"], lonlat_of(table, setup.grid)
+        for meaning, other in readings.height_readings(height, lonlat, setup.grid):
+            changed = readings.changed(table, height_m=other)
+            yield undone("height_m", f"height_m were {meaning}", changed)
     if "lat_deg" in table.numbers:
         both = "latitude and longitude were"
         yield undone("lat_deg", f"{both} swapped", _swapped(table, "lat_deg", "lon_deg"))
         degrees = {name: np.degrees(table.numbers[name]) for name in ("lat_deg", "lon_deg")}
-        yield undone("lat_deg", f"{both} in radians", _changed(table, **degrees))
+        yield undone("lat_deg", f"{both} in radians", readings.changed(table, **degrees))
         return
     says = "east_m and north_m were swapped"
     yield undone("east_m", says, _swapped(table, "east_m", "north_m"))
     for zone, east_north in _other_zones(setup.grid, table.stack("east_m", "north_m")):
-        moved = _changed(table, east_m=east_north[:, 0], north_m=east_north[:, 1])
+        moved = readings.changed(table, east_m=east_north[:, 0], north_m=east_north[:, 1])
         yield undone("east_m", f"east_m and north_m were of UTM zone {zone}", moved)
 
 
@@ -112,47 +117,37 @@ def _other_zones(grid: GridSystem, east_north: Array) -> Iterator[tuple[str, Arr
                 yield f"{zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
 
 
-def _attitude_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
+def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
     table = tables.trajectory
-    angles = [name for name in ATTITUDES if name in table.numbers]
-    roll, pitch, heading = angles
-
-    def undone(column: str, says: str, **columns: Array) -> Mistake:
-        return Mistake(
+    names = {*tables.images.text["camera"]}
+    others = readings.readings(table, setup.grid)
+    if len(names) == 1:
+        of_camera = readings.of_cameras(table, setup.cameras[names.pop()].T_b_c.R)
+        others = chain(others, of_camera)
+    for reading in others:
+        yield Mistake(
             where="trajectory",
-            column=column,
-            says=f"{says} in {table.file}",
-            tables=replace(tables, trajectory=_changed(table, **columns)),
+            column=reading.columns[-1] if table.has(reading.columns[-1]) else "exposure",
+            says=f"{reading.says} in {table.file}",
+            tables=replace(tables, trajectory=reading.table),
             setup=setup,
         )
-
-    degrees = {name: np.degrees(table.numbers[name]) for name in angles}
-    yield undone(heading, f"{roll}, {pitch}, {heading} were in radians", **degrees)
-    value = table.numbers[heading]
-    other = "a heading from north" if heading == "kappa_deg" else "an angle from east"
-    yield undone(heading, f"{heading} were {other}", **{heading: 90.0 - value})
-    yield undone(heading, f"{heading} were counted the other way round", **{heading: -value})
-    for k in QUARTERS:
-        yield undone(heading, f"{heading} should be {k} degrees more", **{heading: value + k})
-    if heading == "kappa_deg":
-        down = {roll: table.numbers[roll] + 180.0, pitch: -table.numbers[pitch], heading: -value}
-        yield undone(roll, f"{roll}, {pitch}, {heading} were of a body with z down", **down)
 
 
 def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
     table = tables.image_points
-    row = table.numbers["row_px"]
-    camera = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
-    height = np.array([setup.cameras[camera[image]].height_px for image in table.text["image"]])
-    for says, changed in (
-        ("col_px and row_px were swapped", _swapped(table, "col_px", "row_px")),
-        ("row_px were counted from the bottom", _changed(table, row_px=height - 1 - row)),
-    ):
+    name_of = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
+    cameras = [setup.cameras[name_of[image]] for image in table.text["image"]]
+    size = np.array([[camera.width_px, camera.height_px] for camera in cameras])
+    pixel_mm = np.array([[camera.pixel_mm] for camera in cameras])
+    others = readings.pixel_readings(table.stack("col_px", "row_px"), size, pixel_mm)
+    for columns, meaning, colrow in others:
+        col, row = colrow.T
         yield Mistake(
             where="image_points",
             column="row_px",
-            says=f"{says} in {table.file}",
-            tables=replace(tables, image_points=changed),
+            says=f"{columns} were {meaning} in {table.file}",
+            tables=replace(tables, image_points=readings.changed(table, col_px=col, row_px=row)),
             setup=setup,
         )
 
@@ -181,9 +176,10 @@ def mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> I
             name: _remounted(camera, turned) if name in names else camera
             for name, camera in setup.cameras.items()
         }
+        own = [cameras[name] for name in names]
         yield Mistake(
             where="mount",
-            says=f"the camera axes were {says}: {_angles([cameras[name] for name in names])}",
+            says=f"the camera axes were {says}: {_angles(own)}{_or_of_the_camera(own)}",
             tables=tables,
             setup=replace(setup, cameras=cameras),
         )
@@ -195,6 +191,12 @@ def _angles(cameras: list[Camera]) -> str:
     of = "; ".join(f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items())
     more = "; …" if len(cameras) > SHOWN else ""
     return f"mount_omega_deg, mount_phi_deg, mount_kappa_deg of {of}{more} would fit"
+
+
+def _or_of_the_camera(cameras: list[Camera]) -> str:
+    """Return what a mounting without any turn may mean as well."""
+    alone = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    return ", or the angles are of the camera, not of the body" if alone else ""
 
 
 def _inverse(R_b_c: Array) -> Array:

@@ -10,7 +10,18 @@ from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
 from acx4lib.flight.problems import POSITIVE, RANGES, SHOWN, Problem, Range, did_you_mean, quoted
-from acx4lib.flight.setup import ESTIMABLE, LENS, LEVER, MOUNT, SIZE, Apriori, camera_of, grid_of
+from acx4lib.flight.setup import (
+    ESTIMABLE,
+    LENS,
+    LEVER,
+    MOUNT,
+    SIGMAS,
+    SIZE,
+    Apriori,
+    Synthetic,
+    camera_of,
+    grid_of,
+)
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.names import name_fault
@@ -19,10 +30,24 @@ from acx4lib.geometry.crs_text import is_code_or_wkt
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import GNSS
 
-TOP = ("name", "crs", "heights", "refraction", "cameras", "synthetic", "apriori", "stages")
+FORMAT = 2
+"""The latest format of flight.toml that is understood, as are all before it."""
+
+TOP = (
+    "name",
+    "crs",
+    "heights",
+    "refraction",
+    "cameras",
+    "synthetic",
+    "apriori",
+    "stages",
+    "format",
+)
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
+MEASURED_IN = ("synthetic", "heads")
 MOST_CAMERAS = 1000
 MOST_REASON = 200
 """Largest number of characters of a message of PROJ that is repeated."""
@@ -40,6 +65,9 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.values.get("refraction", "none") not in ("none", "standard"):
         found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
+    if toml.values.get("format", FORMAT) not in range(1, FORMAT + 1):
+        expected = f"must be a whole number up to {FORMAT}; a larger one is of a later acx4"
+        yield toml.problem(("format",), quoted(toml.values["format"]), expected)
     yield from _grid_problems(toml)
     yield from _camera_problems(toml)
     yield from _synthetic_problems(toml)
@@ -148,8 +176,10 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
     for name in toml.table("cameras"):
         keys = ("cameras", name)
         known = (*SIZE, *LENS, *MOUNT, *LEVER)
-        wrong = list(_keys(toml, keys, known, SIZE))
+        wrong = list(_keys(toml, keys, (*known, *SIGMAS), SIZE))
         wrong += _numbers(toml, keys, {key: RANGES[key] for key in known})
+        for key, of in zip(SIGMAS, (LEVER, MOUNT), strict=True):
+            wrong += _sigma_problems(toml, (*keys, key), of)
         if not isinstance(toml.get(*keys), dict):
             wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
         if not _is_name(name):
@@ -158,6 +188,23 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
         if fault:
             wrong.append(toml.problem(keys, *fault))
         yield from wrong or _lens_problems(toml, keys)
+
+
+def _sigma_problems(toml: Toml, keys: tuple[str, ...], of: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield what is wrong with the sigma of a mounting: one number, or one for each axis."""
+    value = toml.get(*keys)
+    if value is None:
+        return
+    each = value if isinstance(value, list) else [value]
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in each)
+    if not numbers or (isinstance(value, list) and len(value) != 3):
+        yield toml.problem(keys, quoted(value), "must be a number or a list of three")
+    elif not all(one in POSITIVE for one in each):
+        yield toml.problem(keys, quoted(value), str(POSITIVE))
+    elif isinstance(toml.get(*keys[:-1]), dict) and not any(
+        key in toml.table(*keys[:-1]) for key in of
+    ):
+        yield toml.problem(keys, "sigma of nothing", f"needs the values it is of: {', '.join(of)}")
 
 
 def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
@@ -179,7 +226,9 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
 def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
     if "synthetic" not in toml.values:
         return
-    yield from _keys(toml, ("synthetic",), ("camera", "heads"), ("camera", "heads"))
+    known = tuple(Synthetic.__dataclass_fields__)
+    yield from _keys(toml, ("synthetic",), known, ("camera", "heads"))
+    yield from _one_of(toml, ("synthetic", "measured_in"), MEASURED_IN)
     camera, heads = toml.get("synthetic", "camera"), toml.get("synthetic", "heads")
     cameras = toml.table("cameras")
     if camera is not None and (not isinstance(camera, str) or camera not in cameras):
@@ -210,11 +259,16 @@ def _stage_problems(toml: Toml) -> Iterator[Problem]:
         yield from _keys(toml, ("stages", stage), known)
         for key, allowed in (("estimate", tuple(ESTIMABLE)), ("fix", FIXABLE), ("gnss", GNSS)):
             yield from _choices(toml, ("stages", stage, key), allowed)
-    keys = ("stages", "mounting", "weights")
-    weights = toml.get(*keys)
-    if weights is not None and weights not in WEIGHTS:
-        hint = did_you_mean(weights, WEIGHTS) if isinstance(weights, str) else ""
-        yield toml.problem(keys, f"{quoted(weights)}{hint}", "must be 'given' or 'estimated'")
+    yield from _one_of(toml, ("stages", "mounting", "weights"), WEIGHTS)
+
+
+def _one_of(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, str]) -> Iterator[Problem]:
+    """Yield a problem where a value is given and is none of the two that are allowed."""
+    value = toml.get(*keys)
+    if value is not None and value not in allowed:
+        hint = did_you_mean(value, allowed) if isinstance(value, str) else ""
+        expected = " or ".join(map(repr, allowed))
+        yield toml.problem(keys, f"{quoted(value)}{hint}", f"must be {expected}")
 
 
 def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Iterator[Problem]:

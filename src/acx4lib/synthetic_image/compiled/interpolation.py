@@ -15,6 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 MOST_BANDS = 4
+SHOULDER = 4.0  # slope of equalised grey values over those just below saturation
 LANES = 16
 
 _EMIT: Any = cgutils  # it has no types, nor has `intrinsic`
@@ -224,12 +225,15 @@ def _sources(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> An
 
 
 def _equalised(builder: ir.IRBuilder, places: list[Any], height: Any, full: Any, lanes: int) -> Any:
-    """Emit numbers times their factors; saturated ones have the largest value."""
+    """Emit numbers times their factors, which rise steeply to the largest value below it."""
     number, base, slope = (_load(builder, place, lanes) for place in places)
     growth = builder.fmul(_splat(builder, height, lanes), slope, flags=_FAST)
     product = builder.fmul(number, builder.fadd(base, growth, flags=_FAST), flags=_FAST)
-    least, largest = (_splat(builder, one, lanes) for one in _EMIT.unpack_tuple(builder, full, 2))
-    return builder.select(builder.fcmp_ordered(">=", number, least), largest, product)
+    largest, less = (_splat(builder, one, lanes) for one in _EMIT.unpack_tuple(builder, full, 2))
+    steep = builder.fmul(number, _filled(number.type, SHOULDER), flags=_FAST)
+    steep = builder.fsub(steep, less, flags=_FAST)
+    steep = builder.select(builder.fcmp_ordered("<", steep, largest), steep, largest)
+    return builder.select(builder.fcmp_ordered("<", product, steep), steep, product)
 
 
 def _rounded(builder: ir.IRBuilder, number: Any, bits: int) -> Any:

@@ -22,6 +22,7 @@ from acx4lib.synthetic_image.compiled.blend_weights import (
     find_heads,
 )
 from acx4lib.synthetic_image.compiled.interpolation import (
+    SHOULDER,
     add_line,
     read_number,
     sample_line,
@@ -174,9 +175,9 @@ def _set_factors(nodes: np.ndarray, k: int, recipe: Recipe, i: int, j: int, work
 
 @uncounted_inlined
 def _saturation(recipe: Recipe) -> tuple[np.float32, np.float32]:
-    """Return the limit above which a sample is saturated, and its value then: the largest."""
+    """Return the largest value, and what to subtract from samples times `SHOULDER`."""
     top = np.float32(2**recipe.bits - 1)
-    return top - np.float32(0.5), top
+    return top, np.float32(SHOULDER - 1) * top
 
 
 @uncounted_inlined

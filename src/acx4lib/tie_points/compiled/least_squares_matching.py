@@ -46,16 +46,6 @@ def _derivatives(a: Array, col: int, row: int, half: int, B: Array) -> bool:
 
 
 @inlined
-def _derivative_of_noise(correlation: Array) -> float:
-    """Return the variance of a derivative (see `_derivatives`), divided by a grey value's."""
-    c = np.zeros(5)
-    for d in range(min(5, len(correlation))):
-        c[d] = correlation[d]
-    # from all pairs of the weights 1, -8, 0, 8, -1, divided by twelve
-    return (130 * c[0] - 32 * c[1] - 128 * c[2] + 32 * c[3] - 2 * c[4]) / 144
-
-
-@inlined
 def _inverse(B: Array, N: Array, Q: Array) -> bool:
     """Invert the normal matrix of B's rows by Cholesky; return whether it is regular."""
     for i in range(N_UNKNOWNS):
@@ -157,39 +147,9 @@ def _compose(W: Array, p: Array, half: int) -> float:
     return max(abs(tx), abs(ty)) + half * bend
 
 
-@inlined
-def _variance(B: Array, Q: Array, out: Array, half: int, correlation: Array, work: Array) -> None:
-    """Fill `out` with the variances of the two shifts, in units of the variance of a grey value.
-
-    The noise of neighbours is correlated. So variances are propagated with the full covariance
-    matrix of the window, which is the product of one along rows and one along columns.
-    """
-    side = 2 * half + 1
-    reach = len(correlation) - 1
-    for unknown in range(2):
-        for k in range(side * side):
-            total = 0.0
-            for i in range(N_UNKNOWNS):
-                total += Q[unknown, i] * B[i, k]
-            work[0, k] = total
-        for j in range(side):
-            for i in range(side):
-                total = 0.0
-                for d in range(max(-reach, -i), min(reach, side - 1 - i) + 1):
-                    total += correlation[abs(d)] * work[0, j * side + i + d]
-                work[1, j * side + i] = total
-        total = 0.0
-        for j in range(side):
-            for d in range(max(-reach, -j), min(reach, side - 1 - j) + 1):
-                for i in range(side):
-                    weight = correlation[abs(d)] * work[0, (j + d) * side + i]
-                    total += weight * work[1, j * side + i]
-        out[unknown] = total
-
-
 @compiled
 def match_points(
-    a: Array, b: Array, at: Index, start: Array, half: int, correlation: Array
+    a: Array, b: Array, at: Index, start: Array, half: int
 ) -> tuple[Array, Array, Array]:
     """Match windows of an image with another one by least squares.
 
@@ -207,33 +167,24 @@ def match_points(
         Approximate positions in `b`.
     half : int
         Windows have 2 half + 1 pixels a side.
-    correlation : ndarray, shape (m,)
-        Correlation of the noise of two pixels 0, 1, ... apart along a row or a column.
 
     Returns
     -------
     found : ndarray, shape (n, 2)
         Positions in `b`; NaN where the matching fails, does not converge or moves by more than a
         fifth of the window.
-    sigma : ndarray, shape (n, 2)
-        Their standard deviations from the residuals, along columns and rows, px.
-    grey : ndarray, shape (n, 2)
-        Gain, and standard deviation of the residuals.
+    gain : ndarray, shape (n,)
+        Ratio of grey values, b over a.
+    residuals : ndarray of float32, shape (n, pixels)
+        Of b's window, row by row.
     """
     n, side = len(at), 2 * half + 1
     size = side * side
-    found, sigma, grey = np.full((n, 2), np.nan), np.full((n, 2), np.nan), np.full((n, 2), np.nan)
+    found, gain = np.full((n, 2), np.nan), np.full(n, np.nan)
+    residuals = np.full((n, size), np.nan, np.float32)
     B, values = np.empty((N_UNKNOWNS, size), np.float32), np.empty(size, np.float32)
     N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
-    work, variance = np.empty((2, size)), np.empty(2)
     W, p, rhs = np.empty(6), np.empty(N_UNKNOWNS), np.empty(N_UNKNOWNS)
-    # correlated pixels are worth fewer independent ones, by lump^2: less redundancy remains
-    lump = correlation[0]
-    for d in range(1, len(correlation)):
-        lump += 2 * correlation[d]
-    redundancy = size - N_UNKNOWNS * lump * lump
-    by_noise = size * _derivative_of_noise(correlation)
-    steepness = np.empty(2)
     drift = 0.4 * half
     for point in range(n):
         col, row = at[point, 0], at[point, 1]
@@ -241,10 +192,6 @@ def match_points(
             continue
         if not _derivatives(a, col, row, half, B):
             continue
-        for i in range(2):
-            steepness[i] = 0.0
-            for k in range(size):
-                steepness[i] += B[i, k] * B[i, k]
         if not _inverse(B, N, Q):
             continue
         W[0], W[1], W[2], W[3] = 1.0, 0.0, 0.0, 1.0
@@ -283,21 +230,11 @@ def match_points(
                 break
         if not move < _DONE_PX:
             continue
-        squares = 0.0
         for k in range(size):
             v = np.float64(values[k])
             for i in range(N_UNKNOWNS):
                 v -= B[i, k] * p[i]
-            squares += v * v
-        spread = squares / redundancy
-        # noise makes the derivatives appear larger than they are
-        apparent = by_noise * spread / (1 + p[6] * p[6])
-        if not apparent < 0.7 * min(steepness[0], steepness[1]):
-            continue
-        _variance(B, Q, variance, half, correlation, work)
+            residuals[point, k] = v
         found[point, 0], found[point, 1] = W[4], W[5]
-        for i in range(2):
-            steeper = steepness[i] / (steepness[i] - apparent)
-            sigma[point, i] = steeper * np.sqrt(spread * variance[i]) / p[6]
-        grey[point, 0], grey[point, 1] = p[6], np.sqrt(spread)
-    return found, sigma, grey
+        gain[point] = p[6]
+    return found, gain, residuals

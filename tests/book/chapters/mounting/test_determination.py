@@ -8,7 +8,8 @@ from acx4book.chapters.mounting.determination import geometry_page, geometry_tab
 from acx4book.chapters.mounting.tables import determination
 from acx4book.typesetting.labels import LABELS
 from acx4lib.calibration import estimates, mounting
-from acx4lib.calibration.determination import strong_correlations
+from acx4lib.calibration.trust.determination import strong_correlations
+from acx4lib.calibration.trust.needs import needed
 from acx4lib.geometry.parameters import REPORTED
 from support import blocks
 
@@ -50,7 +51,7 @@ def test_every_parameter_stands_once_among_those_that_need_a_geometry():
 
 def test_limits_and_geometries_are_those_of_the_messages():
     rows = geometry_table().set_index("Parameter")
-    assert rows.loc["lever arm $z$", "It needs"] == estimates.HELP["lever_z"]
+    assert rows.loc["lever arm $z$", "It needs"] == needed("lever_z")
     assert rows.loc["lever arm $z$", "Largest σ"] == f"{estimates.LIMIT_LEVER_M:g} m"
     assert rows.loc["$x_p$, $y_p$", "Largest σ"] == "0.2 % of $f$"
     assert rows.loc["boresight $\\kappa$", "Largest σ"] == "0.1°"

@@ -21,6 +21,7 @@ def stage_of(flight, orientation, pictures, found):
         pictures=pictures,
         found=found,
         refinement=synthetic.refine(flight, orientation, found),
+        carried={},
     )
 
 

@@ -1,9 +1,14 @@
 """Tables of the synthetic image beside Table 2 and the paper's claims."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from acx4book.chapters.synthetic_image import sentences, tables, wrong_heads
+from acx4lib import flight as flights
+from acx4lib.synthetic_image.carried import carry
+from support.flights import in_heads, pictured
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +46,16 @@ def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(refined):
 def test_what_is_said_has_the_papers_half_pixel(flight, refined):
     assert "3 µm, 0.5 px" in sentences.refinement(flight, refined[0])
     assert "nothing is rendered" in sentences.pixels(flight, None)
+
+
+def test_carried_points_are_counted_by_block(tmp_path, flight, refined):
+    assert tables.carried(flight, refined[0])["Block"].tolist() == ["none is measured in heads"]
+    small = flights.read(in_heads.write(tmp_path))
+    points = carry(small.calibration, pictured.orientation(), small.synthetic_camera)
+    stage = replace(refined[0], carried={"calibration": points})
+    (row,) = tables.carried(small, stage).to_dict("records")
+    assert int(row["Measured in heads"]) == len(small.calibration.image_points)
+    assert int(row["Carried"]) + int(row["outside the frame"]) == int(row["Points of exposures"])
 
 
 @pytest.mark.slow

@@ -83,7 +83,7 @@ def test_the_library_undoes_the_simulators_refraction(refraction):
 
 
 def test_noisier_heights_are_seen_in_f_and_lever_z():
-    flown = fly("acx4", 1, acx4sim.Options(tie_points={"calibration": 150}))
+    flown = fly("acx4-ideal", 1, acx4sim.Options(tie_points={"calibration": 150}))
     table = height_noise(flown, (0.005, 0.02, 0.08))
     for name in ("sigma_f_mm", "sigma_lever_z_m"):
         assert table[name].is_monotonic_increasing

@@ -16,7 +16,7 @@ ABOUT = {
     "processor": "a processor",
     "system": "a system",
     "commit": "abc",
-    "design": "acx4",
+    "design": "acx4-ideal",
     "first_seed": 1,
     "last_seed": 100,
     "versions": {"python": "3.11", "numpy": "2"},
@@ -120,7 +120,9 @@ def test_a_method_without_validation_has_a_page():
 
 def test_date_seeds_and_commit_are_said():
     text = sigma.page(errors())
-    assert "2026-01-02 at commit `abc`: 100 flights of the design `acx4`, seeds 1 to 100" in text
+    assert (
+        "2026-01-02 at commit `abc`: 100 flights of the design `acx4-ideal`, seeds 1 to 100" in text
+    )
 
 
 def test_the_figure_has_a_panel_for_every_parameter_axis_and_the_joint_chi_square():

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.paper import printed
+from acx4book.paper import absorbed, printed
 from acx4book.paper.errata import audit, figures, heads, mounting, text, validation
 from acx4lib.errors import FlightError
+from support.flights.simulated import fly
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +28,13 @@ def test_there_are_22_findings_and_none_is_empty(findings):
         assert "nan" not in finding.computed
 
 
-def test_table_has_a_row_per_finding():
-    table = audit.table(audit.audit())
-    assert [*table.columns] == ["number", "place", "printed", "computed", "verdict"]
-    assert len(table) == 22
+def test_what_is_consistent_stands_apart_from_what_is_wrong(findings):
+    wrong, agree = audit.errata([*findings.values()]), audit.consistent([*findings.values()])
+    assert [*wrong.columns] == ["number", "kind", "place", "printed", "computed", "verdict"]
+    assert [*agree["number"]] == ["10", "14", "17"] or [*agree["number"]] == [10, 14, 17]
+    assert sorted(map(int, [*wrong["number"], *agree["number"]])) == [*range(1, 23)]
+    kinds = [*dict.fromkeys(map(str, wrong["kind"]))]
+    assert kinds == [audit.CONTRADICTION, audit.OPEN, audit.MISPRINT]
 
 
 @pytest.mark.parametrize(
@@ -44,14 +48,21 @@ def test_table_has_a_row_per_finding():
         (6, "P = 1·10⁻⁷"),
         (6, "0.22 m per axis"),
         (6, "21 %, on one axis 50 %"),
+        (5, "for n = 4, and no other n up to 36, all 6 printed RMS come out exactly"),
         (7, "21.7 and 13.3 cm for 72 mm; 21.1 and 13.0 cm for 74 mm"),
+        (7, "mean heads of 74.44, 74.17, 74.29, 74.37 mm"),
         (8, "44 px"),
         (9, "28 and 3 standard deviations"),
         (9, "2.33 px at r = 45.4 mm, 5.05 px at the corner"),
         (10, "14.5, 13.2, 12.5, 13.7 px"),
         (12, "7.0, 12.6, 3.6; √52 = 7.2"),
         (13, "0.052: as mm in the image it would be 9 px"),
-        (14, "+0.180, -0.198, +0.383 m; the lever arm z, x, y is -0.201, +0.223, -0.399 m"),
+        (14, "the lever arm z, x, y is -0.201, +0.223, -0.399 m"),
+        (
+            14,
+            "mean flying height of 1250 m the sums of the differences, +0.180, -0.198, +0.383",
+        ),
+        (14, "are -21, +25, -16 mm"),
         (15, "0.0035°, 3.6 standard deviations"),
         (15, "7.9 cm at 1300 m, 4.5 µm in the image beside the 11.8 µm of x_p"),
         (16, "12.8, 12.2, -9.9, -9.6°, in the mean 1.37°"),
@@ -83,8 +94,14 @@ def test_printed_numbers_are_those_of_the_paper(findings, number, numbers):
     assert numbers in findings[number].printed
 
 
-def test_only_72_mm_fit_the_ground_pixels(findings):
-    assert "fit 72 mm only" in findings[7].verdict
+def test_heads_are_as_long_as_table_3_and_their_z_say():
+    """A trial with a closed chain found 74.440, 74.169, 74.292, 74.370 mm."""
+    assert_allclose(heads.focal_lengths_of_heads(), (74.440, 74.169, 74.292, 74.370), atol=0.006)
+
+
+def test_neither_nominal_focal_length_is_proved_by_rounded_ground_pixels(findings):
+    assert "misses them by at most 0.3 cm, 74 mm by 0.9 cm" in findings[7].verdict
+    assert "says nothing" not in findings[7].verdict
 
 
 # --- Table 4 -------------------------------------------------------------------------------
@@ -110,6 +127,11 @@ def test_sample_size_of_a_sample_is_its_size(n):
     rms = np.sqrt(np.mean(d**2))
     assert validation.sample_size(d.mean(), d.std(ddof=1), rms) == pytest.approx(n)
     assert validation.sample_size(0.0, 1.0, 1.0) == np.inf
+
+
+def test_every_printed_rms_is_that_of_four_errors():
+    """sqrt(mean^2 + 3/4 std^2), by hand: 0.4445, 0.4371, 0.4285; 0.4435, 0.4629, 0.4543."""
+    assert validation.matching_sizes(36) == [4]
 
 
 def test_fourteen_small_errors_of_36_do_not_happen_by_chance():
@@ -175,21 +197,22 @@ def test_correlations_are_read_from_a_run(tmp_path):
         "mounting/single_step": {"largest_correlations": {"f_mm/height_m": 0.9}},
     }
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    found = audit.largest_correlations(tmp_path)
-    assert found == {"CAM1 xp_mm/omega_deg": 0.85}
+    found = audit.read_run(tmp_path)
+    assert found.correlations == {"CAM1 xp_mm/omega_deg": 0.85}
+    assert found.absorbed is None
     assert "0.85 (CAM1 xp_mm/omega_deg)" in audit.audit(found)[10].computed
 
 
 def test_without_a_run_the_correlations_stay_open():
-    assert audit.largest_correlations("") == {}
-    finding = audit.audit(audit.largest_correlations(""))[10]
+    assert audit.read_run("").correlations == {}
+    finding = audit.audit(audit.read_run(""))[10]
     assert finding.printed.endswith("below 10 %")
     assert finding.verdict.startswith("Open")
 
 
 def test_a_run_that_is_not_there_is_named():
     with pytest.raises(FlightError, match=r"no/such/folder: no such folder; expected the results"):
-        audit.largest_correlations("no/such/folder")
+        audit.read_run("no/such/folder")
 
 
 # --- mounting ------------------------------------------------------------------------------
@@ -201,7 +224,35 @@ def test_interior_orientation_absorbed_the_lever_arm():
     assert_allclose(table["at_ground_m"], (0.180, -0.198, 0.383), atol=5e-4)
     assert_allclose(table["lever_m"], (-0.201, 0.223, -0.399))
     assert_allclose(table["shift_in_sigma"], (11, 8, 13), atol=0.5)
-    assert (np.abs(table["sum_m"]) < table["sigma_sum_m"]).all()
+    assert_allclose(table["sum_m"], (-0.021, 0.025, -0.016), atol=5e-4)
+
+
+@pytest.fixture(scope="module")
+def absorbed_by_the_study():
+    """By the simulated flight without noise, whose lever arm is Table 3's."""
+    flight = fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight
+    return absorbed.of_block(flight, flight.calibration)
+
+
+def test_effective_heights_explain_the_paper_to_millimetres(absorbed_by_the_study):
+    """Found independently: 1411, 1362, 1286 m for z, x, y, and sums of +2, +7, -5 mm."""
+    table = mounting.lever_arm_in_interior(absorbed_by_the_study)
+    assert_allclose(table["height_m"], (1411, 1362, 1286), rtol=0.01)
+    assert_allclose(table["sum_effective_m"], (0.002, 0.007, -0.005), atol=0.0015)
+    assert_allclose(table["expected_mm"], table["shift_mm"], atol=0.0004)
+
+
+def test_item_14_says_more_with_a_run(absorbed_by_the_study):
+    _, computed, verdict = mounting.lever_arm(absorbed_by_the_study)
+    assert "with the heights that least squares gives" in computed
+    assert "more than the rounding of the print, 0.04 µm" in verdict
+
+
+def test_item_21_sets_the_runs_prediction_beside_attitude_alone():
+    _, computed, verdict = validation.error_budget(np.array([0.2, 0.24, 0.55]))
+    assert "height: 0.20, 0.24, 0.55 m" in computed
+    assert "4 times what roll and pitch alone do to one ray" in verdict
+    assert "2.0 times what a run predicts over its pairs" in verdict
 
 
 def test_distortion_left_in_the_synthetic_image():
@@ -286,3 +337,9 @@ def test_figures_show_the_papers_numbers():
     assert len(axes.lines) == 3
     bars = figures.lever_arm().axes[0].patches
     assert_allclose([bar.get_width() for bar in bars[3:]], (0.201, -0.223, 0.399))
+
+
+def test_the_figure_has_the_effective_heights_of_a_run(absorbed_by_the_study):
+    bars = figures.lever_arm(absorbed_by_the_study).axes[0].patches
+    widths = np.array([bar.get_width() for bar in bars]).reshape(3, 3)
+    assert_allclose(widths[1], widths[2], atol=0.008)

@@ -93,7 +93,7 @@ MISFITS = [
         "grid",
         TRAJECTORY,
         z_down,
-        "omega_deg",
+        "kappa_deg",
         "omega_deg, phi_deg, kappa_deg were of a body with z down",
     ),
     (

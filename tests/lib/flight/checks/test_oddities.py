@@ -15,7 +15,7 @@ def area_notes(design, crs):
 
 
 def test_a_crs_of_another_country_is_a_note_with_both_places():
-    said = area_notes("acx4", "EPSG:2193")
+    said = area_notes("acx4-ideal", "EPSG:2193")
     assert said[0] == (
         "calibration: the exposures are at 25.4 S 49.3 W, but EPSG:2193 (NZGD2000 / New Zealand "
         "Transverse Mercator 2000) is meant for 47.3 S 166.4 E to 34.1 S 178.6 E, New Zealand - "
@@ -34,13 +34,13 @@ def test_a_crs_of_another_country_is_a_note_with_both_places():
     ],
 )
 def test_a_crs_that_fits_or_says_nothing_is_no_note(crs):
-    assert not area_notes("acx4", crs)
+    assert not area_notes("acx4-ideal", crs)
 
 
 @pytest.mark.parametrize(("crs", "fits"), [("EPSG:3832", False), ("EPSG:3851", False)])
 def test_an_area_may_cross_the_date_line(crs, fits):
     """From 98.7 east by the date line to 68 west; Brazil's 49.3 west is in neither."""
-    assert bool(area_notes("acx4", crs)) is not fits
+    assert bool(area_notes("acx4-ideal", crs)) is not fits
     assert area_notes("single-head", crs)  # nor is Bohemia
 
 

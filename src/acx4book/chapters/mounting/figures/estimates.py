@@ -91,10 +91,10 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `variants.lever_arm_seen` returns it.
+        As `absorbed.lever_arm_seen` returns it.
     """
     if table.empty:
-        return style.nothing("One of the two methods gave no result.")
+        return style.nothing("The two methods cannot be compared here.")
     labels = {
         "xp": "$x$: from the shift of $x_p$",
         "yp": "$y$: from the shift of $y_p$",
@@ -108,35 +108,24 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     rows = np.arange(len(table))
     with style.applied():
         fig, ax = plt.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
-        for offset, value, sigma, name, tint in (
-            (
-                -0.13,
-                "lever_seen_m",
-                "sigma_seen_m",
-                "from interior orientations",
-                style.ORANGE,
-            ),
-            (
-                0.13,
-                "lever_estimated_m",
-                "sigma_estimated_m",
-                "estimated by the single step",
-                style.BLUE,
-            ),
+        for offset, value, mark, name, tint in (
+            (-0.2, "at_mean_height_m", "x", "from the mean flying height", style.SOFT),
+            (0.0, "lever_seen_m", "o", "by least squares", style.ORANGE),
         ):
-            ax.errorbar(
-                *(table[value], rows + offset),
-                xerr=2 * table[sigma],
-                fmt="o",
-                color=tint,
-                capsize=2.5,
-                lw=1.2,
-                ms=5,
-                label=f"{name}, ±2σ",
-            )
+            ax.plot(table[value], rows + offset, mark, color=tint, ms=6, label=name)
+        ax.errorbar(
+            *(table["lever_estimated_m"], rows + 0.2),
+            xerr=2 * table["sigma_estimated_m"],
+            fmt="o",
+            color=style.BLUE,
+            capsize=2.5,
+            lw=1.2,
+            ms=5,
+            label="estimated by the single step, ±2σ",
+        )
         ax.axvline(0, color=style.INK, lw=0.7)
         ax.set_yticks(rows, names)
         ax.set_ylim(len(rows) - 0.5, -0.5)
         ax.set_xlabel("lever arm, axes of the camera (m)")
-        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=3)
     return fig

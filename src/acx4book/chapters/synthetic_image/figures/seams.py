@@ -160,7 +160,7 @@ def _rendered(
         maps=maps,
         width_px=window[3] - window[2],
         height_px=window[1] - window[0],
-        coefficients=None if response is None else response.response.coefficients,
+        response=None if response is None else response.response,
         feather_px=feather_px,
     )
     out: Raster = render(plan, images)

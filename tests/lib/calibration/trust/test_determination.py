@@ -8,14 +8,14 @@ from scipy import linalg
 
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
-from acx4lib.calibration.determination import (
+from acx4lib.calibration.estimates import from_bundle, given, parameters, reported_covariance
+from acx4lib.calibration.trust.determination import (
     SHARE,
     STRONG,
     as_json,
     strong_correlations,
     weakest_combination,
 )
-from acx4lib.calibration.estimates import from_bundle, given, parameters, reported_covariance
 from support import blocks
 
 

@@ -1,0 +1,35 @@
+"""The questions of the verdict in their order, and the verdict in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acx4book.report.material import Material
+from acx4book.report.verdict import adjusted, compared
+from acx4book.report.verdict.finding import FAILS, NOTE, Finding
+from acx4book.report.words import listed
+
+QUESTIONS = (
+    *(adjusted.one_flight, adjusted.converged, adjusted.contradictions, adjusted.determined),
+    *(adjusted.global_test, adjusted.weights, adjusted.apart, adjusted.gross_errors),
+    *(adjusted.controlled, adjusted.stable),
+    *(compared.mountings, compared.heights, compared.check_points, compared.said),
+)
+
+
+def findings(material: Material) -> list[Finding]:
+    """Return the answers to all questions that the results can answer."""
+    return [finding for question in QUESTIONS for finding in question(material)]
+
+
+def statement(found: Sequence[Finding]) -> str:
+    """Return the verdict in one sentence, as Markdown."""
+    failed = [f.question for f in found if f.state == FAILS]
+    tested = sum(f.state != NOTE for f in found)
+    if not failed:
+        return f"**The results hold.** All {tested} tests of this report are passed."
+    which = listed([name[:1].lower() + name[1:] for name in failed])
+    return (
+        f"**Not everything holds.** {len(failed)} of {tested} tests "
+        f"{'fails' if len(failed) == 1 else 'fail'}: {which}."
+    )

@@ -1,0 +1,186 @@
+"""How much data snooping may take out: more is a systematic error or a wrong sigma.
+
+Data snooping finds single errors. If it rejected a large part of a group, the rest would agree
+with itself and prove nothing. Then nothing of this group is rejected, and the group is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence, Set
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.expected import Index
+from acx4lib.flight.block import Block
+
+ROWS = (10, 3)
+"""Attitudes (by component), GNSS positions or control points: more than one in ten, at least 3."""
+
+OF_IMAGE, OF_CAMERA = (3, 10), (5, 10)
+"""Rays of one image: more than one in three; of one camera: more than one in five; at least 10."""
+
+NAMES = {"attitude": "attitudes", "gnss": "GNSS positions", "control_point": "control points"}
+
+COMPONENTS = {
+    "attitude": ("roll", "pitch", "heading"),
+    "gnss": ("east", "north", "height"),
+    "control_point": ("east", "north", "height"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopped:
+    """A group of which data snooping would have rejected too much, and so rejected nothing.
+
+    Attributes
+    ----------
+    kind : str
+        One of `rejections.KINDS`.
+    names : tuple of str
+        The images, or the one camera, whose rays they are; empty for other kinds. Of several
+        images, the worst stands first, with its numbers.
+    n_rejected : int
+        What would have been rejected, of the group or of the first image.
+    n : int
+        What it has.
+    components : tuple of str
+        Components that would have been rejected most, such as ``pitch``.
+    """
+
+    kind: str
+    n_rejected: int
+    n: int
+    names: tuple[str, ...] = ()
+    components: tuple[str, ...] = ()
+
+    @property
+    def group(self) -> str:
+        """The group in words: ``attitudes (pitch)``, ``rays of image A1``."""
+        if self.kind == "image_point":
+            first, *others = self.names
+            more = f", and too many of {len(others)} other images" if others else ""
+            return f"rays of {first}{more}"
+        by = f" ({', '.join(self.components)})" if self.components else ""
+        return f"{NAMES[self.kind]}{by}"
+
+
+def sentence(stopped: Sequence[Stopped]) -> str:
+    """Return in one sentence which groups exceed the limits, and what that means."""
+    groups = "; ".join(f"{one.n_rejected} of {one.n} {one.group}" for one in stopped)
+    return (
+        f"data snooping would reject {groups}: a systematic error or a wrong sigma, no single "
+        "errors, so none of them is rejected"
+    )
+
+
+def too_many(n_rejected: int, n: int, limit: tuple[int, int] = ROWS) -> bool:
+    """Tell whether so many rejections are no single gross errors any more.
+
+    Parameters
+    ----------
+    n_rejected, n : int
+        Rejected observations of a group, and all.
+    limit : tuple of int
+        More than one in so many, and at least so many: `ROWS`, `OF_IMAGE` or `OF_CAMERA`.
+    """
+    one_in, least = limit
+    return n_rejected >= least and one_in * n_rejected > n
+
+
+def within_limits(
+    block: Block, rows: Index, rejected: Sequence[Rejection]
+) -> tuple[tuple[Rejection, ...], tuple[Stopped, ...]]:
+    """Return the rejections that are single errors, and the groups that have too many of them.
+
+    Parameters
+    ----------
+    block : Block
+    rows : ndarray of int
+        Its image points that were tested.
+    rejected : sequence of Rejection
+    """
+    rayless = _without_rays(block, rows, rejected)
+    stopped = [
+        *(_of_rows(block, [*rejected, *rayless], kind) for kind in NAMES),
+        *_of_rays(block, rows, rejected),
+    ]
+    found = tuple(group for group in stopped if group is not None)
+    points = {int(block.control.point_idx[r.row]) for r in rayless}
+    kept = (r for r in rejected if not any(_is_of(block, r, s, points) for s in found))
+    return tuple(kept), found
+
+
+def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> list[Rejection]:
+    """Return the control points all of whose rays would be rejected, and so they themselves."""
+    out = [r.row for r in rejected if r.kind == "image_point"]
+    left = np.setdiff1d(rows, out)
+    point_idx = block.image_points.point_idx
+    lost = np.isin(block.control.point_idx, np.setdiff1d(point_idx[out], point_idx[left]))
+    return [
+        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
+        for row in np.flatnonzero(lost)
+    ]
+
+
+def _is_of(block: Block, one: Rejection, group: Stopped, rayless: Set[int]) -> bool:
+    """Tell whether a rejection belongs to a group; rays of points without others to the points."""
+    if one.kind != "image_point":
+        return one.kind == group.kind
+    if group.kind == "control_point":
+        return int(block.image_points.point_idx[one.row]) in rayless
+    if group.kind != "image_point":
+        return False
+    image = block.image_points.image_idx[one.row]
+    camera = block.cameras[block.images.camera_idx[image]].name
+    return f"image {block.images.names[image]}" in group.names or f"camera {camera}" in group.names
+
+
+def _of_rows(block: Block, rejected: Sequence[Rejection], kind: str) -> Stopped | None:
+    """Return the trajectory rows or control points, if too many of them would be rejected."""
+    own = {(r.row, r.largest) for r in rejected if r.kind == kind}
+    n_rows, n = len({row for row, _ in own}), _number(block, kind)
+    by_component = [sum(largest == k for _, largest in own) for k in range(3)]
+    components = tuple(
+        name
+        for name, count in zip(COMPONENTS[kind], by_component, strict=True)
+        if too_many(count, n)
+    )
+    stops = bool(components) if kind == "attitude" else too_many(n_rows, n)
+    return Stopped(kind=kind, n_rejected=n_rows, n=n, components=components) if stops else None
+
+
+def _number(block: Block, kind: str) -> int:
+    """Return how many rows of a kind a block has and uses."""
+    if kind == "control_point":
+        known = np.isfinite(block.control.sigma_m).any(axis=1)
+        return int(np.sum(known & (block.rays[block.control.point_idx] > 0)))
+    trajectory = block.trajectory
+    sigma = trajectory.sigma_position if kind == "gnss" else trajectory.sigma_attitude
+    used = np.unique(block.images.exposure_idx)
+    return int(np.isfinite(sigma[used]).any(axis=1).sum())
+
+
+def _of_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> Iterator[Stopped]:
+    """Yield the cameras whose rays would be rejected too often, then the images of others."""
+    image_idx, n_images = block.image_points.image_idx, len(block.images)
+    out = np.array([r.row for r in rejected if r.kind == "image_point"], dtype=np.intp)
+    n_out = np.bincount(image_idx[out], minlength=n_images)
+    n_all = np.bincount(image_idx[rows], minlength=n_images)
+    alone = np.ones(n_images, dtype=bool)
+    for k, camera in enumerate(block.cameras):
+        own = block.images.camera_idx == k
+        n_rejected, n = int(n_out[own].sum()), int(n_all[own].sum())
+        if too_many(n_rejected, n, OF_CAMERA):
+            alone &= ~own
+            yield _rays([f"camera {camera.name}"], n_rejected, n)
+    bad = [i for i in np.flatnonzero(alone) if too_many(n_out[i], n_all[i], OF_IMAGE)]
+    bad.sort(key=lambda i: -n_out[i] / n_all[i])
+    if bad:
+        names = [f"image {block.images.names[i]}" for i in bad]
+        yield _rays(names, int(n_out[bad[0]]), int(n_all[bad[0]]))
+
+
+def _rays(names: Sequence[str], n_rejected: int, n: int) -> Stopped:
+    return Stopped(kind="image_point", n_rejected=n_rejected, n=n, names=tuple(names))

@@ -1,0 +1,5 @@
+"""What the estimates can be trusted for.
+
+`determination` has what is determined worst, `needs` the flight geometry that a parameter needs,
+and `confirmation` whether estimated mountings are those that were declared.
+"""

@@ -1,0 +1,200 @@
+"""The best reading of a block, where it is much better than the given one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.conventions.mounted import Mounted, mounted, started
+from acx4lib.conventions.readings import Reading, readings
+from acx4lib.conventions.sightings import Sightings, sightings
+from acx4lib.conventions.sigma_units import Unit, other_unit
+from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.table import Table
+from acx4lib.geometry.frames import log
+
+BETTER = 2.0
+"""Ratio of the given reading's misfit to another's below which no other is named."""
+
+CERTAIN = 5.0
+"""Logarithm of that ratio, in its standard deviations, below which no other is named.
+
+Every exposure has two independent components of attitude or more, and the quantile of the misfit
+needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
+freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt(n).
+"""
+
+ALIKE = 1.25
+"""Ratio of misfits below which the simpler of two readings is named."""
+
+PROMISING, MOST_TRIED = 1.1, 12
+"""Ratio of misfits before the adjustment from which a reading is adjusted, and how many are."""
+
+FLOOR_PX = 0.25
+"""Misfit that no reading can explain, px."""
+
+NEAR = np.radians(15.0)
+"""Turn from the declared boresight within which a reading is preferred to others as good."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A reading that fits much better than the given one.
+
+    Attributes
+    ----------
+    name : str
+        What is read otherwise, such as "pitch of opposite sign".
+    quantity : str
+        What the residuals are of.
+    given, found : float
+        Robust residuals of the given reading and of this one.
+    unit : str
+        Of both: °, m, px or σ.
+    """
+
+    name: str
+    quantity: str
+    given: float
+    found: float
+    unit: str
+
+    @property
+    def sentence(self) -> str:
+        """One sentence on the reading, with its figure beside the given one's."""
+        found = _shown(self.found, self.unit)
+        if not np.isfinite(self.given):
+            return (
+                f"with {self.name} the residuals of {self.quantity} are {found}; as the numbers "
+                "are, rays do not meet"
+            )
+        change = "fall" if self.found < self.given else "rise"
+        return (
+            f"with {self.name} the residuals of {self.quantity} {change} "
+            f"from {_shown(self.given, self.unit)} to {found}"
+        )
+
+
+def _shown(value: float, unit: str) -> str:
+    number = f"{value:.2g}" if value < 100 else f"{value:.0f}"
+    return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
+
+
+def best_reading(flight: Flight, block_name: str) -> Found | None:
+    """Return the reading of a block that leaves much less than the given one; None without one.
+
+    Every usual reading of trajectory, control and image measurements is tried on at most sixty
+    images. Mounting and interior orientation are estimated in each: what they absorb, such as a
+    delay at one speed, leaves nothing and is not found. Half a pixel is the principal point's.
+
+    Parameters
+    ----------
+    flight : Flight
+    block_name : str
+
+    Raises
+    ------
+    FlightError
+        Where the flight has no such block.
+    """
+    expected.instance("flight", flight, Flight)
+    block = flight.block(block_name)
+    seen = sightings(block)
+    if seen is None:
+        return None
+    with np.errstate(all="ignore"):  # readings may be absurd
+        return _searched(block, flight.trajectories[block_name], seen)
+
+
+def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    given = mounted(seen, T_m_b)
+    others = list(readings(block, trajectory, seen))
+    tried = [
+        (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
+        for reading in _promising(others, started(seen, T_m_b).misfit)
+    ]
+    return _best(tried, given, seen) or _of_sigma(other_unit(block, seen, given))
+
+
+def _promising(others: list[Reading], usual: float) -> list[Reading]:
+    """Return the readings that fit best before an adjustment, in their order, and the clock's."""
+    misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
+    limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
+    return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
+
+
+def _of_sigma(unit: Unit | None) -> Found | None:
+    if unit is None:
+        return None
+    return Found(
+        name=unit.name, quantity=unit.quantity, given=unit.given, found=unit.found, unit="σ"
+    )
+
+
+def notes(flight: Flight) -> Iterator[str]:
+    """Yield a sentence for every block that another reading fits much better.
+
+    Parameters
+    ----------
+    flight : Flight
+    """
+    expected.instance("flight", flight, Flight)
+    for name in flight.blocks:
+        found = best_reading(flight, name)
+        if found is not None:
+            yield f"{name}: {found.sentence}"
+
+
+def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
+    """Return the simplest of the best readings, if it is much better than the given one."""
+    camera = seen.cameras[0]
+    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
+    good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
+    if not good:
+        return None
+    least = min(m.misfit for _, m in good) + floor
+    alike = [(r, m) for r, m in good if m.misfit + floor < ALIKE * least]
+    near = [(r, m) for r, m in alike if _turn(m, seen) < NEAR]
+    reading, found = (near or alike)[0]
+    return _found(_named(reading, found), given, found)
+
+
+def _turn(found: Mounted, seen: Sightings) -> float:
+    """Return the largest turn of a camera from its declared boresight, radians."""
+    return max(
+        float(np.linalg.norm(log(given.T_b_c.R.T @ own.T_b_c.R)))
+        for own, given in zip(found.cameras, seen.cameras, strict=True)
+    )
+
+
+def _named(reading: Reading, found: Mounted) -> Reading:
+    """Return a reading whose name says the delay that was found."""
+    if reading.velocity is None:
+        return reading
+    late = "late" if found.delay_s < 0 else "early"
+    name = f"positions recorded {abs(found.delay_s):.2g} s {late}"
+    return replace(reading, name=name)
+
+
+def _found(reading: Reading, given: Mounted, found: Mounted) -> Found:
+    """Return misfits as the attitude, position or measurement that would make them."""
+    seen, camera = reading.seen, found.cameras[0]
+    away = found.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
+    scale, unit, quantity = {
+        "attitude": (np.degrees(1.0), "°", "attitude"),
+        "position": (float(np.nanmedian(np.linalg.norm(away, axis=1))), "m", "position"),
+        "image": (camera.interior.f / camera.pixel_mm, "px", "image measurements"),
+    }[reading.quantity]
+    return Found(
+        name=reading.name,
+        quantity=quantity,
+        given=given.misfit * scale,
+        found=found.misfit * scale,
+        unit=unit,
+    )

@@ -1,0 +1,142 @@
+"""What the errors of points come from: their own, the exposures they share, the calibration.
+
+Differences at check points are correlated. All of them depend on the same parameters, and
+neighbours on the same exposures. Tests of several points, and of their mean, need these parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from acx4lib import expected
+from acx4lib.expected import Array, Index
+from acx4lib.least_squares.adjustment import on_one_thread
+from acx4lib.least_squares.covariance import half, propagate
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorSources:
+    """A priori errors of n points, by their sources.
+
+    Attributes
+    ----------
+    own : ndarray, shape (n, 3, 3)
+        Covariances of what a point shares with no other: the noise of its image points, m^2.
+    point, exposure : ndarray, shape (k,)
+        Pairs of a point and an exposure that it depends on.
+    by_body : ndarray, shape (k, 3, 6)
+        d(point) / d(body pose of the exposure).
+    by_parameters : ndarray, shape (n, 3, p)
+        d(point) / d(columns of the calibration).
+    cov_body : ndarray, shape (n_exposures, 6, 6)
+        Of the body poses; those of two exposures are independent.
+    cov_parameters : ndarray, shape (p, p)
+    """
+
+    own: Array
+    point: Index
+    exposure: Index
+    by_body: Array
+    by_parameters: Array
+    cov_body: Array
+    cov_parameters: Array
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.own)
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of every point by itself, shape (n, 3, 3), m^2."""
+        out = self.own.copy()
+        np.add.at(out, self.point, propagate(self.by_body, self.cov_body[self.exposure]))
+        return out + propagate(self.by_parameters, self.cov_parameters)
+
+
+def turned(sources: ErrorSources, R: Array) -> ErrorSources:
+    """Return the sources along other axes.
+
+    Parameters
+    ----------
+    sources : ErrorSources
+    R : ndarray, shape (n, 3, 3)
+        From the present axes of every point to the new ones.
+    """
+    expected.shape("R", R, (len(sources), 3, 3))
+    return replace(
+        sources,
+        own=propagate(R, sources.own),
+        by_body=R[sources.point] @ sources.by_body,
+        by_parameters=R @ sources.by_parameters,
+    )
+
+
+def mean_covariance(sources: ErrorSources) -> Array:
+    """Return the covariance of the mean of all points, shape (3, 3); NaN without points."""
+    n = len(sources)
+    if n == 0:
+        return np.full((3, 3), np.nan)
+    by_body = np.zeros((len(sources.cov_body), 3, 6))
+    np.add.at(by_body, sources.exposure, sources.by_body)
+    summed = sources.own.sum(axis=0) + propagate(by_body, sources.cov_body).sum(axis=0)
+    summed = summed + propagate(sources.by_parameters.sum(axis=0), sources.cov_parameters)
+    mean: Array = summed / n**2
+    return mean
+
+
+def chi_square(sources: ErrorSources, d: Array) -> float:
+    """Return d^T C^-1 d of all errors together, with 3 n degrees of freedom.
+
+    Parameters
+    ----------
+    sources : ErrorSources
+    d : ndarray, shape (n, 3)
+        Errors of the points, m.
+
+    Notes
+    -----
+    C = S + K K^T, where S is sparse (a point shares exposures with its neighbours only) and K, the
+    part of the parameters, has few columns. Hence C^-1 = S^-1 - S^-1 K (I + K^T S^-1 K)^-1 K^T S^-1
+    (Woodbury).
+    """
+    d = expected.numbers("d", d, (len(sources), 3)).ravel()
+    if len(d) == 0:
+        return 0.0
+    K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(len(d), -1)
+    with on_one_thread():
+        S = splu(_without_parameters(sources), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+        by_S, K_by_S = S.solve(d), S.solve(K)
+        shared = np.linalg.solve(np.eye(K.shape[1]) + K.T @ K_by_S, K.T @ by_S)
+        return float(d @ by_S - (K_by_S.T @ d) @ shared)
+
+
+def axis_covariances(sources: ErrorSources) -> Array:
+    """Return the covariances between the points, an axis at a time, shape (3, n, n), m^2."""
+    n = len(sources)
+    if n == 0:
+        return np.zeros((3, 0, 0))
+    K = sources.by_parameters @ half(sources.cov_parameters)
+    S = _without_parameters(sources)
+    return np.stack([S[i::3, i::3].toarray() + K[:, i] @ K[:, i].T for i in range(3)])
+
+
+def _without_parameters(sources: ErrorSources) -> sparse.csc_array:
+    """Return the joint covariance from image points, survey and trajectory, shape (3 n, 3 n)."""
+    n, n_exposures = len(sources), len(sources.cov_body)
+    own = _blocks(sources.own, np.arange(n), np.arange(n), (n, n))
+    by_body = sources.by_body @ half(sources.cov_body)[sources.exposure]
+    shared = _blocks(by_body, sources.point, sources.exposure, (n, n_exposures))
+    return (own + shared @ shared.T).tocsc()
+
+
+def _blocks(values: Array, row: Index, column: Index, shape: tuple[int, int]) -> sparse.csr_array:
+    """Return a sparse matrix of dense blocks at the given rows and columns of blocks."""
+    _, height, width = values.shape
+    i = height * row[:, None, None] + np.arange(height)[:, None] + np.zeros(width, dtype=np.intp)
+    j = width * column[:, None, None] + np.arange(width) + np.zeros((height, 1), dtype=np.intp)
+    whole = (height * shape[0], width * shape[1])
+    return sparse.csr_array((values.ravel(), (i.ravel(), j.ravel())), shape=whole)

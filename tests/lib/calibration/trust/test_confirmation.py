@@ -1,0 +1,173 @@
+"""Declared mountings: what agrees is confirmed, what an unknown absorbed is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import stats
+
+from acx4lib.calibration.mounting import single_step
+from acx4lib.calibration.trust.confirmation import ALPHA, confirmations
+from acx4lib.geometry.frames import Pose, exp, log
+from acx4lib.geometry.prior import Prior
+from support import blocks
+
+FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+CONVERGENCE_DEG = -0.73
+"""Of the blocks' CRS in their middle, by PROJ's command `proj -V`."""
+
+
+def declared(block, *, lever_m=(0.0, 0.0, 0.0), turn_deg=(0.0, 0.0, 0.0), prior):
+    """Return the block with cameras declared off by so much from the truth, along body axes."""
+    return replace(
+        block,
+        cameras=tuple(
+            replace(
+                camera,
+                prior=prior,
+                T_b_c=Pose(
+                    R=exp(np.radians(turn_deg)) @ camera.T_b_c.R, r=camera.T_b_c.r + lever_m
+                ),
+            )
+            for camera in block.cameras
+        ),
+    )
+
+
+def known(lever_m=np.inf, turn_deg=np.inf):
+    sigma = np.repeat([lever_m, np.radians(turn_deg)], 3)
+    return Prior(declared=(True,) * 6, sigma=tuple(sigma.tolist()))
+
+
+def compared(block):
+    return {c.part: c for c in confirmations(single_step(block, free=FREE).bundle)}
+
+
+def test_the_convergence_of_the_blocks_is_as_said():
+    lonlat = blocks.FRAME.to_geographic(np.zeros((1, 3)))[:, :2]
+    assert_allclose(
+        np.degrees(blocks.FRAME.grid.convergence(lonlat)[0]), CONVERGENCE_DEG, atol=0.005
+    )
+
+
+@pytest.mark.parametrize("prior", [known(), known(0.05, 0.1)])
+def test_what_is_declared_rightly_is_confirmed(noisy_block, prior):
+    found = compared(declared(noisy_block, prior=prior))
+    assert set(found) == {"lever arm", "boresight"}
+    assert [c.objection for c in found.values()] == ["", ""]
+    assert np.isnan(found["lever arm"].p) == np.isinf(prior.sigma[0])
+
+
+def test_what_is_not_declared_is_not_compared(noisy_block):
+    assert compared(declared(noisy_block, prior=Prior())) == {}
+    kappa = replace(Prior(), declared=(False,) * 5 + (True,))
+    found = compared(declared(noisy_block, prior=kappa))
+    assert set(found) == {"boresight"}
+    assert np.isnan(found["boresight"].difference).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(("off_m", "confirmed"), [(0.9, True), (1.1, False)])
+def test_without_sigma_a_metre_is_too_much(exact_block, off_m, confirmed):
+    found = compared(declared(exact_block, lever_m=(0.0, off_m, 0.0), prior=known()))
+    assert (found["lever arm"].objection == "") == confirmed
+    assert found["lever arm"].difference[1] == pytest.approx(-off_m, abs=1e-6)
+
+
+@pytest.mark.parametrize(("off_deg", "confirmed"), [(2.9, True), (3.1, False)])
+def test_without_sigma_three_degrees_are_too_much(exact_block, off_deg, confirmed):
+    found = compared(declared(exact_block, turn_deg=(0.0, off_deg, 0.0), prior=known()))
+    assert (found["boresight"].objection == "") == confirmed
+
+
+def test_what_is_significant_with_sigma_is_too_much_and_shown_as_the_others_say(exact_block):
+    """The estimate is pulled to the declared value; the difference shown is that without it."""
+    off = {"lever_m": (0.0, 2.5, 0.0)}
+    free = compared(declared(exact_block, **off, prior=known()))["lever arm"]
+    tied = compared(declared(exact_block, **off, prior=known(0.02)))["lever arm"]
+    assert np.isnan(free.p)
+    assert tied.p < ALPHA
+    assert "differs from the declared one by (" in tied.sentence
+    assert_allclose(tied.difference, free.difference, atol=0.05)  # of a linear model, the same
+
+
+def test_the_test_is_that_of_an_independent_estimate(noisy_block):
+    """d' (D + Q)^-1 d without the observation is d' (D - Q)^-1 d with it."""
+    block = declared(noisy_block, lever_m=(0.02, -0.03, 0.05), prior=known())
+    fit = single_step(block, free=FREE)
+    columns = fit.calibration.layout.mount[0, :3]
+    Q = fit.calibration.cov[np.ix_(columns, columns)]
+    d = fit.calibration.cameras[0].T_b_c.r - block.cameras[0].T_b_c.r
+    chi_square = d @ np.linalg.solve(Q + 0.04**2 * np.eye(3), d)
+    tied = compared(declared(noisy_block, lever_m=(0.02, -0.03, 0.05), prior=known(0.04)))
+    assert tied["lever arm"].p == pytest.approx(stats.chi2.sf(chi_square, 3), rel=0.02)
+
+
+def test_declared_values_with_their_sigma_improve_the_estimates(noisy_block):
+    loose = single_step(declared(noisy_block, prior=known()), free=FREE)
+    tight = single_step(declared(noisy_block, prior=known(0.01, 0.002)), free=FREE)
+    assert tight.bundle.solution.redundancy == loose.bundle.solution.redundancy + 6
+    n = loose.calibration.n_columns
+    before, after = (np.diag(fit.calibration.cov) for fit in (loose, tight))
+    assert np.all(after <= before * (1 + 1e-6))
+    lever = loose.calibration.layout.mount[0, :3]
+    assert np.all(np.sqrt(after[lever]) < 0.01)
+    assert n == tight.calibration.n_columns
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sigma_deg", [np.inf, 0.05])
+def test_a_kappa_off_by_the_convergence_says_so(noisy_block, sign, sigma_deg):
+    turn = (0.0, 0.0, sign * CONVERGENCE_DEG + 0.03)
+    found = compared(declared(noisy_block, turn_deg=turn, prior=known(turn_deg=sigma_deg)))
+    assert "meridian convergence, 0.73°" in found["boresight"].sentence
+    assert "true or grid north?" in found["boresight"].sentence
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 0.4, 1.0])
+def test_another_kappa_is_not_taken_for_it(noisy_block, off_deg):
+    found = compared(declared(noisy_block, turn_deg=(0.0, 0.0, off_deg), prior=known()))
+    assert found["boresight"].objection == ""
+
+
+def test_a_lever_arm_along_the_flight_is_given_as_a_delay(exact_block):
+    """The simulated strips fly 220 m in 4 s."""
+    timed = blocks.in_strips(exact_block, 3)
+    found = compared(declared(timed, lever_m=(1.2, 0.0, 0.0), prior=known()))
+    assert "ms off would look like this" in found["lever arm"].sentence
+    delay = float(found["lever arm"].sentence.split("clock that is ")[1].split(" ms")[0])
+    assert delay == pytest.approx(1000 * 1.2 / 55, rel=0.15)
+
+
+def test_an_undeclared_lever_arm_of_tens_of_metres_is_a_height_system(noisy_block):
+    by = np.zeros((9, 3))
+    by[:, 2] = 31.0
+    lifted = blocks.changed(declared(noisy_block, prior=Prior()), "control_point", by)
+    found = compared(lifted)
+    assert "m long, and none is declared" in found["lever arm"].sentence
+
+
+def test_p_is_uniform_over_flights(exact_block):
+    """Of declared values drawn with their sigma; 40 flights, Kolmogorov-Smirnov at 0.1 %."""
+    p = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        block = declared(
+            blocks.noisy(exact_block, rng),
+            lever_m=rng.normal(0.0, 0.04, 3),
+            turn_deg=rng.normal(0.0, 0.01, 3),
+            prior=known(0.04, 0.01),
+        )
+        p += [c.p for c in compared(block).values()]
+    assert len(p) == 80
+    assert stats.kstest(p, "uniform").pvalue > 0.001
+    assert min(p) > ALPHA
+
+
+def test_the_boresight_is_compared_about_the_bodys_axes(noisy_block):
+    turn = np.array([0.5, -0.3, 0.2])
+    found = compared(declared(noisy_block, turn_deg=turn, prior=known()))["boresight"]
+    (camera,) = single_step(noisy_block, free=FREE).calibration.cameras
+    truth = noisy_block.cameras[0].T_b_c.R
+    expected = np.degrees(log(camera.T_b_c.R @ truth.T @ exp(np.radians(turn)).T))
+    assert_allclose(found.difference, expected, atol=1e-4)
