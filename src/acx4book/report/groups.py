@@ -26,6 +26,11 @@ GROUPS = {
     ("attitude", "roll_deg"): "roll and pitch",
     ("attitude", "pitch_deg"): "roll and pitch",
     ("attitude", "heading_deg"): "heading",
+    **{("lever_arm", f"lever_{axis}_m"): "declared lever arm" for axis in "xyz"},
+    **{
+        ("boresight", f"mount_{angle}_deg"): "declared boresight"
+        for angle in ("omega", "phi", "kappa")
+    },
 }
 """The group of every kind and component of an observation."""
 

@@ -32,8 +32,8 @@ from acx4lib.geometry.collinearity import (
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import AXES, MOUNT, POSE
 from acx4lib.geometry.refraction import as_seen
-from acx4lib.least_squares.adjustment import Normals
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
+from acx4lib.least_squares.problem import Normals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
@@ -76,7 +76,7 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """A block ready for adjustment: its observations and unknowns, as an `adjustment.Problem`.
+    """A block ready for adjustment: its observations and unknowns, as a `problem.Problem`.
 
     Attributes
     ----------

@@ -134,9 +134,10 @@ def _exchanged(table: Table) -> Iterator[Reading]:
     """Roll and pitch in each other's column, with all their signs; a body with z down."""
     roll, pitch, heading = angle_columns(table)
     a, b, c = (table.numbers[name] for name in (roll, pitch, heading))
-    for i, j in product((1, -1), repeat=2):
-        signs = "" if i == j == 1 else f", of signs {'+-'[i < 0]}{'+-'[j < 0]}"
-        yield _attitude(table, f"exchanged{signs}", **{roll: i * b, pitch: j * a})
+    signs = {(1, 1): "", (-1, 1): "the first", (1, -1): "the second", (-1, -1): "both"}
+    for (i, j), which in signs.items():
+        turned = f", then {which} of opposite sign" if which else ""
+        yield _attitude(table, f"exchanged{turned}", **{roll: i * b, pitch: j * a})
     yield _attitude(table, "exchanged", **{roll: c, heading: a})
     yield _attitude(table, "exchanged", **{pitch: c, heading: b})
     if heading == "kappa_deg":

@@ -2,16 +2,16 @@
 
 There are two kinds of unknowns: the columns of the reduced system, and points with three
 coordinates each. An observation depends on one point at most; therefore the Schur complement
-eliminates the points. A `Problem` linearises its observations; everything else is here.
+eliminates the points. A `problem.Problem` linearises its observations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy import stats
@@ -20,77 +20,25 @@ from threadpoolctl import ThreadpoolController
 from acx4lib import expected
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import (
-    Equations,
-    Group,
-    PlainNormals,
-    Precision,
-    point_normals,
-    strips,
-)
+from acx4lib.least_squares.normal_equations import Group, PlainNormals, point_normals, strips
+from acx4lib.least_squares.problem import Normals, Problem
 
 S = TypeVar("S")
 
-STEADY = 0.003
-"""Smallest ratio of one step to the step before that the test of convergence assumes."""
+NEAR = 1e-4
+"""Predicted decrease of the cost, in units of its mean, below which no step needs damping."""
 
+FINE = 1e-6
+"""The same, below which rounding errors may hide it: the next prediction tells instead."""
 
-class Problem(Protocol[S]):
-    """What an adjustment needs from its application.
+EXACT = 1e-14
+"""Predicted decrease that is taken for rounding errors of data without noise."""
 
-    A problem may also have a method ``normals(state, damping)`` that returns `Normals` of its
-    own; otherwise they are assembled from its equations.
-    """
-
-    @property
-    def n_columns(self) -> int:
-        """Number of reduced unknowns."""
-        ...
-
-    @property
-    def n_points(self) -> int:
-        """Number of points, free or held."""
-        ...
-
-    @property
-    def free_points(self) -> Mask:
-        """Which points are unknowns."""
-        ...
-
-    def equations(self, state: S) -> Sequence[Equations]:
-        """Return the linearised observations; residuals are NaN at an impossible state."""
-        ...
-
-    def moved(self, state: S, dx: Array, dp: Array) -> S:
-        """Return the state after a step in the columns and in the points."""
-        ...
-
-    def column_names(self) -> Sequence[str]:
-        """Return a name per column, for messages."""
-        ...
-
-
-class Normals(Protocol):
-    """Normal equations of a problem at one state."""
-
-    @property
-    def cost(self) -> float:
-        """Weighted sum of squared residuals; infinite at an impossible state."""
-        ...
-
-    @property
-    def n_observations(self) -> int:
-        """Number of observed components that take part."""
-        ...
-
-    def step(self) -> tuple[Array, Array, float]:
-        """Return the step of columns and points and the decrease of cost that it predicts."""
-        ...
-
-    def precision(self) -> Precision:
-        """Return covariances, residuals and redundancy numbers, all without damping."""
-        ...
+FORGOTTEN = 0.1
+"""Share of its former value that the diagonal keeps for damping: a parameter whose effect
+vanishes for a while must not run away."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,23 +123,30 @@ def two_sided_p(cost: float, redundancy: int) -> float:
     return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
 
 
-def normals(problem: Problem[S], state: S, damping: float = 0.0) -> Normals:
-    """Return a problem's normal equations at a state, from its own method if it has one."""
+def normals(
+    problem: Problem[S], state: S, damping: float = 0.0, *, before: Normals | None = None
+) -> Normals:
+    """Return a problem's normal equations at a state, from its own method if it has one.
+
+    Damping remembers the diagonal of plain normal equations at the state before.
+    """
     own: Callable[[S, float], Normals] | None = getattr(problem, "normals", None)
     if own is not None:
         return own(state, damping)
+    least = FORGOTTEN * before.diagonal if isinstance(before, PlainNormals) else 0.0
     return PlainNormals(
         n_columns=problem.n_columns,
         free_points=problem.free_points,
         equations=problem.equations(state),
         damping=damping,
+        least=least,
     )
 
 
 def solve(
     problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-5
 ) -> tuple[S, Solution]:
-    """Adjust: Gauss-Newton, damped where a step does not reduce the cost.
+    """Adjust: Gauss-Newton, damped by the gain ratio where full steps do not keep their promise.
 
     Parameters
     ----------
@@ -199,7 +154,7 @@ def solve(
     state : start values
     max_iterations : int
     tolerance : float
-        Largest expected next step at the end, in standard deviations of the unknowns.
+        Largest next step at the end, in standard deviations of the unknowns.
 
     Returns
     -------
@@ -212,8 +167,8 @@ def solve(
 
     Notes
     -----
-    The last two steps predict the size of the next full step. The iteration ends when it would
-    be smaller than `tolerance`, or when rounding errors let no step reduce the cost any more.
+    The iteration ends where the next full step would be shorter than `tolerance`, or where
+    rounding errors keep both the cost and the length of the step from decreasing any more.
     """
     expected.whole("max_iterations", max_iterations)
     expected.positive_number("tolerance", tolerance)
@@ -250,50 +205,52 @@ def _iterate(
     problem: Problem[S], state: S, max_iterations: int, tolerance: float
 ) -> tuple[S, Normals, int]:
     """Return the state of least cost, the normal equations there, and the number of steps."""
-    here, damping, before = normals(problem, state), 0.0, 0.0
+    here, damping = normals(problem, state), Damping()
     if not np.isfinite(here.cost):
         msg = "the start values leave points behind a camera or at infinity"
         raise AdjustmentError(msg)
     degrees = _degrees_of_freedom(problem, here)
-    for iteration in range(1, max_iterations + 1):
+    for iteration in range(max_iterations + 1):
         unit = here.cost / max(degrees, 1)
-        descent = _descend(problem, state, here, damping=damping, unit=unit)
-        if descent is None:
-            return state, normals(problem, state) if damping else here, iteration
-        state, here, used, decrement = descent
-        shrinking = max(decrement / before, STEADY**2) if before > decrement else 1.0
-        if used == 0.0 and shrinking * decrement <= tolerance**2 * unit:
+        taken = _descend(problem, state, here, damping=damping, unit=unit, tolerance=tolerance)
+        if taken is None:
             return state, here, iteration
-        before, damping = decrement, _less(used)
+        state, here, damping = taken
     msg = f"no convergence after {max_iterations} iterations{_left_open(problem, state)}"
     raise AdjustmentError(msg)
 
 
 def _descend(
-    problem: Problem[S], state: S, here: Normals, *, damping: float, unit: float
-) -> tuple[S, Normals, float, float] | None:
-    """Damp until a step reduces the cost; return None if only rounding errors remain.
-
-    Otherwise return the new state, its normal equations, the damping used and the predicted
-    decrease of cost.
-    """
-    cost = here.cost
-    while damping <= 1e12:
-        dx, dp, decrement = here.step()
+    problem: Problem[S],
+    state: S,
+    here: Normals,
+    *,
+    damping: Damping,
+    unit: float,
+    tolerance: float,
+) -> tuple[S, Normals, Damping] | None:
+    """Return the next state, its normal equations and damping; None at the minimum."""
+    start, hidden, promised = here, False, np.inf
+    while not (damping.exhausted or (hidden and promised <= EXACT)):
+        dx, dp, promised = here.step()
+        if damping.value == 0.0 and promised <= tolerance**2 * unit:
+            return None
         trial = problem.moved(state, dx, dp)
-        there = normals(problem, trial, _less(damping))
-        if there.cost <= cost:
-            return trial, there, damping, decrement
-        # wrong derivatives lead to strong damping, and this also makes a small step
-        little = max(1e-6 * unit, 1e-14)
-        if decrement <= little:
-            undamped = normals(problem, state).step()[2] if damping else decrement
-            if undamped <= max(1e-4 * unit, 1e-14):
-                # so near the minimum, rounding changes the cost more than the step
-                as_good = damping == 0.0 and there.cost <= cost + little
-                return (trial, there, 0.0, 0.0) if as_good else None
-        damping = max(10 * damping, 1e-6)
-        here = normals(problem, state, damping)
+        there = normals(problem, trial, damping.most_hopeful, before=start)
+        kept = gain(start.cost - there.cost, promised)
+        if damping.helps(kept):
+            after = damping.after_success(kept, near=promised <= max(NEAR * unit, EXACT))
+            if after.value != damping.most_hopeful:
+                there = normals(problem, trial, after.value, before=start)
+            return trial, there, after
+        if damping.value == 0.0 and promised <= max(FINE * unit, EXACT):
+            if there.step()[2] < promised:
+                return trial, there, damping
+            hidden = True
+        damping = damping.after_failure()
+        here = normals(problem, state, damping.value, before=start)
+    if hidden:
+        return None
     msg = "no step reduces the cost any more"
     raise AdjustmentError(msg)
 
@@ -306,11 +263,6 @@ def _left_open(problem: Problem[S], state: S) -> str:
         return ""
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     return f"; the observations leave open {', '.join(names[:4])}{more}"
-
-
-def _less(damping: float) -> float:
-    """Return the damping for the step after a successful one."""
-    return damping / 10 if damping > 1e-8 else 0.0
 
 
 def _n_unknowns(problem: Problem[S]) -> int:

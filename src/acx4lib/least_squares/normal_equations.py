@@ -17,6 +17,9 @@ from acx4lib.least_squares.dense import Dense, Inverse
 CHUNK = 256
 """Points eliminated at a time; bounds the memory of the dense strips."""
 
+ROUNDING = 1e-14
+"""Singular value, as a share of the largest, below which there are only rounding errors."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equations:
@@ -132,6 +135,17 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
     return N, g
 
 
+def dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
+    """Return A, shape (n_rows, n), and v over all groups, divided by their standard deviations."""
+    A, v = [np.zeros((0, n))], [np.zeros(0)]
+    for e in equations:
+        rows = np.zeros((*e.v.shape, n + 1))
+        np.put_along_axis(rows, np.broadcast_to(e.columns[e.unit][:, None], e.A.shape), e.A, axis=2)
+        A.append((rows[:, :, :n] / e.sigma[:, :, None]).reshape(-1, n))
+        v.append((e.v / e.sigma).ravel())
+    return np.concatenate(A), np.concatenate(v)
+
+
 def units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
     """Yield each unit's rows, its free columns in the reduced system, and which are held."""
     if e.A.shape[2] == 0:
@@ -210,12 +224,24 @@ class PlainNormals:
     equations : sequence of Equations
     damping : float
         Added to the diagonal, as a share of it.
+    least : ndarray, shape (n_columns,), or float
+        Least diagonal of the columns for damping.
     """
 
     n_columns: int
     free_points: Mask
     equations: Sequence[Equations]
     damping: float = 0.0
+    least: Array | float = 0.0
+
+    @cached_property
+    def _columns(self) -> tuple[Array, Array]:
+        return column_normals(self.n_columns, self.equations)
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """The diagonal of the columns that is damped, shape (n_columns,)."""
+        return np.maximum(self._columns[0].diagonal(), self.least)
 
     @cached_property
     def cost(self) -> float:
@@ -230,10 +256,12 @@ class PlainNormals:
     def step(self) -> tuple[Array, Array, float]:
         """Return the step of columns and points and the decrease of cost that it predicts."""
         n, free_points = self.n_columns, self.free_points
-        N, g = column_normals(n, self.equations)
+        if not free_points.any():
+            dx, decrement = self._orthogonal_step()
+            return dx, np.zeros((len(free_points), 3)), decrement
+        N, g = (part.copy() for part in self._columns)
         V, h = point_normals(free_points, self.equations)
-        diagonal = N.diagonal().copy()
-        N[np.diag_indices_from(N)] += self.damping * diagonal
+        N[np.diag_indices_from(N)] += self.damping * self.diagonal
         V = V + self.damping * (V * np.eye(3))
         V_inv = np.linalg.inv(V)
         for points, strip in strips(n, free_points, self.equations):
@@ -241,7 +269,7 @@ class PlainNormals:
             Z = (L_inv @ strip).reshape(3 * len(strip), -1)
             N -= Z.T @ Z
             g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
-        dx = -Dense(N=N, diagonal=diagonal).solve(g)
+        dx = -Dense(N=N, diagonal=self._columns[0].diagonal()).solve(g)
         cross = np.zeros_like(h)
         for e in self.equations:
             if e.B is not None and e.point is not None and e.A.shape[2]:
@@ -252,6 +280,17 @@ class PlainNormals:
         # the gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
         decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
         return dx, dp, decrement
+
+    def _orthogonal_step(self) -> tuple[Array, float]:
+        """Return the step without points, by singular values: normal equations square them."""
+        A, v = dense_rows(self.n_columns, self.equations)
+        N, g = self._columns
+        scale = 1 / np.sqrt(np.where(N.diagonal() > 0, N.diagonal(), 1.0))
+        damped = np.diag(np.sqrt(self.damping * self.diagonal))
+        both = np.vstack([A, damped]) * scale
+        right = -np.concatenate([v, np.zeros(self.n_columns)])
+        dx = scale * np.linalg.lstsq(both, right, rcond=ROUNDING)[0]
+        return dx, -float(g @ dx)
 
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.gross_errors.limits import Stopped
+from acx4lib.bundle.gross_errors.limits import Stopped, sentence
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
 from acx4lib.calibration import gnss_shift, rig
@@ -148,7 +148,7 @@ def of_bundle(
 def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     """Return the entries of summary.json on groups of which nothing was rejected."""
     return {
-        "stopped": [f"{key}: {group.sentence}" for group in stopped],
+        "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
     }
 

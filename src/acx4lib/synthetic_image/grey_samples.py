@@ -52,10 +52,6 @@ class Samples:
     dark: Mask
 
 
-NEARLY_SATURATED = 0.98
-"""Part of the saturated grey value from which patches are left out: compression blurs the limit."""
-
-
 def corner_share(camera: Camera, colrow: Array) -> Array:
     """Return q, the squared distance from the middle of the image divided by the corner's.
 
@@ -179,8 +175,7 @@ def _patches(
         weight = np.abs(1 - across - part[..., 0]) * np.abs(1 - down - part[..., 1])
         mean += np.einsum("npb,np->nb", values, weight, dtype=np.float64)
         peak = np.maximum(peak, values.max(axis=1))
-    saturated = peak >= NEARLY_SATURATED * _saturation(values)
-    return _Patches(colrow=here, mean=mean / patch**2, saturated=saturated)
+    return _Patches(colrow=here, mean=mean / patch**2, saturated=peak >= _saturation(values))
 
 
 def _saturation(values: Image) -> Array:

@@ -212,17 +212,15 @@ def fit_response(
 
 
 def _reach(samples: Sequence[grey_samples.Samples], n_heads: int) -> Array:
-    """Return the limits of q to which samples tell the response, shape (n_heads, 2)."""
+    """Return the limits of q to which samples of any band tell the response, (n_heads, 2)."""
     out = np.tile([-np.inf, np.inf], (n_heads, 1))
     for k in range(n_heads):
         sides = [(s.head_a, s.q_a, s) for s in samples] + [(s.head_b, s.q_b, s) for s in samples]
-        own = [(q, np.isfinite(s.log_ratio)) for head, q, s in sides if head == k]
-        for band in range(own[0][1].shape[1] if own else 0):
-            seen = np.sort(np.concatenate([q[good[:, band]] for q, good in own]))
-            if len(seen) >= 2 * PER_CELL:
-                low, high = seen[PER_CELL - 1] - BEYOND, seen[-PER_CELL] + BEYOND
-                out[k] = max(out[k, 0], low), min(out[k, 1], high)
-    # where only the image ends, so that nothing is cut at its outermost pixels
+        own = [q[np.isfinite(s.log_ratio).any(axis=1)] for head, q, s in sides if head == k]
+        seen = np.sort(np.concatenate([*own, []]))
+        if len(seen) >= 2 * PER_CELL:
+            out[k] = seen[PER_CELL - 1] - BEYOND, seen[-PER_CELL] + BEYOND
+    # no limit where only the image ends, so that nothing is cut at its outermost pixels
     return np.where([out[:, 0] > 0, out[:, 1] < 1], out.T, [[-np.inf], [np.inf]]).T
 
 

@@ -11,6 +11,7 @@ one that all heads share; it remains.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,28 +22,25 @@ from acx4lib.bundle.start.robust import HUBER_WIDTH, SUSPECT, sizes, spread
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotation_from_opk
+from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
+from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
-from acx4lib.tie_points.differences import sides, synthetic_from_head_jacobian, tie_differences
+from acx4lib.tie_points.differences import PER_HEAD, by_pair, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
 
-PER_HEAD = 6 + len(INTERIOR)
-"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
-
-STEPS = 30
-"""Largest number of steps with one loss."""
-
-SETTLED_MM, NEARLY_MM = 1e-9, 1e-5
-"""Step in the image that ends the adjustment (2e-7 px), and a loss of its robust phase."""
+STEPS, NEARLY_MM = 30, 5e-6
+"""Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
 
 TUKEY_WIDTH = 5.0
 """In spreads; with normally distributed errors in two coordinates, efficiency is 95 %."""
+
+Loss = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,15 +119,12 @@ def refine_by_rotations(
     now = orientation
     for factors in (_huber, _tukey):
         columns = _columns(orientation, ties[used], FREE[free])
-        now, _ = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
+        now = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
     u = _in_spreads(tie_differences(now, ties[used]), sigma[used])
     used[used] = u <= SUSPECT
     columns = _columns(orientation, ties[used], FREE[free])
-    good = ties[used], sigma[used]
-    now, last_mm = _settled(now, *good, columns=columns, factors=np.ones_like, enough_mm=SETTLED_MM)
-    if not last_mm < SETTLED_MM:
-        msg = f"the heads do not come to rest: their last step was {last_mm:.1g} mm in the image"
-        raise AdjustmentError(msg)
+    with suppress(AdjustmentError):  # `_refined` says what tie points do not determine
+        now, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), now)
     return _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
 
 
@@ -198,15 +193,10 @@ def _settled(
     sigma: Array,
     *,
     columns: Index,
-    factors: Callable[[Array], Array],
-    enough_mm: float = NEARLY_MM,
-) -> tuple[RelativeOrientation, float]:
-    """Return the orientation after reweighted steps, and the last step's size in the image, mm.
-
-    The weights follow from the differences.
-    """
-    f = orientation.heads[0].interior.f
-    last_mm = np.inf
+    factors: Loss,
+) -> RelativeOrientation:
+    """Return the orientation after reweighted steps; the weights follow from the differences."""
+    in_mm = np.repeat([1.0, orientation.heads[0].interior.f], 3)
     for _ in range(STEPS):
         u = _in_spreads(tie_differences(orientation, ties), sigma)
         N, h = _normals(orientation, ties, factors(u) / sigma**2)
@@ -214,10 +204,50 @@ def _settled(
         dx = np.zeros(len(h))
         dx[columns] = -system.solve(h[columns])
         orientation = _moved(orientation, dx.reshape(-1, PER_HEAD))
-        last_mm = float(np.max(np.abs(dx.reshape(-1, PER_HEAD)[:, :6] * [1, 1, 1, f, f, f])))
-        if last_mm < enough_mm:
+        if np.max(np.abs(dx.reshape(-1, PER_HEAD)[:, :6] * in_mm)) < NEARLY_MM:
             break
-    return orientation, last_mm
+    return orientation
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlaps:
+    """Differences with their sigma, mm, as a problem for `adjustment.solve`: no points."""
+
+    ties: TiePoints
+    sigma: Array
+    columns: Index
+    n_points: int = 0
+
+    @property
+    def n_columns(self) -> int:
+        return len(self.columns)
+
+    @property
+    def free_points(self) -> Mask:
+        return np.zeros(0, dtype=np.bool_)
+
+    def column_names(self) -> list[str]:
+        return [f"head {k // PER_HEAD + 1}, unknown {k % PER_HEAD + 1}" for k in self.columns]
+
+    def equations(self, state: RelativeOrientation) -> list[Equations]:
+        place, d = np.full(PER_HEAD * len(state.heads), -1), tie_differences(state, self.ties)
+        place[self.columns] = np.arange(len(self.columns))
+        return [
+            Equations(
+                kind="tie_point",
+                v=d[own],
+                sigma=np.repeat(self.sigma[own, None], 2, axis=1),
+                A=J,
+                columns=place[at][None],
+                unit=np.zeros(len(own), dtype=np.intp),
+            )
+            for own, at, J in by_pair(state, self.ties)
+        ]
+
+    def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
+        step = np.zeros((len(state.heads), PER_HEAD))
+        step.flat[self.columns] = dx
+        return _moved(state, step)
 
 
 def _moved(orientation: RelativeOrientation, dx: Array) -> RelativeOrientation:
@@ -231,13 +261,9 @@ def _normals(
     """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
     n = PER_HEAD * len(orientation.heads)
     d, N, h = tie_differences(orientation, ties), np.zeros((n, n)), np.zeros(n)
-    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
-        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
-        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
-        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
-        J = np.concatenate([-by_a, by_b], axis=2).reshape(2 * len(own), -1)
+    for own, at, by_both in by_pair(orientation, ties):
+        J = by_both.reshape(2 * len(own), -1)
         PJ = np.repeat(weight[own], 2)[:, None] * J
-        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
         N[np.ix_(at, at)] += PJ.T @ J
         h[at] += PJ.T @ d[own].ravel()
     return N, h
@@ -267,8 +293,8 @@ def _refined(
             "several, well apart"
         )
         raise AdjustmentError(msg)
-    d = tie_differences(now, ties[used])
-    sigma0_sq = float(np.sum(d**2 / sigma[used, None] ** 2)) / redundancy
+    u = tie_differences(now, ties[used]) / sigma[used, None]
+    sigma0_sq = float(np.sum(u**2)) / redundancy
     cov, cov_change = _covariances(start, now, N, columns, sigma0_sq * inverse.dense)
     tied = _tied(start, ties[used])
     others = np.setdiff1d(np.arange(len(start.heads)), tied)

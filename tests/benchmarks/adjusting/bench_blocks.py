@@ -165,7 +165,8 @@ def network(made: Made, *, seed: int = 2) -> Network:
     rng = np.random.default_rng(seed)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m
-    return replace(ready, start=replace(ready.start, x_m=x_m))
+    # the cost functions for Ceres correct the points as they were measured
+    return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
 
 
 def _fly(strips: tuple[Strip, ...], rng: np.random.Generator) -> Pose:

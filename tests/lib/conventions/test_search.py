@@ -11,9 +11,9 @@ import pytest
 from acx4lib.conventions.search import Found, best_reading, notes
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
-from support.flights import planted
+from support.flights import planted, sized
 
-VARIANTS = list(product(planted.DESIGNS, ("small", "medium"), planted.FORMS))
+VARIANTS = list(product(sized.DESIGNS, ("small", "medium"), sized.FORMS))
 
 
 def cases():
@@ -38,7 +38,7 @@ def said(folder):
 @pytest.mark.parametrize(("name", "design", "size", "form"), list(cases()))
 def test_a_planted_mistake_is_named(tmp_path, name, design, size, form):
     mistake = planted.MISTAKES[name]
-    flight = planted.clean(design, form, size)
+    flight = sized.clean(design, form, size)
     message = said(planted.write(flight, tmp_path / "flight", mistake))
     assert planted.is_right(mistake, form, message), message
 
@@ -46,15 +46,15 @@ def test_a_planted_mistake_is_named(tmp_path, name, design, size, form):
 @pytest.mark.parametrize(("design", "size", "form"), VARIANTS)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_clean_flight_gets_no_sentence(tmp_path, design, size, form, seed):
-    flight = planted.clean(design, form, size, seed=seed)
+    flight = sized.clean(design, form, size, seed=seed)
     assert said(planted.write(flight, tmp_path / "flight")) == ""
 
 
 @pytest.mark.parametrize("name", ["sign of roll", "gon", "the next row", "row from the bottom"])
-@pytest.mark.parametrize("form", planted.FORMS)
+@pytest.mark.parametrize("form", sized.FORMS)
 def test_tie_points_are_enough(tmp_path, name, form):
     mistake = planted.MISTAKES[name]
-    flight = planted.clean("single-head", form, "small")
+    flight = sized.clean("single-head", form, "small")
     for folder, planted_in in (("right", None), ("wrong", mistake)):
         planted.write(flight, tmp_path / folder, planted_in)
         control = pd.read_csv(tmp_path / folder / "control_points.csv")
@@ -65,7 +65,7 @@ def test_tie_points_are_enough(tmp_path, name, form):
 
 def test_too_few_exposures_say_nothing(tmp_path):
     folder = planted.write(
-        planted.clean("single-head", "geodetic", "small"),
+        sized.clean("single-head", "geodetic", "small"),
         tmp_path / "flight",
         planted.MISTAKES["sign of roll"],
     )
@@ -80,7 +80,7 @@ def test_too_few_exposures_say_nothing(tmp_path):
 
 def test_gross_errors_do_not_hide_a_sign(tmp_path):
     folder = planted.write(
-        planted.clean("single-head", "geodetic", "medium"),
+        sized.clean("single-head", "geodetic", "medium"),
         tmp_path / "flight",
         planted.MISTAKES["sign of pitch"],
     )
@@ -92,7 +92,7 @@ def test_gross_errors_do_not_hide_a_sign(tmp_path):
 
 
 def test_a_block_that_is_not_there_is_named(tmp_path):
-    flight = read(planted.write(planted.clean("single-head", "grid", "small"), tmp_path / "f"))
+    flight = read(planted.write(sized.clean("single-head", "grid", "small"), tmp_path / "f"))
     with pytest.raises(FlightError, match="no block heads"):
         best_reading(flight, "heads")
 

@@ -7,11 +7,11 @@ import numpy as np
 from acx4lib.conventions.sightings import MOST_IMAGES, MOST_MEASUREMENTS, sightings
 from acx4lib.flight.block import select_images
 from acx4lib.flight.reader import read
-from support.flights import planted
+from support.flights import planted, sized
 
 
 def block_of(tmp_path, size):
-    flight = planted.clean("single-head", "grid", size)
+    flight = sized.clean("single-head", "grid", size)
     return read(planted.write(flight, tmp_path / "flight")).calibration
 
 

@@ -240,6 +240,25 @@ REPLACED = [
     (
         TOML,
         "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = [0.1, 0.1]",
+        ":15: cameras.CAM.lever_sigma_m: [0.1, 0.1]; must be a number or a list of three",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nlever_sigma_m = 0",
+        ":15: cameras.CAM.lever_sigma_m: 0; must be positive, at most 1e6",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_sigma_m = 0.1",
+        ":14: cameras.CAM.lever_sigma_m: sigma of nothing; needs the values it is of: lever_x_m, "
+        "lever_y_m, lever_z_m",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
         "[apriori]\nheading_deg = 0",
         ":15: apriori.heading_deg: 0; must be positive, at most 1e6",
     ),

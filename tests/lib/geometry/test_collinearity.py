@@ -77,10 +77,9 @@ def test_projection_is_opencvs_for_a_pinhole_camera(T, x_c):
         [0.0, f_px, 3349.5 + 0.08 / 0.006],  # y up is row down
         [0.0, 0.0, 1.0],
     ]
-    rvec, _ = cv2.Rodrigues(turned)
-    expected, _ = cv2.projectPoints(x_m, rvec, -turned @ T.r[0], np.array(K), None)
+    # the rotation as a matrix: the rotation vector of a near half turn costs some digits
+    expected, _ = cv2.projectPoints(x_m, turned, -turned @ T.r[0], np.array(K), None)
     found = collinearity.project(camera, repeated(T, len(x_m)), x_m)
-    # the rotation vector of a near half turn costs some digits
     assert_allclose(found, expected[:, 0], atol=1e-6)
 
 
@@ -133,12 +132,12 @@ def test_residuals_are_estimated_less_observed_pixels():
 
 @given(interior=interiors(), T=poses(), x_c=visible_points(2))
 def test_residuals_lead_from_the_measured_to_the_projected_point(interior, T, x_c):
-    """Twenty pixels, squared twice by Newton's method, leave nothing."""
+    """One step of Newton's method from two pixels off: the next would be 3 k1 x v^2, 1e-5 px."""
     camera = replace(CAMERA, interior=interior)
     x_m = from_camera(T, x_c)
     projected = collinearity.project(camera, repeated(T, 2), x_m)
-    v = collinearity.image_residuals(seen(T, projected + np.array([16.0, -12.0]), (camera,)), x_m)
-    assert_allclose(v, np.tile([-16.0, 12.0], (2, 1)), atol=1e-6)
+    v = collinearity.image_residuals(seen(T, projected + np.array([1.6, -1.2]), (camera,)), x_m)
+    assert_allclose(v, np.tile([-1.6, 1.2], (2, 1)), atol=1e-4)
 
 
 def test_at_the_measured_point_residuals_are_projected_minus_corrected_points():
@@ -267,7 +266,7 @@ def test_image_derivatives(distortion_at, interior, T, x_c):
     """The whole chain, in pixels, by everything that it depends on."""
     camera = replace(CAMERA, interior=interior)
     x_m = from_camera(T, x_c)
-    colrow = collinearity.project(camera, repeated(T, 2), x_m) + np.array([3.0, -2.0])
+    colrow = collinearity.project(camera, repeated(T, 2), x_m) + np.array([0.6, -0.4])
 
     def residuals(values=None, step=None, by=None):
         changed = camera if values is None else camera.with_interior(Interior.from_array(values))
@@ -282,8 +281,9 @@ def test_image_derivatives(distortion_at, interior, T, x_c):
     assert_allclose(v, residuals(), atol=PIXELS)
     steps = np.array([1e-2, 1e-2, 1e-2, 1e-9, 1e-12, 1e-15, 1e-7, 1e-7, 1e-4])
     numeric = numeric_jacobian(lambda x: residuals(values=x), interior.to_array(), step=steps)
-    # the point between two of Newton's steps is 1e-7 of its radius from the adjusted one
-    close(by_interior, numeric, rounding=PIXELS / steps + 1e-6 * np.abs(numeric).max(axis=(0, 1)))
+    # 21 (v/r)^2 of the column of k3 is the change of its derivative that is left out
+    second = 1e-5 * np.abs(numeric).max(axis=(0, 1)) if distortion_at == "adjusted" else 0.0
+    close(by_interior, numeric, rounding=PIXELS / steps + second)
     steps = np.array([1e-2] * 3 + [1e-5] * 3)
     close(
         by_pose,

@@ -315,11 +315,12 @@ def test_far_from_saturation_grey_values_are_divided_by_the_response():
 
 def test_beyond_its_reach_a_response_is_that_of_the_limit():
     limited = Response(coefficients=np.array([[[0.0, 0.0, 1.0]]]), reach=np.array([[0.2, 0.5]]))
-    plan = replace(identity(41, 41), response=limited)
-    out = render(plan, [np.full((41, 41, 1), 20000, np.uint16)])[..., 0].astype(float)
-    assert_allclose(out[20, 20], 20000 * np.exp(-0.04), atol=1)
+    plan = replace(identity(161, 161), response=limited)
+    out = render(plan, [np.full((161, 161, 1), 20000, np.uint16)])[..., 0]
+    assert_allclose(out[80, 80], 20000 * np.exp(-0.04), atol=1)
     assert_allclose(out[0, 0], 20000 * np.exp(-0.25), atol=1)
-    assert_allclose(out[20, 4], 20000 * np.exp(-((2 * 16**2 / 41**2 / 1) ** 2)), rtol=0.01)
+    q = 4 * 64**2 / (2 * 161**2)  # at a node, 64 px from the middle
+    assert_allclose(out[80, 16], 20000 * np.exp(-(q**2)), rtol=1e-4)
 
 
 # --- stripes, threads, memory --------------------------------------------------------------------

@@ -178,12 +178,12 @@ def test_saturated_samples_are_left_out_and_counted(level):
 def test_a_compressed_sky_that_is_partly_saturated_does_no_harm(quality):
     """Compression makes 250 to 255 of what was saturated, in both heads whatever they lose."""
     images = pictures(
-        known(), rng=np.random.default_rng(5), dtype=np.uint8, noise=0.1, scale=170 / 12000
+        known(), rng=np.random.default_rng(5), dtype=np.uint8, noise=0.1, scale=200 / 12000
     )
     found = estimate([taken.compressed(image, quality) for image in images])
     large = [o for o in found.overlaps if (o.head_a + o.head_b) % 2]  # neighbours
-    assert all(np.all(o.n_saturated > 50) for o in large)
-    assert curve_error(found.response, known()) < 0.02
+    assert all(np.all(o.n_saturated > 500) for o in large)
+    assert curve_error(found.response, known()) < 0.01
 
 
 def test_beyond_the_samples_a_response_goes_on_as_it_was_for_all_bands():

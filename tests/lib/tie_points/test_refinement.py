@@ -114,6 +114,16 @@ def test_six_parameters_bring_back_places_too(exact):
     assert_allclose(refined.xyz_mm, ORIENTATION.xyz_mm, atol=1e-7)  # mm
 
 
+@pytest.mark.parametrize("free", ["rotations", "six"])
+def test_the_overlaps_are_at_their_minimum_though_no_orientation_fits_them(noisy, free):
+    """Wrong interior orientations leave residuals; once more moves 1e-3 px at most."""
+    wrong = with_wrong_interiors(ORIENTATION, rng=np.random.default_rng(6))
+    once = refine_by_rotations(wrong, noisy, free=free).orientation
+    again = refine_by_rotations(once, noisy, free=free).orientation
+    assert_allclose(again.xyz_mm, once.xyz_mm, atol=1e-3 * PIXEL)
+    assert_allclose(again.opk, once.opk, atol=1e-3 * PIXEL / 74.0)
+
+
 def test_a_rotation_that_all_heads_share_stays(exact):
     """About the perspective centres, nearly one point: the overlaps do not show it."""
     together = Rotation.from_euler("xyz", [20.0, -30.0, 40.0], degrees=True) ** 1e-4

@@ -10,6 +10,7 @@ from acx4book.chapters.mounting import variants as mounting_experiments
 from acx4lib.bundle import adjust, observations, unknowns, uses, variance_components
 from acx4lib.bundle.gross_errors import data_snooping
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
+from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import block
 from acx4lib.geometry import camera
@@ -101,6 +102,10 @@ def adjusted() -> list[Wrong]:
             "block: expected a Block, got a SimulatedFlight",
         ),
         Wrong(lambda: mounting.two_step(None, free=FREE), "block: expected a Block, got None"),
+        Wrong(
+            lambda: search.best_reading(flown(), "calibration"),
+            "flight: expected a Flight, got a SimulatedFlight",
+        ),
         Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
             lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),

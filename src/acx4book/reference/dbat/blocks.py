@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +85,9 @@ def _adjusted(
     is_check = np.isin(surveyed.point, CHECK_POINTS)
     origin = surveyed.x.mean(axis=0).round(-2)
     block = _block(camera, measured, names, surveyed=surveyed, is_check=is_check, origin=origin)
-    adjusted = adjust.adjust(uses.free_orientation(block, free=free))
+    network = uses.free_orientation(block, free=free)
+    # DBAT corrects the points as they were measured
+    adjusted = adjust.adjust(replace(network, distortion_at="measured"))
     return Project(
         bundle=adjusted,
         report=data.path(f"{folder}/reference_report.txt"),

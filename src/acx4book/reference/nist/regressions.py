@@ -139,7 +139,7 @@ def _compared(data: Dataset, start: int) -> pd.DataFrame:
     ours = np.full(2 * len(names) + 1, np.nan)
     try:
         state, solution = adjustment.solve(
-            problem, problem.start(start - 1), max_iterations=1000, tolerance=1e-9
+            problem, problem.start(start - 1), max_iterations=10_000, tolerance=1e-9
         )
     except AdjustmentError as error:
         outcome = str(error)

@@ -58,7 +58,7 @@ def _cores() -> int:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkNormals:
-    """The normal equations of a block at one state: `adjustment.Normals`.
+    """The normal equations of a block at one state: `problem.Normals`.
 
     Attributes
     ----------

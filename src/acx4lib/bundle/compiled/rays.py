@@ -97,47 +97,18 @@ def _appears_at(scene: Scene, i: int, p: int) -> float:
     return z - K * (dx * dx + dy * dy + dz * dz) / dz
 
 
-class Corrected(NamedTuple):
-    """An image point free of distortion, mm, and its symmetric derivatives by the measured one."""
-
-    x: float
-    y: float
-    xx: float
-    yy: float
-    xy: float
-
-
 @inlined
-def _corrected(interior: Array, camera: int, x: float, y: float) -> Corrected:
-    """Correct a point relative to the principal point, as `camera.correct` does."""
+def _by_point(interior: Array, camera: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return d(x)/dx, d(y)/dy and d(x)/dy = d(y)/dx of a corrected point, `camera.correct`."""
     k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
-    p1, p2 = interior[camera, 6], interior[camera, 7]
-    r2 = x * x + y * y
+    p1, p2, r2 = interior[camera, 6], interior[camera, 7], x * x + y * y
     left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
-    return Corrected(
-        x * left - p1 * (r2 + 2 * x * x) - 2 * p2 * x * y,
-        y * left - p2 * (r2 + 2 * y * y) - 2 * p1 * x * y,
+    return (
         left - x * x * slope - 6 * p1 * x - 2 * p2 * y,
         left - y * y * slope - 6 * p2 * y - 2 * p1 * x,
         -x * y * slope - 2 * p1 * y - 2 * p2 * x,
     )
-
-
-class ByMisclosure(NamedTuple):
-    """Derivatives of a residual, over its sigma, by projected minus corrected point."""
-
-    xx: float
-    xy: float
-    yx: float
-    yy: float
-
-
-@inlined
-def _put(M: Array, k: int, column: int, by: ByMisclosure, x: float, y: float) -> None:
-    """Fill a column of M[k] with the derivatives of a residual, given those of the misclosure."""
-    M[k, 0, column] = by.xx * x + by.xy * y
-    M[k, 1, column] = by.yx * x + by.yy * y
 
 
 @inlined
@@ -159,36 +130,38 @@ def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array
     camera, interior, w = scene.camera[i], scene.interior, rays.weight[q]
     f, xp, yp = interior[camera, 0], interior[camera, 1], interior[camera, 2]
     stretch = 1 + interior[camera, 8]
-    x_i, y_i = rays.xy[q, 0] * stretch - xp, rays.xy[q, 1] - yp
-    at = _corrected(interior, camera, x_i, y_i)
-    x, y, by = x_i, y_i, ByMisclosure(w, 0.0, 0.0, w)
-    if scene.adjusted:  # two steps of Newton's method, derivatives between them
-        ex, ey, d = -f * u - at.x, -f * v - at.y, at.xx * at.yy - at.xy * at.xy
-        x += (at.yy * ex - at.xy * ey) / d
-        y += (at.xx * ey - at.xy * ex) / d
-        at = _corrected(interior, camera, x, y)
-        d = w / (at.xx * at.yy - at.xy * at.xy)
-        by = ByMisclosure(at.yy * d / stretch, -at.xy * d / stretch, -at.xy * d, at.xx * d)
-    m, r2, x_raw = -f * down, x * x + y * y, (x + xp) / stretch
-    _put(J, k, 0, by, -m, 0.0)
-    _put(J, k, 1, by, 0.0, -m)
-    _put(J, k, 2, by, m * u, m * v)
-    _put(J, k, 3, by, -f * u * v, -f * (1 + v * v))
-    _put(J, k, 4, by, f * (1 + u * u), f * u * v)
-    _put(J, k, 5, by, -f * v, f * u)
-    _put(J, k, 6, by, -u, -v)
-    _put(J, k, 7, by, at.xx, at.xy)
-    _put(J, k, 8, by, at.xy, at.yy)
-    _put(J, k, 9, by, x * r2, y * r2)
-    _put(J, k, 10, by, x * r2 * r2, y * r2 * r2)
-    _put(J, k, 11, by, x * r2 * r2 * r2, y * r2 * r2 * r2)
-    _put(J, k, 12, by, r2 + 2 * x * x, 2 * x * y)
-    _put(J, k, 13, by, 2 * x * y, r2 + 2 * y * y)
-    _put(J, k, 14, by, -at.xx * x_raw, -at.xy * x_raw)
-    _put(J, k, 15, by, -f * u - at.x, -f * v - at.y)
-    J[k, 0, 15] += (x - x_i) * w / stretch
-    J[k, 1, 15] += (y - y_i) * w
-    _put(B, k, 0, by, m * (r00 - u * r02), m * (r01 - v * r02))
-    _put(B, k, 1, by, m * (r10 - u * r12), m * (r11 - v * r12))
-    _put(B, k, 2, by, m * (r20 - u * r22), m * (r21 - v * r22))
+    x, y = rays.xy[q, 0] * stretch - xp, rays.xy[q, 1] - yp
+    xx, yy, xy = _by_point(interior, camera, x, y)
+    k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
+    p1, p2, r2 = interior[camera, 6], interior[camera, 7], x * x + y * y
+    left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
+    ex = -f * u - x * left + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y
+    ey = -f * v - y * left + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
+    s, a, b, c, d = 1 / stretch, w, 0.0, 0.0, w  # of d(residual) / d(ideal point) / sigma
+    if scene.adjusted:
+        det = 1 / (xx * yy - xy * xy)
+        a, b, d = yy * det, -xy * det, xx * det
+        x, y = x + a * ex + b * ey, y + b * ex + d * ey
+        xx, yy, xy = _by_point(interior, camera, x, y)
+        a, b, c, d, r2 = a * w * s, b * w * s, b * w, d * w, x * x + y * y
+    # these are applied to ray and point
+    au, cu, ax, cx = a * u + b * v, c * u + d * v, a * x + b * y, c * x + d * y
+    by_xp_0, by_xp_1 = a * xx + b * xy, c * xx + d * xy
+    m, r4, x_raw = -f * down, r2 * r2, (x + xp) * s
+    J[k, 0, 0], J[k, 0, 1], J[k, 0, 2] = -m * a, -m * b, m * au
+    J[k, 1, 0], J[k, 1, 1], J[k, 1, 2] = -m * c, -m * d, m * cu
+    J[k, 0, 3], J[k, 0, 4], J[k, 0, 5] = -f * (b + v * au), f * (a + u * au), f * (b * u - a * v)
+    J[k, 1, 3], J[k, 1, 4], J[k, 1, 5] = -f * (d + v * cu), f * (c + u * cu), f * (d * u - c * v)
+    J[k, 0, 6], J[k, 0, 7], J[k, 0, 8] = -au, by_xp_0, a * xy + b * yy
+    J[k, 1, 6], J[k, 1, 7], J[k, 1, 8] = -cu, by_xp_1, c * xy + d * yy
+    J[k, 0, 9], J[k, 0, 10], J[k, 0, 11] = ax * r2, ax * r4, ax * r4 * r2
+    J[k, 1, 9], J[k, 1, 10], J[k, 1, 11] = cx * r2, cx * r4, cx * r4 * r2
+    J[k, 0, 12], J[k, 0, 13] = a * r2 + 2 * x * ax, b * r2 + 2 * y * ax
+    J[k, 1, 12], J[k, 1, 13] = c * r2 + 2 * x * cx, d * r2 + 2 * y * cx
+    J[k, 0, 14], J[k, 0, 15] = -by_xp_0 * x_raw, a * ex + b * ey
+    J[k, 1, 14], J[k, 1, 15] = -by_xp_1 * x_raw, c * ex + d * ey
+    a, b, c, d, au, cu = m * a, m * b, m * c, m * d, m * au, m * cu
+    B[k, 0, 0], B[k, 1, 0] = a * r00 + b * r01 - au * r02, c * r00 + d * r01 - cu * r02
+    B[k, 0, 1], B[k, 1, 1] = a * r10 + b * r11 - au * r12, c * r10 + d * r11 - cu * r12
+    B[k, 0, 2], B[k, 1, 2] = a * r20 + b * r21 - au * r22, c * r20 + d * r21 - cu * r22
     return True

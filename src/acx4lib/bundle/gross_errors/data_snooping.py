@@ -15,7 +15,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
-from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
+from acx4lib.bundle.gross_errors.limits import Stopped, sentence, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
 from acx4lib.bundle.gross_errors.single_tests import (
     Observations,
@@ -162,8 +162,7 @@ def _without(
     except AdjustmentError as error:
         if not stopped:
             raise
-        said = "; ".join(group.sentence for group in stopped)
-        raise AdjustmentError(f"{said}; with them, {error}") from error
+        raise AdjustmentError(f"{sentence(stopped)}; with them, {error}") from error
 
 
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:

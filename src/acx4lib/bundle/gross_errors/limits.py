@@ -21,9 +21,6 @@ ROWS = (10, 3)
 OF_IMAGE, OF_CAMERA = (3, 10), (5, 10)
 """Rays of one image: more than one in three; of one camera: more than one in five; at least 10."""
 
-SHOWN = 3
-"""Number of images that a sentence names."""
-
 NAMES = {"attitude": "attitudes", "gnss": "GNSS positions", "control_point": "control points"}
 
 COMPONENTS = {
@@ -42,7 +39,8 @@ class Stopped:
     kind : str
         One of `rejections.KINDS`.
     names : tuple of str
-        The images, or the one camera, whose rays they are; empty for other kinds.
+        The images, or the one camera, whose rays they are; empty for other kinds. Of several
+        images, the worst stands first, with its numbers.
     n_rejected : int
         What would have been rejected, of the group or of the first image.
     n : int
@@ -61,19 +59,20 @@ class Stopped:
     def group(self) -> str:
         """The group in words: ``attitudes (pitch)``, ``rays of image A1``."""
         if self.kind == "image_point":
-            others = f" and {len(self.names) - SHOWN} more" if len(self.names) > SHOWN else ""
-            return f"rays of {', '.join(self.names[:SHOWN])}{others}"
+            first, *others = self.names
+            more = f", and too many of {len(others)} other images" if others else ""
+            return f"rays of {first}{more}"
         by = f" ({', '.join(self.components)})" if self.components else ""
         return f"{NAMES[self.kind]}{by}"
 
-    @property
-    def sentence(self) -> str:
-        """What happened, in one sentence."""
-        each = " in the first" if len(self.names) > 1 else ""
-        return (
-            f"data snooping would reject {self.n_rejected} of {self.n} {self.group}{each}: a "
-            "systematic error or a wrong sigma, no single errors, so none of them is rejected"
-        )
+
+def sentence(stopped: Sequence[Stopped]) -> str:
+    """Return in one sentence which groups exceed the limits, and what that means."""
+    groups = "; ".join(f"{one.n_rejected} of {one.n} {one.group}" for one in stopped)
+    return (
+        f"data snooping would reject {groups}: a systematic error or a wrong sigma, no single "
+        "errors, so none of them is rejected"
+    )
 
 
 def too_many(n_rejected: int, n: int, limit: tuple[int, int] = ROWS) -> bool:
@@ -177,6 +176,7 @@ def _of_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> Iterat
             alone &= ~own
             yield _rays([f"camera {camera.name}"], n_rejected, n)
     bad = [i for i in np.flatnonzero(alone) if too_many(n_out[i], n_all[i], OF_IMAGE)]
+    bad.sort(key=lambda i: -n_out[i] / n_all[i])
     if bad:
         names = [f"image {block.images.names[i]}" for i in bad]
         yield _rays(names, int(n_out[bad[0]]), int(n_all[bad[0]]))

@@ -9,8 +9,8 @@ from support.reference_files import needs
 
 pytestmark = needs("nist-strd")
 
-NOT_FROM_START_1 = {"BoxBOD", "MGH10", "MGH17"}
-"""The first steps lead where exponentials vanish, and with them what parameters do."""
+NOT_FROM_START_1 = {"BoxBOD"}
+"""The first steps lead where its exponential vanishes; MINPACK does not get there, either."""
 
 DIGITS = 8
 """What is asked for; the certified values have eleven."""
@@ -42,6 +42,6 @@ def test_eight_digits_from_the_first_start_where_the_method_gets_there(table):
 def test_where_it_does_not_get_there_it_says_so(table):
     """A wrong minimum is never returned in silence: the parameters are open there."""
     own = table[(table["start"] == 1) & table["dataset"].isin(NOT_FROM_START_1)]
-    assert own["outcome"].str.startswith("not determined").all()
+    assert (own["outcome"] == "no step reduces the cost any more").all()
     others = table[~table.index.isin(own.index)]
     assert (others["outcome"] == regressions.CONVERGED).all()

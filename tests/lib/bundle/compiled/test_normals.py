@@ -11,6 +11,7 @@ from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
+from acx4lib.geometry.prior import Prior
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.banded import BandedInverse
 from acx4lib.least_squares.normal_equations import PlainNormals
@@ -39,6 +40,17 @@ def with_positions(block):
     return uses.free_orientation(block, free=("f", "xp"), positions=observed)
 
 
+def with_declared_mountings(block):
+    """One camera has a lever arm with sigma, another all; the others nothing."""
+    lever = Prior(declared=(True,) * 3 + (False,) * 3, sigma=(0.02, 0.03, 0.04) + (np.inf,) * 3)
+    everything = Prior(declared=(True,) * 6, sigma=(0.01, np.inf, 0.02, 1e-4, 2e-4, 3e-4))
+    priors = (lever, everything, *(Prior() for _ in block.cameras[2:]))
+    cameras = tuple(
+        replace(camera, prior=prior) for camera, prior in zip(block.cameras, priors, strict=True)
+    )
+    return uses.mounted_orientation(replace(block, cameras=cameras), free=ALL[:4])
+
+
 def with_held_control(block):
     sigma_m = block.control.sigma_m.copy()
     sigma_m[::3] = 0.0  # error-free
@@ -62,6 +74,7 @@ NETWORKS = {
     "a rig of four heads": lambda f: uses.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
     ),
+    "declared mountings of a rig": lambda f: with_declared_mountings(f.heads),
     "free exteriors": lambda f: uses.free_orientation(f.calibration, free=ALL[:3]),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),

@@ -60,12 +60,17 @@ def lacking(block, names):
 
 
 def assert_as_without(found, clean, names, block):
-    """Assert that a bundle is what it is without these points, and that they are named."""
+    """Assert that a bundle is what it is without these points, and that they are named.
+
+    Of a point with three rays these may go as well; that moves a head by 0.03 sigma.
+    """
     a, b = of_calibration(from_bundle(found)), of_calibration(from_bundle(clean))
     known = a.sigma > 0
-    np.testing.assert_allclose((a.values - b.values)[known] / a.sigma[known], 0, atol=0.02)
+    np.testing.assert_allclose((a.values - b.values)[known] / a.sigma[known], 0, atol=0.05)
     said = {point for kind, _, point in named(block, found.rejected) if kind == "control_point"}
     assert set(names) <= said
+    more = named(block, found.rejected) - named(block, clean.rejected)
+    assert {point for _, _, point in more} <= set(names)
 
 
 @pytest.mark.parametrize("rows", [[3], [3, 12]], ids=["one", "two"])

@@ -1,0 +1,133 @@
+"""Systematic mistakes, from the files of a flight to the words of a run and of its report."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import acx4sim
+from acx4lib import flight as flights
+from acx4lib.calibration.trust.confirmation import confirmations
+from acx4lib.results import folder
+from acx4lib.stages import mounting, order
+from support.flights.simulated import read_back
+from support.flights.spoilt import TOML, TRAJECTORY, change, replace
+
+SINGLE = "mounting/single_step"
+LEVER = "lever_x_m = {}\nlever_y_m = 0.09\nlever_z_m = -0.34\n"
+SPEED = 70.0
+
+
+def written(tmp_path, design="single-head", **options):
+    path = tmp_path / "flight"
+    options = acx4sim.Options(blocks=("calibration",), **options)
+    acx4sim.write(acx4sim.DESIGNS[design](seed=3, options=options), path)
+    return path
+
+
+def calibrated(path, tmp_path):
+    """Return the summary of the single step and what it rejected."""
+    mounting.run(flights.read(path), tmp_path / "results")
+    found = folder.read(tmp_path / "results")
+    rejected = found.rejected[found.rejected["method"] == "single_step"]
+    return found.summary[SINGLE], rejected
+
+
+def declare(path, lines):
+    replace(path, TOML, "mount_kappa_deg = 90.0", f"{lines}mount_kappa_deg = 90.0")
+
+
+@pytest.mark.parametrize(
+    ("design", "column", "component"),
+    [
+        ("single-head", "pitch_deg", "pitch"),
+        ("single-head", "roll_deg", "roll"),
+        ("acx4-ideal", "phi_deg", ""),
+        ("acx4-ideal", "omega_deg", ""),
+    ],
+)
+def test_a_wrong_sign_is_named_and_nothing_of_the_attitudes_is_rejected(
+    tmp_path, design, column, component
+):
+    path = written(tmp_path, design)
+    change(path, TRAJECTORY, lambda t: t.assign(**{column: -t[column]}))
+    entry, rejected = calibrated(path, tmp_path)
+    group, n_rejected, n = entry["stopped_groups"][0]
+    assert group.startswith("attitudes")
+    assert component in group
+    assert n_rejected > n / 2
+    assert not (rejected["kind"] == "attitude").any()
+    assert SINGLE in order.CONSISTENT  # so the run ends with status 1 and prints this line
+    (line,) = entry["stopped"]
+    assert f"would reject {n_rejected} of {n} {group}" in line
+    assert "with " in line.partition("none of them is rejected; ")[2]  # the reading that fits
+    assert entry["not_determined"] == []
+
+
+def _late(table, delay_s):
+    """Shift geographic positions along the flight, at a constant speed over ground."""
+    heading, lat = np.radians(table["heading_deg"]), np.radians(table["lat_deg"])
+    along_m = SPEED * delay_s
+    return table.assign(
+        lat_deg=table["lat_deg"] + along_m * np.cos(heading) / 111_200,
+        lon_deg=table["lon_deg"] + along_m * np.sin(heading) / (111_300 * np.cos(lat)),
+    )
+
+
+def test_a_late_clock_is_not_confirmed_by_a_surveyed_lever_arm(tmp_path):
+    path = written(tmp_path)
+    declare(path, LEVER.format(-0.12))
+    change(path, TRAJECTORY, lambda t: _late(t, 0.020))
+    entry, _ = calibrated(path, tmp_path)
+    assert entry["stopped"] == []
+    assert entry["sigma0_squared"] == pytest.approx(1.0, abs=0.06)  # nothing else would tell
+    (line,) = entry["not_confirmed"]
+    assert line.startswith(f"{SINGLE}: not confirmed: lever arm of CAM differs")
+    assert "ms off would look like this" in line
+    assert entry["declared"]["CAM/lever_arm"]["difference"][0] == pytest.approx(-1.4, abs=0.05)
+
+
+def test_true_for_grid_north_is_not_confirmed(tmp_path):
+    path = written(tmp_path)
+    convergence = -1.22
+    change(path, TRAJECTORY, lambda t: t.assign(heading_deg=t["heading_deg"] - convergence))
+    entry, _ = calibrated(path, tmp_path)
+    (line,) = entry["not_confirmed"]
+    assert "the meridian convergence, 1.2" in line
+    assert "is the heading read against true or grid north?" in line
+
+
+@pytest.mark.parametrize("sigma", ["", "lever_sigma_m = 0.05\n"])
+def test_a_lever_arm_declared_1_5_m_off_is_not_confirmed(tmp_path, sigma):
+    path = written(tmp_path)
+    declare(path, LEVER.format(1.38) + sigma)
+    entry, _ = calibrated(path, tmp_path)
+    (line,) = entry["not_confirmed"]
+    assert "lever arm of CAM differs from the declared one by (-1.5" in line
+    assert entry["declared"]["CAM/lever_arm"]["confirmed"] is False
+
+
+def test_a_clean_flight_with_everything_declared_says_nothing(tmp_path):
+    path = written(tmp_path)
+    right = LEVER.format(-0.124).replace("0.09", "0.086").replace("-0.34", "-0.342")
+    angles = "mount_omega_deg = 0.21\nmount_phi_deg = -0.32\nmount_sigma_deg = [0.05, 0.05, 0.2]\n"
+    declare(path, f"{right}lever_sigma_m = [0.02, 0.02, 0.03]\n{angles}")
+    entry, rejected = calibrated(path, tmp_path)
+    assert entry["stopped"] == entry["not_confirmed"] == []
+    assert all(part["confirmed"] for part in entry["declared"].values())
+    assert len(rejected) <= entry["expected_rejections"] + 3
+    kinds = pd.read_csv(tmp_path / "results" / "residuals.csv")["kind"]
+    assert (kinds == "lever_arm").sum() == 3
+    assert (kinds == "boresight").sum() == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("design", ["single-head", "acx4-ideal"])
+def test_clean_flights_raise_nothing(design):
+    """Fifteen flights of each design, with what flight.toml declares."""
+    for seed in range(100, 115):
+        options = acx4sim.Options(blocks=("calibration",))
+        flown = read_back(acx4sim.DESIGNS[design](seed=seed, options=options)).flight
+        stage = mounting.calibrate(flown)
+        bundle = stage.single_step.bundle
+        assert bundle.stopped == ()
+        assert all(not c.objection for c in confirmations(bundle))
