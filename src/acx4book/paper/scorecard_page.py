@@ -55,8 +55,8 @@ ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of thi
 IDEAL = (
     "Tables 3 and 4 are judged by the flight with an ideal synthetic camera, `acx4-ideal`. The "
     "column *chain* has the number of the closed chain, whose synthetic images are made of four "
-    "heads. It follows from these and was not tuned; {doc}`_executed/12-synthetic-cost` explains "
-    "where it differs."
+    "heads. But for the single step's $f$, for which the heads were chosen, it follows from these "
+    "and was not tuned; {doc}`_executed/12-synthetic-cost` explains where it differs."
 )
 """Where the numbers of Tables 3 and 4 come from, if there are two flights."""
 
@@ -100,8 +100,9 @@ def texts(
             "standing-out.md": "\n",
             "scorecard.md": _own_parameters(found),
         }
-    card = scorecard(found, flight) if ideal is None else beside_chain(found, flight, ideal)
-    judged = (found, flight) if ideal is None else ideal
+    card, judged = scorecard(found, flight), (found, flight)
+    if ideal is not None:
+        card, judged = beside_chain(card, scorecard(*ideal, tables=(3, 4))), ideal
     return {
         "roles.md": f"{WHY} {roles.sentence(card)}\n",
         "standing-out.md": _standing_out(card, *judged),
@@ -109,26 +110,24 @@ def texts(
     }
 
 
-def beside_chain(found: folder.Results, flight: Flight, ideal: Run) -> pd.DataFrame:
-    """Return the scorecard with Tables 3 and 4 of an ideal camera, and the closed chain beside.
+def beside_chain(card: pd.DataFrame, ideal: pd.DataFrame) -> pd.DataFrame:
+    """Put the closed chain's numbers beside those of an ideal camera.
 
     Parameters
     ----------
-    found, flight
-        Of the closed chain, which Tables 1 and 2 are judged by.
-    ideal : tuple of Results and Flight
-        Of the same flight with an ideal synthetic camera.
+    card, ideal : DataFrame
+        As `scorecard` returns them: the closed chain's with all tables, and some of the ideal
+        camera's, which replace the former.
 
     Returns
     -------
     DataFrame
-        As `scorecard` returns it, with a column chain: the closed chain's number.
+        With a column chain: the closed chain's number where the ideal camera's is judged.
     """
     keys = ["table", "quantity", "column"]
-    chain = scorecard(found, flight)[[*keys, "ours"]].rename(columns={"ours": "chain"})
-    of_heads = scorecard(found, flight, tables=(1, 2))
-    of_ideal = scorecard(*ideal, tables=(3, 4)).merge(chain, on=keys, how="left")
-    return pd.concat([of_heads, of_ideal], ignore_index=True)
+    chain = card[[*keys, "ours"]].rename(columns={"ours": "chain"})
+    others = card[~card["table"].isin(ideal["table"])]
+    return pd.concat([others, ideal.merge(chain, on=keys, how="left")], ignore_index=True)
 
 
 def _tables(card: pd.DataFrame) -> str:
