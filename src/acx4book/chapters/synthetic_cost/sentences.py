@@ -198,8 +198,8 @@ def recommendation(found: Study) -> str:
         f"{i}. {text}"
         for i, text in enumerate(
             (
-                "Map with the synthetic image. From heights between those of its calibration it costs "
-                f"at most {table['percent'].max():.1f} % of accuracy at check points.",
+                "Map with the synthetic image. From heights between those of its calibration it "
+                f"costs at most {table['percent'].max():.1f} % of accuracy at check points.",
                 "Keep the measurements in the heads, and calibrate them as a rig. Only the rig's "
                 "σ can be believed, and only its $\\chi^2$ test is one of the measurements.",
                 "Multiply the stated σ of a synthetic camera's parameters by "
