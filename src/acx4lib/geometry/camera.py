@@ -317,7 +317,7 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     unscale = np.array([1 / (1 + interior.b1), 1.0])
     xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
     for _ in range(steps):
-        step, error, valid = _newton(interior, xy, ideal)
+        step, error, valid = newton_step(interior, xy, ideal)
         misfit = np.abs(error).max(axis=-1, initial=0.0)
         if not np.any(misfit > 1e-13):
             break
@@ -326,16 +326,11 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     return np.where(((misfit < 1e-9) & valid)[:, None], xy, np.nan)
 
 
-def nearer(interior: Interior, xy: Array, ideal: Array) -> Array:
-    """Return measured points after one step of Newton's method to where `correct` is `ideal`.
+def newton_step(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Array, Mask]:
+    """Return Newton's step in `distort`, to be subtracted, the error before it, and the valid ones.
 
-    All arrays are as those of `distort`; NaN where the step is not defined.
+    Arrays as those of `distort`, `xy` as its result.
     """
-    return xy - _newton(interior, xy, ideal)[0]
-
-
-def _newton(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Array, Mask]:
-    """Return a step to be subtracted, the error before it, and where the model is valid."""
     error = correct(interior, xy) - ideal
     J = _by_reduced_point(interior, reduced(interior, xy))
     trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2

@@ -22,7 +22,7 @@ from acx4lib.geometry.camera import (
     correct_by_point,
     correct_jacobian,
     distort,
-    nearer,
+    newton_step,
     xy_from_colrow,
 )
 from acx4lib.geometry.frames import Pose, skew, transform
@@ -171,6 +171,9 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
 DISTORTION_AT = ("adjusted", "measured")
 """Points at which an adjustment evaluates Brown's correction: adjusted, or as measured."""
 
+NEAR_MM, MOST_STEPS = 0.01, 10
+"""The length of a step of Newton's method that is the last one, and the largest number of steps."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
@@ -259,13 +262,33 @@ def _misfit(
 ) -> tuple[Array, Array, Array]:
     """Return residuals in mm, where distortion is evaluated, and d(residual) / d(ideal).
 
-    One step of Newton's method leads from the measured to the adjusted point, but for 1e-6 px at
-    a residual of one pixel. Its derivatives by the coefficients are those at its end.
+    A point that has no image there is left with the correction at the measured point.
     """
+    error, by_ideal = ideal - correct(interior, xy), np.tile(np.eye(2), (len(xy), 1, 1))
     if seen.distortion_at == "measured":
-        return ideal - correct(interior, xy), xy, np.tile(np.eye(2), (len(xy), 1, 1))
-    adjusted = nearer(interior, xy, ideal)
-    return adjusted - xy, adjusted, np.linalg.inv(correct_by_point(interior, xy))
+        return error, xy, by_ideal
+    at, reached = _adjusted(interior, xy, ideal)
+    at = np.where(reached[:, None], at, xy)
+    by_ideal[reached] = np.linalg.inv(correct_by_point(interior, at[reached]))
+    return np.where(reached[:, None], at - xy, error), at, by_ideal
+
+
+def _adjusted(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Mask]:
+    """Return the image points at which the corrected point is `ideal`, and which were reached.
+
+    Newton's method from the measured points; for any measurement that is no gross error the first
+    step is the last, and leaves less than 1e-6 px.
+    """
+    adjusted, reached = xy.copy(), np.zeros(len(xy), dtype=np.bool_)
+    left = np.arange(len(xy))
+    for _ in range(MOST_STEPS):
+        step, _, valid = newton_step(interior, adjusted[left], ideal[left])
+        adjusted[left] -= step
+        reached[left] = valid & (np.sum(step**2, axis=1) < NEAR_MM**2)
+        left = left[valid & ~reached[left]]
+        if not len(left):
+            break
+    return adjusted, reached
 
 
 def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Array, Array]:

@@ -246,7 +246,13 @@ def largest_difference(net, state):
 
 def test_all_derivatives_agree_with_the_residuals(net, rng):
     # rounding of 1e-9 px over steps of 1e-3 px, and attitudes of 1e-16 rad over 1e-5
-    assert largest_difference(net, off(net, rng)) < 3e-6
+    measured = replace(net, distortion_at="measured")
+    assert largest_difference(measured, off(measured, rng)) < 3e-6
+
+
+def test_at_the_adjusted_point_derivatives_leave_out_how_the_last_step_curves(net, rng):
+    """Steps of up to 0.01 mm, times the curvature of distortion, which is some 1e-3 per mm."""
+    assert largest_difference(net, off(net, rng)) < 1e-4
 
 
 @pytest.mark.parametrize("setup", [uses.free_orientation, uses.mounted_orientation])

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from acx4lib.compiling import inlined
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.collinearity import MOST_STEPS, NEAR_MM
 from acx4lib.geometry.refraction import DENSITY, LAPSE, REFRACTIVITY
 
 INTERIOR, RESIDUAL = 6, 15
@@ -138,12 +139,29 @@ def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array
     ex = -f * u - x * left + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y
     ey = -f * v - y * left + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
     s, a, b, c, d = 1 / stretch, w, 0.0, 0.0, w  # of d(residual) / d(ideal point) / sigma
-    if scene.adjusted:
-        det = 1 / (xx * yy - xy * xy)
-        a, b, d = yy * det, -xy * det, xx * det
-        x, y = x + a * ex + b * ey, y + b * ex + d * ey
+    v0, v1, x_0, y_0, reached = w * ex, w * ey, x, y, False
+    for _ in range(MOST_STEPS if scene.adjusted else 0):  # `collinearity` has the same steps
+        det = xx * yy - xy * xy
+        if not (det > 0 and xx + yy > 0):
+            break
+        vx, vy = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
+        x, y = x + vx, y + vy
         xx, yy, xy = _by_point(interior, camera, x, y)
-        a, b, c, d, r2 = a * w * s, b * w * s, b * w, d * w, x * x + y * y
+        if vx * vx * s * s + vy * vy < NEAR_MM * NEAR_MM:
+            reached = True
+            break
+        r2 = x * x + y * y
+        left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
+        ex = -f * u - x * left + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y
+        ey = -f * v - y * left + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
+    if reached:
+        v0, v1 = w * s * (x - x_0), w * (y - y_0)
+        det = w / (xx * yy - xy * xy)
+        a, b, c, d = yy * det * s, -xy * det * s, -xy * det, xx * det
+    elif scene.adjusted:  # no image there: the correction at the measured point
+        x, y = x_0, y_0
+        xx, yy, xy = _by_point(interior, camera, x, y)
+    r2 = x * x + y * y
     # these are applied to ray and point
     au, cu, ax, cx = a * u + b * v, c * u + d * v, a * x + b * y, c * x + d * y
     by_xp_0, by_xp_1 = a * xx + b * xy, c * xx + d * xy
@@ -158,8 +176,8 @@ def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array
     J[k, 1, 9], J[k, 1, 10], J[k, 1, 11] = cx * r2, cx * r4, cx * r4 * r2
     J[k, 0, 12], J[k, 0, 13] = a * r2 + 2 * x * ax, b * r2 + 2 * y * ax
     J[k, 1, 12], J[k, 1, 13] = c * r2 + 2 * x * cx, d * r2 + 2 * y * cx
-    J[k, 0, 14], J[k, 0, 15] = -by_xp_0 * x_raw, a * ex + b * ey
-    J[k, 1, 14], J[k, 1, 15] = -by_xp_1 * x_raw, c * ex + d * ey
+    J[k, 0, 14], J[k, 0, 15] = -by_xp_0 * x_raw, v0
+    J[k, 1, 14], J[k, 1, 15] = -by_xp_1 * x_raw, v1
     a, b, c, d, au, cu = m * a, m * b, m * c, m * d, m * au, m * cu
     B[k, 0, 0], B[k, 1, 0] = a * r00 + b * r01 - au * r02, c * r00 + d * r01 - cu * r02
     B[k, 0, 1], B[k, 1, 1] = a * r10 + b * r11 - au * r12, c * r10 + d * r11 - cu * r12
