@@ -162,10 +162,10 @@ def _table(table: pd.DataFrame, caption: str, name: str) -> str:
 
 
 def _made(errors: Errors) -> str:
-    about = errors.about
+    about, seeds = errors.about, errors.parameters["seed"]
     return (
         f"Computed on {about['date']} at commit `{about['commit']}`: {errors.n_flights} flights of "
-        f"the design `{about['design']}`, seeds {about['first_seed']} to {about['last_seed']}; "
+        f"the design `{about['design']}`, seeds {seeds.min()} to {seeds.max()}; "
         f"{about['processor']}, {about['system']}, Python {about['versions']['python']}, numpy "
         f"{about['versions']['numpy']}."
     )
