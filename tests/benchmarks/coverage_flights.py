@@ -57,18 +57,15 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
+    studies = ((mountings, options.flights), (heads, options.flights), (pair, options.pairs))
     tables: Tables = {}
     with ProcessPoolExecutor(options.processes) as pool:
-        for study, n in (
-            (mountings, options.flights),
-            (heads, options.flights),
-            (pair, options.pairs),
-        ):
+        for study, n in studies:
             for found in _flown(pool, study, n):
                 for name, rows in found.items():
                     tables.setdefault(name, []).extend(rows)
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
-    about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
     write(options.out, tables, about)
 
 
