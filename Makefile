@@ -47,7 +47,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test fuzz mistakes notebooks book serve bench coverage reference-data reference-results clean
+.PHONY: help .venv lock check test fuzz mistakes notebooks book serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -104,6 +104,9 @@ bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for da
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
+
+chain: .venv/.stamp-test ## adjust 50 simulated flights with and without a synthetic image, for data/benchmarks
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.closed_chain
 
 # --- the notebooks on one flight -----------------------------------------------------------
 

@@ -50,20 +50,32 @@ def calibrated_heads(flight: Flight) -> RelativeOrientation:
 
 def chain(flight: Flight) -> Chain:
     """Calibrate the heads, carry the calibration block through them, and adjust it."""
-    orientation, synthetic = calibrated_heads(flight), flight.cameras["SYN"]
+    orientation = calibrated_heads(flight)
     refined = refine(flight, orientation, None).orientation
-    carried = carry(flight.calibration, refined, synthetic)
-    block = synthetic_block(flight.calibration, carried, synthetic)
-    step = mounting.single_step(block, free=flight.estimate_mounting)
-    return Chain(orientation=orientation, single_step=step)
+    return Chain(orientation=orientation, single_step=single_step(flight, refined))
+
+
+def single_step(flight: Flight, heads: RelativeOrientation) -> mounting.Mounting:
+    """Carry the calibration block through the heads, and adjust it."""
+    synthetic = flight.cameras["SYN"]
+    block = synthetic_block(
+        flight.calibration, carry(flight.calibration, heads, synthetic), synthetic
+    )
+    return mounting.single_step(block, free=flight.estimate_mounting)
 
 
 def exact_chain(heads: Mapping[str, Camera] = head_truth.HEADS) -> Chain:
     """Return the chain of exact data of seed 1, measured by heads of any truth."""
-    options = acx4sim.Options(blocks=("heads", "calibration"), **EXACT)
+    return chain(exact_flight(heads))
+
+
+def exact_flight(
+    heads: Mapping[str, Camera], blocks: tuple[str, ...] = ("heads", "calibration")
+) -> Flight:
+    """Return a flight of exact data of seed 1, measured by heads of any truth."""
     with true_heads(heads):
-        simulated = acx4sim.acx4(seed=1, options=options)
-    return chain(read_back(simulated).flight)
+        simulated = acx4sim.acx4(seed=1, options=acx4sim.Options(blocks=blocks, **EXACT))
+    return read_back(simulated).flight
 
 
 @contextmanager
@@ -112,11 +124,33 @@ def find(f_mm: float) -> dict[str, Camera]:
         found = exact_chain(heads)
         missing = missing_to_table_1(found.orientation)
         missing_f = f_mm - found.single_step.calibration.cameras[0].interior.f
-        largest = max(np.abs(change / SEEN).max() for change in missing.values())
-        sys.stdout.write(f"largest change {largest:.1e}, of f {missing_f:.1e} mm\n")
-        if largest < 2e-6 and abs(missing_f) < 1e-6:  # files hold pixels to a millionth
+        sys.stdout.write(f"largest change {largest(missing):.1e}, of f {missing_f:.1e} mm\n")
+        if largest(missing) < 2e-6 and abs(missing_f) < 1e-6:  # files hold pixels to a millionth
             break
         heads = {name: moved(heads[name], missing[name], f_mm=missing_f) for name in HEADS}
+    return heads
+
+
+def largest(missing: Mapping[str, np.ndarray]) -> float:
+    """Return the largest change that Table 1 asks for, in units of `SEEN`."""
+    return max(np.abs(change / SEEN).max() for change in missing.values())
+
+
+def fitted_to_table_1(f_1_mm: float) -> dict[str, Camera]:
+    """Return the heads that give Table 1 with head 1 of a focal length.
+
+    Parameters
+    ----------
+    f_1_mm : float
+        Within some tenths of a millimetre of that of `head_truth`.
+    """
+    scale = f_1_mm / head_truth.HEADS[HEADS[0]].f_mm
+    heads = {name: replace(head, f_mm=head.f_mm * scale) for name, head in head_truth.HEADS.items()}
+    for _ in range(6):
+        missing = missing_to_table_1(calibrated_heads(exact_flight(heads, ("heads",))))
+        if largest(missing) < 2e-5:
+            break
+        heads = {name: moved(heads[name], missing[name], f_mm=0.0) for name in HEADS}
     return heads
 
 

@@ -27,6 +27,7 @@ ROOMS = {
     "09": ["chapters.weights"],
     "10": ["chapters.image_quality", "chapters.synthetic_image"],
     "11": ["reference"],
+    "12": ["chapters.synthetic_cost"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""
 

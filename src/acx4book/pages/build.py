@@ -22,7 +22,7 @@ from acx4book.pages.benchmarks import bias, rendering, rendering_goals, sigma, s
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
-from acx4lib.flight.reader import read_kept
+from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
 from acx4lib.results.provenance import KEPT
@@ -38,8 +38,20 @@ ALWAYS = (
     "09-weights",
     "10-synthetic-quality",
     "11-surround-rig",
+    "12-synthetic-cost",
 )
 """Notebooks that are run for the book and not by ``acx4 run``."""
+
+
+OF_IDEAL = ("mounting", "validation")
+"""Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
+
+IDEAL = (
+    ":::{note}\nThis page is computed from the design `acx4-ideal`: the flight of the other pages, "
+    "but with synthetic images that one ideal camera took. What the images that are made of four "
+    "heads give instead stands beside the printed numbers in {doc}`12-synthetic-cost`.\n:::"
+)
+"""What such a page says under its introduction."""
 
 
 def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | None = None) -> None:
@@ -65,10 +77,10 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
-    write_notebooks(results_path, executed)
+    write_notebooks(results_path, executed, ideal_path)
     adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
-        *texts_of_run(flight_path, results_path),
+        *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
     ):
@@ -83,12 +95,17 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
 # --- notebooks -------------------------------------------------------------------------------
 
 
-def write_notebooks(results_path: Path, executed: Path) -> None:
-    """Write a page for every notebook: those of a run, and those of `ALWAYS`, run here."""
-    for name in runner.NOTEBOOKS.values():
-        done = results_path / "notebooks" / f"{name}.ipynb"
+def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None = None) -> None:
+    """Write a page for every notebook: those of a run, and those of `ALWAYS`, run here.
+
+    Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
+    """
+    for stage, name in runner.NOTEBOOKS.items():
+        of_ideal = ideal_path is not None and stage in OF_IDEAL
+        run = ideal_path if ideal_path is not None and of_ideal else results_path
+        done = run / "notebooks" / f"{name}.ipynb"
         if done.is_file():
-            fold(done, executed / done.name)
+            fold(done, executed / done.name, note=IDEAL if of_ideal else "")
         else:
             heading = title(runner.NOTEBOOKS_PATH / done.name)
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
@@ -101,9 +118,14 @@ def write_notebooks(results_path: Path, executed: Path) -> None:
         fold(executed / source.name, executed / source.name)
 
 
-def fold(executed: Path, page: Path) -> None:
-    """Write an executed notebook as a page: the code of a cell that shows something is folded."""
+def fold(executed: Path, page: Path, note: str = "") -> None:
+    """Write an executed notebook as a page: the code of a cell that shows something is folded.
+
+    A note stands under the first cell.
+    """
     notebook = _read(executed)
+    if note:
+        notebook.cells[0].source += f"\n\n{note}"
     for cell in notebook.cells:
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "code" and cell.outputs and "hide-input" not in tags:
@@ -130,15 +152,23 @@ def _silent(_done: int, _total: int) -> None:
 # --- texts and figures -----------------------------------------------------------------------
 
 
-def texts_of_run(flight_path: Path, results_path: Path) -> Iterator[tuple[str, str]]:
+def texts_of_run(
+    flight_path: Path, results_path: Path, ideal_path: Path | None = None
+) -> Iterator[tuple[str, str]]:
     """Yield names and texts: the scorecard, what the flight was given, and what was read."""
-    flown, found = read_kept(results_path / KEPT), results.read(results_path)
+    found, flown = _run(results_path)
+    ideal = None if ideal_path is None else _run(ideal_path)
     true = truth_path(flight_path)
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
-    yield from scorecard_page.texts(found, flown, simulated=truth is not None).items()
+    simulated = truth is not None
+    yield from scorecard_page.texts(found, flown, simulated=simulated, ideal=ideal).items()
     yield "simulation.md", simulation.page(flown, truth)
     yield "geometry.md", determination.geometry_page()
     yield "provenance.md", provenance.page(flight_path, results_path)
+
+
+def _run(results_path: Path) -> tuple[results.Results, Flight]:
+    return results.read(results_path), read_kept(results_path / KEPT)
 
 
 def texts_of_benchmarks(

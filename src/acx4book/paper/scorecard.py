@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,15 +38,19 @@ class Ours:
     sharing: float = 1.0
 
 
-def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
+def scorecard(
+    found: folder.Results, flight: Flight, *, tables: Collection[int] = (1, 2, 3, 4)
+) -> pd.DataFrame:
     """Return one row per printed number.
 
     Parameters
     ----------
     found : Results
-        Results of all stages.
+        Results of the stages behind the tables.
     flight : Flight
         A flight of the paper's design.
+    tables : collection of int
+        Which of the paper's.
 
     Returns
     -------
@@ -56,6 +60,8 @@ def scorecard(found: folder.Results, flight: Flight) -> pd.DataFrame:
     """
     rows = []
     for number, find in ((1, _table_1), (2, _table_2), (3, _table_3), (4, _table_4)):
+        if number not in tables:
+            continue
         for printed in map(as_printed_row, paper.table(number).to_dict("records")):
             ours = find(found, flight, printed.parameter, printed.column)
             rows.append(line(printed, "value", ours))

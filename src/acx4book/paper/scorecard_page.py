@@ -18,6 +18,9 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
 from acx4lib.results import folder
 
+Run = tuple[folder.Results, Flight]
+"""A run and its flight."""
+
 RULE = (
     "A number *agrees* where it differs from the printed one by at most two combined standard "
     "deviations, is *near* up to three, and *differs* beyond. Combined are the rounding of the "
@@ -49,6 +52,14 @@ OUR_SIGMA = (
 
 ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of this copy's run."
 
+IDEAL = (
+    "Tables 3 and 4 are judged by the flight with an ideal synthetic camera, `acx4-ideal`. The "
+    "column *chain* has the number of the closed chain, whose synthetic images are made of four "
+    "heads. But for the single step's $f$, for which the heads were chosen, it follows from these "
+    "and was not tuned; {doc}`_executed/12-synthetic-cost` explains where it differs."
+)
+"""Where the numbers of Tables 3 and 4 come from, if there are two flights."""
+
 MORE = (
     "Every number stands on the {doc}`scorecard`; {doc}`reproducibility` lists what was given and "
     "what was chosen."
@@ -61,7 +72,9 @@ WHY = (
 )
 
 
-def texts(found: folder.Results, flight: Flight, *, simulated: bool) -> dict[str, str]:
+def texts(
+    found: folder.Results, flight: Flight, *, simulated: bool, ideal: Run | None = None
+) -> dict[str, str]:
     """Return the texts on the printed numbers that pages include, by the names of their files.
 
     Parameters
@@ -72,6 +85,8 @@ def texts(found: folder.Results, flight: Flight, *, simulated: bool) -> dict[str
         instead.
     simulated : bool
         Whether the truth of the flight is known.
+    ideal : tuple of Results and Flight, optional
+        The same flight with an ideal synthetic camera: Tables 3 and 4 are judged by it.
 
     Returns
     -------
@@ -85,12 +100,34 @@ def texts(found: folder.Results, flight: Flight, *, simulated: bool) -> dict[str
             "standing-out.md": "\n",
             "scorecard.md": _own_parameters(found),
         }
-    card = scorecard(found, flight)
+    card, judged = scorecard(found, flight), (found, flight)
+    if ideal is not None:
+        card, judged = beside_chain(card, scorecard(*ideal, tables=(3, 4))), ideal
     return {
         "roles.md": f"{WHY} {roles.sentence(card)}\n",
-        "standing-out.md": _standing_out(card, found, flight),
+        "standing-out.md": _standing_out(card, *judged),
         "scorecard.md": _tables(card),
     }
+
+
+def beside_chain(card: pd.DataFrame, ideal: pd.DataFrame) -> pd.DataFrame:
+    """Put the closed chain's numbers beside those of an ideal camera.
+
+    Parameters
+    ----------
+    card, ideal : DataFrame
+        As `scorecard` returns them: the closed chain's with all tables, and some of the ideal
+        camera's, which replace the former.
+
+    Returns
+    -------
+    DataFrame
+        With a column chain: the closed chain's number where the ideal camera's is judged.
+    """
+    keys = ["table", "quantity", "column"]
+    chain = card[[*keys, "ours"]].rename(columns={"ours": "chain"})
+    others = card[~card["table"].isin(ideal["table"])]
+    return pd.concat([others, ideal.merge(chain, on=keys, how="left")], ignore_index=True)
 
 
 def _tables(card: pd.DataFrame) -> str:
@@ -98,7 +135,8 @@ def _tables(card: pd.DataFrame) -> str:
     counted = myst_table(counts(card), "The verdicts, by role", name="tab-verdicts")
     sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
     combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
-    parts = [ALL, roles.table(), counted, RULE, combined]
+    both = [IDEAL] if "chain" in card else []
+    parts = [ALL, *both, roles.table(), counted, RULE, combined]
     for number, lines in card.groupby("table"):
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
@@ -221,6 +259,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
         value_and_sigma(v, s) if s > 0 else f"{v:.4g}" if v % 1 else f"{v:.0f}"
         for v, s in zip(lines["ours"], lines["sigma"], strict=True)
     ]
+    chain = _chain(lines)
     return pd.DataFrame(
         {
             "quantity": [
@@ -230,6 +269,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
             "column": [_column_title(c) for c in lines["column"]],
             "printed": [_plain(v) for v in lines["printed"]],
             "ours": ours,
+            **chain,
             "off by": lines["deviation"],
             "role": lines["role"],
             "verdict": [
@@ -238,6 +278,13 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
             ],
         }
     )
+
+
+def _chain(lines: pd.DataFrame) -> dict[str, list[str]]:
+    """Return the column of the closed chain, to the digits of a printed value, where it is."""
+    if "chain" not in lines or lines["chain"].isna().all():
+        return {}
+    return {"chain": [_plain(float(f"{v:.6g}")) for v in lines["chain"]]}
 
 
 def _label(quantity: str) -> str:

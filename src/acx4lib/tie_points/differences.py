@@ -11,6 +11,7 @@ from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import (
+    INTERIOR,
     Camera,
     border_distance,
     correct,
@@ -20,6 +21,9 @@ from acx4lib.geometry.camera import (
 from acx4lib.geometry.frames import rotation_from_opk, skew, transform
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
 from acx4lib.tie_points.ties import TiePoints
+
+PER_HEAD = 6 + len(INTERIOR)
+"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
 
 # --- at tie points ---------------------------------------------------------------------------
 
@@ -79,6 +83,18 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
     by_interior = by_ray[:, :, :2] @ correct_jacobian(camera.interior, xy)
     by_interior[:, :, 0] -= by_ray[:, :, 2]  # the ray's third component is -f
     return np.concatenate([by_place, -by_ray @ skew(ray_h), by_interior], axis=2)
+
+
+def by_pair(
+    orientation: RelativeOrientation, ties: TiePoints
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
+    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
+        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
+        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
+        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
+        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
+        yield own, at, np.concatenate([-by_a, by_b], axis=2)
 
 
 # --- the whole frame -------------------------------------------------------------------------
@@ -151,15 +167,3 @@ def frame_differences(
         d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])
-
-
-def sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
-    """Return the standard deviation of a difference in one coordinate, shape (n,)."""
-    variance = np.zeros(len(ties))
-    for k, colrow, own, _ in sides(ties):
-        for step in 0.5 * np.eye(2):
-            ahead = synthetic_from_head(orientation, k, colrow + step)
-            behind = synthetic_from_head(orientation, k, colrow - step)
-            # mean of the two directions of the synthetic image
-            variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
-    return ties.sigma_px * np.sqrt(variance)

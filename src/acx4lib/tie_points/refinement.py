@@ -10,7 +10,7 @@ one that all heads share; it remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -22,24 +22,17 @@ from acx4lib.bundle.start.robust import HUBER_WIDTH, SUSPECT, sizes, spread
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotation_from_opk
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
-from acx4lib.tie_points.differences import (
-    sigma_mm,
-    synthetic_from_head_jacobian,
-    tie_differences,
-)
+from acx4lib.synthetic_image.frame import synthetic_from_head
+from acx4lib.tie_points.differences import PER_HEAD, by_pair, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
-
-PER_HEAD = 6 + len(INTERIOR)
-"""Number of parameters of a head: Xc, Yc, Zc, rotation, interior orientation."""
 
 STEPS, NEARLY_MM = 30, 5e-6
 """Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
@@ -121,7 +114,7 @@ def refine_by_rotations(
     """
     expected.one_of("free", free, FREE)
     check_ties(ties, orientation)
-    sigma = sigma_mm(orientation, ties)
+    sigma = _sigma_mm(orientation, ties)
     used: Mask = np.isfinite(sigma)
     now = orientation
     for factors in (_huber, _tukey):
@@ -133,6 +126,18 @@ def refine_by_rotations(
     with suppress(AdjustmentError):  # `_refined` says what tie points do not determine
         now, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), now)
     return _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
+
+
+def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
+    """Return the standard deviation of a difference in one coordinate, shape (n,)."""
+    variance = np.zeros(len(ties))
+    for k, colrow, own, _ in sides(ties):
+        for step in 0.5 * np.eye(2):
+            ahead = synthetic_from_head(orientation, k, colrow + step)
+            behind = synthetic_from_head(orientation, k, colrow - step)
+            # mean of the two directions of the synthetic image
+            variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
+    return ties.sigma_px * np.sqrt(variance)
 
 
 # --- what is unknown -------------------------------------------------------------------------
@@ -236,7 +241,7 @@ class _Overlaps:
                 columns=place[at][None],
                 unit=np.zeros(len(own), dtype=np.intp),
             )
-            for own, at, J in _by_pair(state, self.ties)
+            for own, at, J in by_pair(state, self.ties)
         ]
 
     def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
@@ -256,24 +261,12 @@ def _normals(
     """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
     n = PER_HEAD * len(orientation.heads)
     d, N, h = tie_differences(orientation, ties), np.zeros((n, n)), np.zeros(n)
-    for own, at, by_both in _by_pair(orientation, ties):
+    for own, at, by_both in by_pair(orientation, ties):
         J = by_both.reshape(2 * len(own), -1)
         PJ = np.repeat(weight[own], 2)[:, None] * J
         N[np.ix_(at, at)] += PJ.T @ J
         h[at] += PJ.T @ d[own].ravel()
     return N, h
-
-
-def _by_pair(
-    orientation: RelativeOrientation, ties: TiePoints
-) -> Iterator[tuple[Index, Index, Array]]:
-    """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
-    for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
-        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
-        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
-        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
-        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
-        yield own, at, np.concatenate([-by_a, by_b], axis=2)
 
 
 # --- quality ---------------------------------------------------------------------------------

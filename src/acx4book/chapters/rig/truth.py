@@ -25,10 +25,11 @@ def true_heads(flight: Flight, stage: RigStage) -> tuple[Camera, ...]:
     if not path.is_file():
         return ()
     told = json.loads(path.read_text("utf-8"))["cameras"]
-    return tuple(_true_head(camera, told[camera.name]) for camera in stage.block.cameras)
+    return tuple(true_head(camera, told[camera.name]) for camera in stage.block.cameras)
 
 
-def _true_head(camera: Camera, told: Mapping[str, Any]) -> Camera:
+def true_head(camera: Camera, told: Mapping[str, Any]) -> Camera:
+    """Return a camera with what the truth of a simulated flight says of it."""
     angles = [told[f"boresight_{angle}_deg"] for angle in ("omega", "phi", "kappa")]
     lens = {name: told[name] for name in ("k1", "k2", "k3", "p1", "p2")}
     return replace(

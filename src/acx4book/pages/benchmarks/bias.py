@@ -43,7 +43,9 @@ def biases(pairs: pd.DataFrame, distortion_at: str) -> pd.DataFrame:
 
 def page(pairs: pd.DataFrame) -> str:
     """Return the biases of the single step and the goal as MyST text."""
-    caption = "Bias over σ of the single step, with distortion at adjusted and at measured points"
+    caption = (
+        "Bias of the single step in thousandths of σ, distortion at adjusted or at measured points"
+    )
     return f"{verdict(pairs)}\n\n{myst_table(table(pairs), caption, name='tab-coverage-bias')}\n"
 
 
@@ -54,21 +56,22 @@ def verdict(pairs: pd.DataFrame) -> str:
     reached = abs(largest["bias"]) < GOAL and least_known < GOAL_ERROR
     return (
         f"In {pairs['seed'].nunique()} pairs the largest bias of the single step is "
-        f"{_shown(largest)} σ, of {LABELS[str(largest.name)]}; none has a standard error above "
-        f"{least_known:.4f} σ. The goal, less than {GOAL:g} σ known to {GOAL_ERROR:g} σ, is "
-        f"{'reached' if reached else 'not reached'}."
+        f"{_shown(largest, digits=4)} σ, of {LABELS[str(largest.name)]}; all are known to "
+        f"{least_known:.4f} σ or better. The goal, less than {GOAL:g} σ known to {GOAL_ERROR:g} σ, "
+        f"is {'reached' if reached else 'not reached'}."
     )
 
 
 def table(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return the bias of every parameter, with distortion at adjusted and at measured points."""
-    found = {heading: biases(pairs, where) for where, heading in HEADINGS.items()}
+    """Return the bias of every parameter in thousandths of sigma, by where distortion is taken."""
+    found = {heading: 1000 * biases(pairs, where) for where, heading in HEADINGS.items()}
     names = found[HEADINGS[OWN]].index
     columns = {
-        heading: [_shown(row) for _, row in own.iterrows()] for heading, own in found.items()
+        heading: [_shown(row, digits=2) for _, row in own.iterrows()]
+        for heading, own in found.items()
     }
     return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **columns})
 
 
-def _shown(found: pd.Series) -> str:
-    return f"{found['bias']:+z.4f} ± {found['error']:.4f}".replace("-", "−")
+def _shown(found: pd.Series, *, digits: int) -> str:
+    return f"{found['bias']:+z.{digits}f} ± {found['error']:.{digits}f}".replace("-", "−")

@@ -28,8 +28,8 @@ def test_bias_is_the_mean_over_sigma_and_its_error_that_of_a_mean():
 def test_the_table_has_both_ways_side_by_side():
     table = bias.table(pairs(f=-0.01))
     assert list(table["Parameter"]) == ["$f$", "$k_1$"]
-    assert list(table["Adjusted point"]) == ["−0.0100 ± 0.0006", "+0.0000 ± 0.0006"]
-    assert list(table["Measured point"]) == ["−0.1000 ± 0.0006", "+0.0000 ± 0.0006"]
+    assert list(table["Adjusted point"]) == ["−10.00 ± 0.58", "+0.00 ± 0.58"]
+    assert list(table["Measured point"]) == ["−100.00 ± 0.58", "+0.00 ± 0.58"]
 
 
 @pytest.mark.parametrize(
