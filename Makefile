@@ -102,7 +102,7 @@ bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for da
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 
-coverage: .venv/.stamp-test ## errors of 200 simulated flights over their sigma, for data/benchmarks
+coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
 
 chain: .venv/.stamp-test ## adjust 50 simulated flights with and without a synthetic image, for data/benchmarks

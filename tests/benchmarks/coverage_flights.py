@@ -1,8 +1,10 @@
-"""Calibrate 200 simulated flights and note every error beside its sigma (``make coverage``).
+"""Calibrate simulated flights and note every error beside its sigma (``make coverage``).
 
-The flights are those of the design `acx4-ideal` with its default options; their seeds, 1 to 200,
-were fixed before any of them was flown. Each is written to disk and read as any other flight.
-The results replace those in data/benchmarks when all are there. Needs PYTHONPATH=tests.
+Mountings and heads of 200 flights, and what is left of the mounting's errors in 250 pairs of
+flights, of noise and its negative. The flights are those of the designs with default options; the
+seeds, from 1 on, were fixed before any of them was flown. Each is written to disk and read as
+any other flight. The results replace those in data/benchmarks when all are there. Needs
+PYTHONPATH=tests.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,14 +23,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4lib.calibration import mounting
+import acx4sim
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration import estimates, mounting
+from acx4lib.expected import Array
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
+from acx4lib.results.rows import RELATIVE
 from benchmarks import machine
 from support.flights import simulated
 
 OUT = machine.ROOT / "data" / "benchmarks"
 DESIGN = "acx4-ideal"
-SEEDS = range(1, 201)
+HEADS_DESIGN = "acx4"
+N_FLIGHTS, N_PAIRS = 200, 250
 VALIDATED = ("two_step", "single_step")
 """Methods that recover the truth; two_step_gnss holds a lever arm that is not the true one."""
 
@@ -34,30 +46,42 @@ DIGITS = 5
 """Of the numbers written down."""
 
 Row = dict[str, Any]
+Tables = dict[str, list[Row]]
 
 
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="use seeds 1 to this (200)")
+    parser.add_argument("--flights", type=int, default=N_FLIGHTS, help=f"seeds 1 to {N_FLIGHTS}")
+    parser.add_argument("--pairs", type=int, default=N_PAIRS, help=f"seeds 1 to {N_PAIRS}")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
-    seeds = SEEDS[: options.seeds]
-    parameters: list[Row] = []
-    points: list[Row] = []
-    with ProcessPoolExecutor(options.processes) as pool:
-        for seed, found in zip(seeds, pool.map(errors, seeds), strict=True):
-            parameters += found[0]
-            points += found[1]
-            sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
-    about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
-    write(options.out, parameters, points, about)
+    about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
+    studies = ((mountings, options.flights), (heads, options.flights), (pair, options.pairs))
+    tables: Tables = {}
+    with ProcessPoolExecutor(options.processes) as pool:
+        for study, n in studies:
+            for found in _flown(pool, study, n):
+                for name, rows in found.items():
+                    tables.setdefault(name, []).extend(rows)
+    write(options.out, tables, about)
 
 
-def errors(seed: int) -> tuple[list[Row], list[Row]]:
-    """Return the errors of one flight: of parameters, and at validation points."""
+def _flown(pool: ProcessPoolExecutor, study: Callable[[int], Tables], n: int) -> Iterator[Tables]:
+    """Yield what a study finds with the seeds 1 to n."""
+    seeds = range(1, n + 1)
+    for seed, found in zip(seeds, pool.map(study, seeds), strict=True):
+        sys.stderr.write(f"\r{study.__name__}: {seed} of {n}" + "\n" * (seed == n))
+        yield found
+
+
+# --- mountings -------------------------------------------------------------------------------
+
+
+def mountings(seed: int) -> Tables:
+    """Return the errors of one flight: of the mounting's parameters, and at validation points."""
     flown = simulated.fly(DESIGN, seed=seed).flight
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
     if found.failures:
@@ -71,32 +95,42 @@ def errors(seed: int) -> tuple[list[Row], list[Row]]:
         if method in VALIDATED:
             checked = validation.validate(flown.validation, outcome.calibration, method=method)
             points += [named | row for row in of_points(checked)]
-    return parameters, points
+    return {"parameters": parameters, "points": points}
 
 
-def of_parameters(calibration: Any, method: str, seed: int) -> list[Row]:
-    """Return error, sigma, and the errors made independent, of every parameter.
+def of_parameters(calibration: estimates.Calibration, method: str, seed: int) -> list[Row]:
+    """Return error, a priori sigma and independent error of every parameter of the mounting.
 
     Errors are against the truth; those of a method that cannot meet it against what the method
-    gives on exact data of the same flight. Sigma is a priori. The decorrelated errors are those
-    left-multiplied by the inverse of the Cholesky root of the joint covariance matrix.
+    gives on exact data of the same flight.
     """
     found = simulated.of_calibration(calibration)
+    names = [name.split()[1] for name in found.names]
     if method in VALIDATED:
         true = dict(zip(simulated.MOUNTING_NAMES, simulated.true_mounting(DESIGN), strict=True))
-        expected = np.array([true[name.split()[1]] for name in found.names])
+        expected = np.array([true[name] for name in names])
     else:
         exact = simulated.exact_calibration(DESIGN, method, seed=seed)
         expected = simulated.of_calibration(exact).values  # noqa: PD011 no table
     error = found.values - expected  # noqa: PD011 no table
-    sigma = np.sqrt(np.diag(found.cov))
-    root = np.linalg.cholesky(found.cov / sigma[:, None] / sigma)
-    decorrelated = np.linalg.solve(root, error / sigma)
-    columns = zip(found.names, error, sigma, decorrelated, strict=True)
-    return [
-        {"parameter": name.split()[1], "error": e, "sigma": s, "decorrelated": d}
-        for name, e, s, d in columns
-    ]
+    return normalised(names, error, found.cov)
+
+
+def normalised(
+    names: Sequence[str], error: Array, cov: Array, *, follow: Sequence[str] = ()
+) -> list[Row]:
+    """Return error, sigma, and the errors made independent, of every parameter.
+
+    The independent ones are left-multiplied by the inverse of the Cholesky root of the joint
+    covariance matrix. Those named in `follow` follow from the others and have none.
+    """
+    sigma = np.sqrt(np.diag(cov))
+    own = ~np.isin(names, follow)
+    root = np.linalg.cholesky((cov / sigma[:, None] / sigma)[np.ix_(own, own)])
+    decorrelated = np.full(len(names), np.nan)
+    decorrelated[own] = np.linalg.solve(root, (error / sigma)[own])
+    columns = zip(names, error, sigma, decorrelated, strict=True)
+    return [{"parameter": n, "error": e, "sigma": s, "decorrelated": d} for n, e, s, d in columns]
 
 
 def of_points(checked: validation.Validation) -> list[Row]:
@@ -112,12 +146,80 @@ def of_points(checked: validation.Validation) -> list[Row]:
     ]
 
 
-def write(folder: Path, parameters: list[Row], points: list[Row], about: dict[str, Any]) -> None:
-    """Write the three files, and only then put them in the place of older ones."""
+# --- heads -----------------------------------------------------------------------------------
+
+
+def heads(seed: int) -> Tables:
+    """Return the errors of the heads' relative orientation of one flight.
+
+    Errors are against what exact data of the same flight give, with f held at the same wrong
+    value. Sigma is a posteriori, as reported. The first head's Zc is held with its f.
+    """
+    method = "relative_orientation"
+    found = simulated.head_estimates(seed=seed)[method]
+    names = [f"{head} {name}" for head in simulated.HEADS for name in RELATIVE]
+    to_reported = np.tile([1.0, 1.0, 1.0, *np.degrees([1.0, 1.0, 1.0])], len(simulated.HEADS))
+    free = found.sigma > 0
+    rows = normalised(
+        np.array(names)[free],
+        (to_reported * simulated.head_errors(method, seed=seed))[free],
+        (to_reported[:, None] * found.cov * to_reported)[np.ix_(free, free)],
+        # Xc and Yc are counted from the mean of all heads
+        follow=[f"{simulated.HEADS[-1]} {name}" for name in RELATIVE[:2]],
+    )
+    return {"heads": [{"seed": seed, "method": method} | row for row in rows]}
+
+
+# --- pairs -----------------------------------------------------------------------------------
+
+
+def pair(seed: int) -> Tables:
+    """Return what is left of the single step's errors in the mean of noise and its negative.
+
+    In it every error in proportion to the noise cancels; a bias grows with its square, and stays.
+    """
+    flown = [of_sign(sign, seed) for sign in (1.0, -1.0)]
+    rows: list[Row] = []
+    for where in DISTORTION_AT:
+        found = [simulated.of_calibration(single_step(f, distortion_at=where)) for f in flown]
+        error = np.mean([of_one.values for of_one in found], axis=0)  # noqa: PD011 no table
+        error -= simulated.true_mounting(DESIGN)
+        sigma = np.mean([np.sqrt(np.diag(of_one.cov)) for of_one in found], axis=0)
+        named = {"seed": seed, "distortion_at": where}
+        rows += [
+            named | {"parameter": n, "error": e, "sigma": s}
+            for n, e, s in zip(simulated.MOUNTING_NAMES, error, sigma, strict=True)
+        ]
+    return {"bias": rows}
+
+
+def of_sign(sign: float, seed: int) -> Flight:
+    """Return the flight of a seed with all its noise times a sign."""
+    noise = dict.fromkeys(simulated.EXACT, sign)
+    options = acx4sim.Options(blocks=("calibration",), **noise)
+    return simulated.read_back(acx4sim.DESIGNS[DESIGN](seed=seed, options=options)).flight
+
+
+def single_step(flown: Flight, *, distortion_at: str) -> estimates.Calibration:
+    """Calibrate as `mounting.single_step`, distortion at adjusted or measured image points."""
+    bundle = adjust_rejecting(
+        flown.calibration,
+        lambda b: replace(
+            mounted_orientation(b, free=flown.estimate_mounting), distortion_at=distortion_at
+        ),
+    )
+    return estimates.from_bundle(bundle)
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def write(folder: Path, tables: Tables, about: dict[str, Any]) -> None:
+    """Write a file for every table and one about them, and only then replace older ones."""
     folder.mkdir(parents=True, exist_ok=True)
     about = {"date": datetime.now(UTC).date().isoformat(), **about}
     with tempfile.TemporaryDirectory(dir=folder) as fresh:
-        for name, rows in (("parameters", parameters), ("points", points)):
+        for name, rows in tables.items():
             pd.DataFrame(rows).to_csv(
                 Path(fresh, f"coverage_{name}.csv"), index=False, float_format=f"%.{DIGITS}g"
             )
@@ -125,7 +227,7 @@ def write(folder: Path, parameters: list[Row], points: list[Row], about: dict[st
         Path(fresh, "coverage.json").write_text(text, encoding="utf-8")
         for made in sorted(Path(fresh).iterdir()):
             made.replace(folder / made.name)
-    sys.stderr.write(f"\n{folder / 'coverage.json'}\n")
+    sys.stderr.write(f"{folder / 'coverage.json'}\n")
 
 
 if __name__ == "__main__":

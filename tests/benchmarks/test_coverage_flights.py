@@ -6,14 +6,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acx4lib.calibration import mounting
 from benchmarks import coverage_flights
 from support.flights import simulated
 
 
 @pytest.fixture(scope="module")
 def found():
-    parameters, points = coverage_flights.errors(1)
-    return pd.DataFrame(parameters), pd.DataFrame(points)
+    return {name: pd.DataFrame(rows) for name, rows in coverage_flights.mountings(1).items()}
+
+
+@pytest.fixture(scope="module")
+def heads():
+    return pd.DataFrame(coverage_flights.heads(1)["heads"]).set_index("parameter")
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return pd.DataFrame(coverage_flights.pair(1)["bias"]).set_index(["distortion_at", "parameter"])
 
 
 def of(table, method):
@@ -22,7 +32,7 @@ def of(table, method):
 
 @pytest.mark.parametrize("method", ["two_step", "two_step_gnss", "single_step"])
 def test_errors_are_those_of_the_method(found, method):
-    rows = of(found[0], method)
+    rows = of(found["parameters"], method)
     expected = simulated.mounting_errors("acx4-ideal", method, seed=1)
     assert rows["error"].tolist() == expected.tolist()
     cov = simulated.mounting_estimates("acx4-ideal", method, seed=1).cov
@@ -30,7 +40,7 @@ def test_errors_are_those_of_the_method(found, method):
 
 
 def test_squares_of_independent_errors_add_up_to_the_joint_chi_square(found):
-    rows = of(found[0], "single_step")
+    rows = of(found["parameters"], "single_step")
     errors = simulated.mounting_errors("acx4-ideal", "single_step", seed=1)
     cov = simulated.mounting_estimates("acx4-ideal", "single_step", seed=1).cov
     total, n = simulated.chi_square(errors, cov)
@@ -40,21 +50,49 @@ def test_squares_of_independent_errors_add_up_to_the_joint_chi_square(found):
 
 
 def test_points_are_the_differences_from_all_rays(found):
-    rows = of(found[1], "single_step")
+    rows = of(found["points"], "single_step")
     checked = simulated.validations("acx4-ideal", seed=1)["single_step"]
     assert rows["d_height_m"].tolist() == checked.points.d[:, 2].tolist()
     assert rows["sigma_east_m"].tolist() == checked.points.sigma[:, 0].tolist()
     assert rows["point"].is_unique
 
 
+def test_errors_of_heads_are_those_of_the_relative_orientation(heads):
+    errors = simulated.head_errors("relative_orientation", seed=1)
+    found = simulated.head_estimates(seed=1)["relative_orientation"]
+    row = found.names.index("CAM3 phi")
+    assert heads.loc["CAM3 phi_deg", "error"] == pytest.approx(np.degrees(errors[row]))
+    assert heads.loc["CAM3 phi_deg", "sigma"] == pytest.approx(np.degrees(found.sigma[row]))
+    assert heads.loc["CAM4 Yc_mm", "error"] == errors[found.names.index("CAM4 Yc")]
+    assert "CAM1 Zc_mm" not in heads.index  # held
+    total, n = simulated.chi_square(errors, found.cov)
+    assert n == heads["decorrelated"].count() == len(heads) - 2 == 21
+    assert (heads["decorrelated"] ** 2).sum() == pytest.approx(total, rel=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_half_of_a_pair_at_adjusted_points_is_the_single_step(sign):
+    flown = coverage_flights.of_sign(sign, 1)
+    own = coverage_flights.single_step(flown, distortion_at="adjusted")
+    theirs = mounting.single_step(flown.calibration, free=flown.estimate_mounting).calibration
+    assert own.cov.tolist() == theirs.cov.tolist()
+
+
+def test_what_is_odd_in_the_noise_cancels_in_a_pair(pair):
+    """One pair shows the bias of f at measured points, a fifteenth of sigma; the error is 0.2."""
+    z = pair["error"] / pair["sigma"]
+    assert z["adjusted"].abs().max() < 0.02
+    assert -0.08 < z["measured", "f_mm"] < -0.05
+
+
 def test_files_are_replaced_whole_or_not_at_all(tmp_path, found):
-    parameters, points = (table.to_dict("records") for table in found)
-    coverage_flights.write(tmp_path, parameters, points, {"commit": "old"})
+    tables = {name: table.to_dict("records") for name, table in found.items()}
+    coverage_flights.write(tmp_path, tables, {"commit": "old"})
     assert json.loads((tmp_path / "coverage.json").read_text())["commit"] == "old"
     with pytest.raises(TypeError):
-        coverage_flights.write(tmp_path, [], [], {"commit": object()})  # cannot be written
+        coverage_flights.write(tmp_path, {"points": []}, {"commit": object()})  # cannot be written
     read = pd.read_csv(tmp_path / "coverage_points.csv")
-    assert read["d_north_m"].to_numpy() == pytest.approx(found[1]["d_north_m"], rel=1e-4)
+    assert read["d_north_m"].to_numpy() == pytest.approx(found["points"]["d_north_m"], rel=1e-4)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "coverage.json",
         "coverage_parameters.csv",

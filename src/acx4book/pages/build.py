@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, provenance, simulation
-from acx4book.pages.benchmarks import rendering, rendering_goals, sigma, speed
+from acx4book.pages.benchmarks import bias, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
@@ -182,6 +182,7 @@ def texts_of_benchmarks(
     yield "rendering-limits.md", rendering.limits(rendered)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+    yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
 
 
 def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:

@@ -17,6 +17,7 @@ TITLES = {
     "single_step": "Single-step",
     "rig": "Rig",
     "rig_calibration": "Rig, calibration block",
+    "relative_orientation": "Relative orientation",
     "given": "As given",
 }
 """Names of the methods in headings."""

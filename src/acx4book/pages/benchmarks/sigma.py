@@ -18,6 +18,7 @@ from acx4book.pages.benchmarks import sigma_tests, stored
 from acx4book.pages.benchmarks.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 
@@ -35,7 +36,8 @@ class Errors:
     Attributes
     ----------
     parameters : DataFrame
-        Columns seed, method, parameter, error, sigma, decorrelated.
+        Columns seed, method, parameter, error, sigma, decorrelated; of a head's parameters the
+        name has the head before it, and those that follow from others have no decorrelated error.
     points : DataFrame
         Columns seed, method, point, and d and sigma by axis, m.
     about : mapping
@@ -49,12 +51,7 @@ class Errors:
     @property
     def methods(self) -> list[str]:
         """Names of the methods, the main one first."""
-        return sorted(self.parameters["method"].unique(), key=lambda m: (m != MAIN, m))
-
-    @property
-    def n_flights(self) -> int:
-        """Number of flights."""
-        return int(self.parameters["seed"].nunique())
+        return sorted(self.parameters["method"].unique(), key=lambda m: m != MAIN)
 
     def normalised(self, method: str) -> pd.DataFrame:
         """Return errors over sigma, a row per flight and a column per parameter."""
@@ -62,8 +59,8 @@ class Errors:
         return _wide(own.assign(z=own["error"] / own["sigma"]), "z")
 
     def chi_squares(self, method: str) -> tuple[Array, int]:
-        """Return the joint chi-square of every flight's parameters, and their number."""
-        wide = _wide(self._of(self.parameters, method), "decorrelated")
+        """Return the joint chi-square of every flight, and its degrees of freedom."""
+        wide = _wide(self._of(self.parameters, method), "decorrelated").dropna(axis=1, how="all")
         return np.sum(wide.to_numpy() ** 2, axis=1), wide.shape[1]
 
     def validated(self, method: str) -> Array:
@@ -91,15 +88,15 @@ class Errors:
 
 def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
     names = list(dict.fromkeys(rows["parameter"]))
-    return rows.pivot_table(index="seed", columns="parameter", values=values)[names]
+    return rows.pivot_table(index="seed", columns="parameter", values=values, dropna=False)[names]
 
 
 def read(folder: Path) -> Errors:
     """Read what ``make coverage`` left in a folder."""
-    about, (parameters, points) = stored.read(
-        folder, "coverage", "parameters", "points", make="coverage"
+    about, (parameters, points, heads) = stored.read(
+        folder, "coverage", "parameters", "points", "heads", make="coverage"
     )
-    return Errors(parameters=parameters, points=points, about=about)
+    return Errors(parameters=pd.concat([parameters, heads]), points=points, about=about)
 
 
 # --- tests -----------------------------------------------------------------------------------
@@ -162,10 +159,11 @@ def _table(table: pd.DataFrame, caption: str, name: str) -> str:
 
 
 def _made(errors: Errors) -> str:
-    about = errors.about
+    about, seeds = errors.about, errors.parameters["seed"]
     return (
-        f"Computed on {about['date']} at commit `{about['commit']}`: {errors.n_flights} flights of "
-        f"the design `{about['design']}`, seeds {about['first_seed']} to {about['last_seed']}; "
+        f"Computed on {about['date']} at commit `{about['commit']}`: {seeds.nunique()} flights "
+        f"of the design `{about['design']}`, of the heads `{about['heads_design']}`, seeds "
+        f"{seeds.min()} to {seeds.max()}; "
         f"{about['processor']}, {about['system']}, Python {about['versions']['python']}, numpy "
         f"{about['versions']['numpy']}."
     )
@@ -195,8 +193,14 @@ def _label(test: pd.Series) -> str:
     elif quantity in AXES:
         what = f"{quantity} at validation points"
     else:
-        what = LABELS[quantity]
+        what = _parameter(quantity)
     return f"{what} ({inside(TITLES[str(test['method'])])})"
+
+
+def _parameter(name: str) -> Markup:
+    """Return the label of a parameter, with its head where it has one."""
+    head, _, key = name.rpartition(" ")
+    return Markup(f"{head} {LABELS[key]}".strip())
 
 
 def _of_test(errors: Errors, method: str, test: str) -> pd.DataFrame:
@@ -211,7 +215,7 @@ def parameter_table(errors: Errors, method: str) -> pd.DataFrame:
     mean, spread = (_of_test(errors, method, test).loc[names] for test in ("mean", "spread"))
     return pd.DataFrame(
         {
-            "Parameter": [LABELS[name] for name in names],
+            "Parameter": [_parameter(name) for name in names],
             "Mean": mean["value"].to_numpy(),
             "p (mean)": mean["p"].to_numpy(),
             "Standard deviation": spread["value"].to_numpy(),
@@ -224,15 +228,16 @@ def joint_table(errors: Errors) -> pd.DataFrame:
     """Return the sum of the flights' chi-squares of every method, and its p values."""
     rows = []
     for method in errors.methods:
-        n = errors.chi_squares(method)[1]
+        squares, n = errors.chi_squares(method)
         total, shape = (
             _of_test(errors, method, test).loc["joint"] for test in ("sum", "distribution")
         )
         rows.append(
             {
                 "Method": TITLES[method],
-                "Parameters": n,
-                "Degrees of freedom": n * errors.n_flights,
+                "Flights": len(squares),
+                "Independent parameters": n,
+                "Degrees of freedom": n * len(squares),
                 "Sum of χ²": total["value"],
                 "p (sum)": total["p"],
                 "p (distribution)": shape["p"],

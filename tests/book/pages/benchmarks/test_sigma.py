@@ -17,8 +17,7 @@ ABOUT = {
     "system": "a system",
     "commit": "abc",
     "design": "acx4-ideal",
-    "first_seed": 1,
-    "last_seed": 100,
+    "heads_design": "acx4",
     "versions": {"python": "3.11", "numpy": "2"},
 }
 NAMES = ("f_mm", "lever_z_m")
@@ -85,6 +84,7 @@ def test_the_tables_hold_means_spreads_and_their_p_values():
     assert table["Mean"].to_numpy() == pytest.approx(z.mean().to_numpy())
     assert table["Standard deviation"].to_numpy() == pytest.approx(z.std().to_numpy())
     joint = sigma.joint_table(found).iloc[0]
+    assert joint["Flights"] == 100
     assert joint["Degrees of freedom"] == 200
     assert joint["Sum of χ²"] == pytest.approx((found.parameters["decorrelated"] ** 2).sum())
     points = sigma.point_table(found)
@@ -118,10 +118,35 @@ def test_a_method_without_validation_has_a_page():
     assert list(sigma.point_table(both)["Method"].unique()) == ["Single-step"]
 
 
+def test_of_heads_only_what_is_independent_is_counted_in_the_chi_square():
+    """The second head's Xc is the first one's with the other sign."""
+    mounted, z = errors(), np.random.default_rng(6).standard_normal(50)
+    rows = [
+        {"seed": seed, "method": "relative_orientation", "parameter": f"{head} Xc_mm"}
+        | {"error": 0.003 * sign * e, "sigma": 0.003, "decorrelated": e if sign > 0 else np.nan}
+        for seed, e in enumerate(z, start=1)
+        for head, sign in (("CAM1", 1), ("CAM2", -1))
+    ]
+    both = sigma.Errors(
+        parameters=pd.concat([mounted.parameters, pd.DataFrame(rows)]),
+        points=mounted.points,
+        about=ABOUT,
+    )
+    squares, n = both.chi_squares("relative_orientation")
+    assert n == 1
+    assert squares == pytest.approx(z**2)
+    joint = sigma.joint_table(both).set_index("Method").loc["Relative orientation"]
+    assert joint["Flights"] == joint["Degrees of freedom"] == 50
+    table = sigma.parameter_table(both, "relative_orientation")
+    assert list(table["Parameter"]) == ["CAM1 $X_c$", "CAM2 $X_c$"]
+    assert table["Mean"].to_numpy() == pytest.approx([z.mean(), -z.mean()])
+
+
 def test_date_seeds_and_commit_are_said():
     text = sigma.page(errors())
     assert (
-        "2026-01-02 at commit `abc`: 100 flights of the design `acx4-ideal`, seeds 1 to 100" in text
+        "2026-01-02 at commit `abc`: 100 flights of the design `acx4-ideal`, of the heads `acx4`, "
+        "seeds 1 to 100;" in text
     )
 
 
@@ -158,6 +183,9 @@ def test_the_stored_flights_are_seeds_1_to_200(stored):
     assert stored.points["seed"].unique().tolist() == list(range(1, 201))
     assert stored.normalised("single_step").shape == (200, 14)
     assert not stored.normalised("single_step").isna().any(axis=None)
+    assert stored.normalised("relative_orientation").shape == (200, 23)
+    assert not stored.normalised("relative_orientation").isna().any(axis=None)
+    assert stored.chi_squares("relative_orientation")[1] == 21
 
 
 def test_none_of_the_tests_on_the_stored_flights_fails(stored):
