@@ -9,7 +9,8 @@ import pytest
 compiling = pytest.importorskip("acx4lib.compiling")
 PACKAGE = Path(compiling.__file__).parent
 COMPILED = sorted(PACKAGE.glob("**/compiled/*.py"))
-SOURCES = [PACKAGE / "compiling.py", PACKAGE / "geometry" / "collinearity.py", *COMPILED]
+CONSTANTS = [PACKAGE / "geometry" / name for name in ("collinearity.py", "refraction.py")]
+SOURCES = [PACKAGE / "compiling.py", *CONSTANTS, *COMPILED]
 
 
 def test_every_module_with_compiled_code_is_among_the_sources():

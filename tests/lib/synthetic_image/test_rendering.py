@@ -403,7 +403,7 @@ def test_heads_that_are_not_alike_are_refused():
         ({"feather_px": -1.0}, "feather_px=-1"),
         ({"interpolation": "nearest"}, "one of bilinear, cubic, got 'nearest'"),
         ({"width_px": 17}, r"1 x 1 cells of 16 px do not cover"),
-        ({"coefficients": np.zeros((2, 3, 3))}, "response of 2 heads for 1"),
+        ({"response": Response(coefficients=np.zeros((2, 3, 3)))}, "response of 2 heads for 1"),
     ],
 )
 def test_plans_that_cannot_be_are_refused(change, words):
