@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 from acx4lib.conventions import search
+from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record
 from acx4lib.results.folder import messages
@@ -25,7 +27,7 @@ def reading(flight: Flight, block_name: str) -> str:
 
 
 def explained(records: Sequence[Record], flight: Flight, block_name: str) -> list[Record]:
-    """Return the records; what stopped data snooping is explained by the reading that fits.
+    """Return the records; the reading that fits explains what stopped data snooping or failed.
 
     Parameters
     ----------
@@ -34,18 +36,42 @@ def explained(records: Sequence[Record], flight: Flight, block_name: str) -> lis
     block_name : str
         The block that the records are of.
     """
-    if not any(messages(e, "stopped") for record in records for e in record.summary.values()):
+    if not any(_unexplained(entry) for record in records for entry in record.summary.values()):
         return list(records)
     said = reading(flight, block_name)
     return [_with(record, said) for record in records] if said else list(records)
 
 
+def _unexplained(entry: Mapping[str, object]) -> dict[str, list[str]]:
+    """Return the sentences of a summary's entry that a reading may explain, by their key."""
+    keys = ["stopped", *([] if entry.get("converged") else ["not_determined"])]
+    return {key: lines for key in keys if (lines := messages(entry, key))}
+
+
 def _with(record: Record, said: str) -> Record:
-    """Return a record whose sentences on groups that were not rejected end with another."""
+    """Return a record whose unexplained sentences end with another."""
     entries = {
-        key: {**entry, "stopped": [f"{line}; {said}" for line in messages(entry, "stopped")]}
-        if messages(entry, "stopped")
-        else entry
-        for key, entry in record.summary.items()
+        name: entry
+        | {key: [f"{line}; {said}" for line in lines] for key, lines in _unexplained(entry).items()}
+        for name, entry in record.summary.items()
     }
     return replace(record, summary=entries)
+
+
+@contextmanager
+def explaining(flight: Flight, block_name: str) -> Iterator[None]:
+    """Add the reading that fits to the message of an adjustment that fails altogether.
+
+    Parameters
+    ----------
+    flight : Flight
+    block_name : str
+        The block that is adjusted.
+    """
+    try:
+        yield
+    except AdjustmentError as error:
+        said = reading(flight, block_name)
+        if not said:
+            raise
+        raise AdjustmentError(f"{error}; {said}") from error

@@ -14,7 +14,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments, folder
 from acx4lib.results.carried import mounted_block
-from acx4lib.stages.explained import explained
+from acx4lib.stages.explained import explained, explaining
 
 
 class Settings(TypedDict):
@@ -112,7 +112,8 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     block = flight.block("calibration")
     if "calibration" in flight.carried:
         block = mounted_block(flight, "calibration", folder.read(results_path))
-    stage = calibrate(flight, block)
+    with explaining(flight, "calibration"):
+        stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
     adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
     return stage
