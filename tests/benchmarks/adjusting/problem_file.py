@@ -154,4 +154,5 @@ def _network(block: Block, observed: PoseObservations, x_m: np.ndarray) -> Netwo
             T_m_b=observed.T_m_b,
             x_m=x_m,
         ),
+        distortion_at="measured",  # as `bench_blocks.network` has it
     )
