@@ -33,7 +33,7 @@ def tables(folder):
 
 @pytest.mark.slow
 def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
-    """Also in a folder that a run with notebooks left; its notebooks are gone with their results."""
+    """Also in a folder of a run with notebooks, which are gone with their results."""
     runner.run(flight_path, tmp_path / "results", way=Notebooks())
     executed = tables(tmp_path / "results")
     runner.run(flight_path, tmp_path / "results", way=Functions())
