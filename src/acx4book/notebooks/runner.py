@@ -232,7 +232,7 @@ def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sentences of some methods of the given stages in the summary."""
-    for name, entry in results.read(folder).summary.items():
+    for name, entry in results.entries(folder).items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
             yield from results.messages(entry, key)
