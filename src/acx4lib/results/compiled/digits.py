@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acx4lib.compiling import inlined
-from acx4lib.expected import Array
 
 Whole = Any  # a Python or a numpy integer; of sums of both mypy knows nothing
 
@@ -19,7 +19,7 @@ SMALLEST, LARGEST = -292, 324
 """Range of the exponents of ten that doubles need."""
 
 
-def _powers() -> Array:
+def _powers() -> NDArray[np.uint64]:
     """Return the first 128 bits of the powers of ten, rounded up, as two words, shape (n, 2)."""
     found = np.empty((LARGEST - SMALLEST + 1, 2), dtype=np.uint64)
     for row, exponent in enumerate(range(SMALLEST, LARGEST + 1)):
