@@ -20,7 +20,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
 
-SMALLEST_ANGLE = np.radians(2.0)
+SMALLEST_ANGLE = float(np.radians(2.0))
 """A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
 
 

@@ -121,8 +121,8 @@ def setup_of(toml: Toml) -> Setup:
 
 
 def _smallest_angle(toml: Toml) -> float:
-    degrees = toml.table("adjustment").get("smallest_angle_deg", np.degrees(SMALLEST_ANGLE))
-    return float(np.radians(degrees))
+    degrees = toml.table("adjustment").get("smallest_angle_deg")
+    return SMALLEST_ANGLE if degrees is None else float(np.radians(float(degrees)))
 
 
 def _synthetic_of(table: dict[str, Any]) -> Synthetic:
