@@ -21,6 +21,9 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.local_frame import LocalFrame
 
+SMALLEST_ANGLE = float(np.radians(2.0))
+"""A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Images:
@@ -216,6 +219,9 @@ class Block:
         By default a frame on no map.
     name : str
         ``heads``, ``calibration``, ``validation`` or any other.
+    smallest_angle : float
+        Radians; tie points whose rays meet at less are left out, and so are such pairs of rays
+        in a validation.
     """
 
     cameras: tuple[Camera, ...]
@@ -227,10 +233,12 @@ class Block:
     check: SurveyedPoints = NO_POINTS
     frame: MappingFrame = field(default_factory=LocalFrame)
     name: str = "calibration"
+    smallest_angle: float = SMALLEST_ANGLE
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)
         expected.different("cameras", [camera.name for camera in self.cameras])
+        expected.not_negative("smallest_angle", np.atleast_1d(self.smallest_angle))
         expected.names("points", self.points)
         for name, kind in _PARTS.items():
             expected.instance(name, getattr(self, name), kind)
@@ -271,15 +279,6 @@ def _check_surveyed(block: Block) -> None:
         name = block.points[both[0]]
         msg = f"control and check: expected different points, got point {name!r} in both"
         raise ValueError(msg)
-
-
-def mountings(cameras: Sequence[Camera]) -> Pose:
-    """Return the mountings T_b_c of cameras, one after the other."""
-    expected.sequence("cameras", cameras, Camera)
-    return Pose(
-        R=np.stack([camera.T_b_c.R for camera in cameras]),
-        r=np.stack([camera.T_b_c.r for camera in cameras]),
-    )
 
 
 def select_camera(block: Block, name: str) -> Block:
