@@ -29,9 +29,6 @@ from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.least_squares import adjustment
 
-SMALLEST_ANGLE = np.radians(2.0)
-"""Tie points whose rays meet at less than this are left out."""
-
 BEYOND = 300_000.0
 """Distance from the median of the control points, m, that no point of a block can have."""
 
@@ -244,12 +241,13 @@ def _chosen(network: Network, state: State) -> Network:
     is_control[control.point_idx] = True
     cameras = with_estimates(block.cameras, state)
     x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
-    too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
+    too_flat = (angle < block.smallest_angle) & (rays_left >= 2) & ~is_control
     once = (rays_left == 1) & ~is_control
     rows = used[~(too_flat | once)[point_idx[used]]]
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[control.point_idx] = control.x_m
-    reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
+    flat = f"whose rays meet at less than {np.degrees(block.smallest_angle):g} degrees"
+    reasons = (("measured once", once), (flat, too_flat))
     return replace(
         network,
         image_points=block.image_points[rows],

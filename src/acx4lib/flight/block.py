@@ -20,6 +20,9 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
 
+SMALLEST_ANGLE = float(np.radians(2.0))
+"""A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Images:
@@ -201,6 +204,9 @@ class Block:
     control, check : SurveyedPoints
         Points used as control, and points only used for comparison; no point is both.
     trajectory : Trajectory
+    smallest_angle : float
+        Radians; tie points whose rays meet at less are left out, and so are such pairs of rays
+        in a validation.
     """
 
     name: str
@@ -212,9 +218,11 @@ class Block:
     control: SurveyedPoints
     check: SurveyedPoints
     trajectory: Trajectory
+    smallest_angle: float = SMALLEST_ANGLE
 
     def __post_init__(self) -> None:
         _check_cameras(self.cameras)
+        expected.not_negative("smallest_angle", np.atleast_1d(self.smallest_angle))
         expected.names("points", self.points)
         for name, kind in _PARTS:
             expected.instance(name, getattr(self, name), kind)

@@ -131,6 +131,7 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         control=surveyed[~is_check],
         check=surveyed[is_check],
         trajectory=trajectory,
+        smallest_angle=setup.smallest_angle,
     )
 
 

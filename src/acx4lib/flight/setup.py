@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from acx4lib.flight.block import SMALLEST_ANGLE
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
@@ -66,6 +67,8 @@ class Setup:
     cameras : dict of str to Camera
     synthetic : Synthetic or None
     apriori : Apriori
+    smallest_angle : float
+        Of every block, radians.
     estimate_heads, estimate_mounting : tuple of str
         Interior parameters that the stages estimate, by the library's names.
     fix : tuple of str
@@ -82,6 +85,7 @@ class Setup:
     cameras: dict[str, Camera]
     synthetic: Synthetic | None
     apriori: Apriori
+    smallest_angle: float
     estimate_heads: tuple[str, ...]
     estimate_mounting: tuple[str, ...]
     fix: tuple[str, ...]
@@ -107,12 +111,18 @@ def setup_of(toml: Toml) -> Setup:
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
         synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
+        smallest_angle=_smallest_angle(toml),
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
         fix=tuple(mounting.get("fix", ())),
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
     )
+
+
+def _smallest_angle(toml: Toml) -> float:
+    degrees = toml.table("adjustment").get("smallest_angle_deg")
+    return SMALLEST_ANGLE if degrees is None else float(np.radians(float(degrees)))
 
 
 def _synthetic_of(table: dict[str, Any]) -> Synthetic:
