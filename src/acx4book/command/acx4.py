@@ -14,12 +14,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from acx4book.command import render, terminal
 from acx4book.command.endings import TERMINATED, status_of
+
+if TYPE_CHECKING:
+    from acx4book.notebooks.runner import Way
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -105,9 +108,13 @@ is skipped. A stage that is run alone takes what it needs from the results that 
 replaces only its own. The status is 1 where a stage does not
 converge or is not determined by its data.
 
+With --numbers-only the tables are the same, without notebooks: much sooner, and without the
+requirements of acx4lib[book].
+
 \b
 Examples:
   acx4 run my_flight --results my_results
+  acx4 run my_flight --results my_results --numbers-only
   acx4 run my_flight --results my_results --stages mounting,validation
 """
 )
@@ -123,9 +130,15 @@ def run(
         Path | None,
         typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
     ] = None,
+    numbers_only: Annotated[
+        bool, typer.Option("--numbers-only", help="Tables and summary, no notebooks.")
+    ] = False,
 ) -> None:
     """Run the stages of a flight."""
-    terminal.need_book("run")
+    if numbers_only and notebooks is not None:
+        terminal.refuse("--notebooks names what --numbers-only leaves out; give one of them")
+    if not numbers_only:
+        terminal.need_book("run")
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 
@@ -133,14 +146,9 @@ def run(
     for stage in chosen:
         if stage not in STAGES:
             terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    with terminal.stage_bars() as tell:
-        report = runner.run(
-            flight,
-            results,
-            stages=chosen,
-            notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
-            tell=tell,
-        )
+    way = _functions() if numbers_only else _notebooks(notebooks or runner.NOTEBOOKS_PATH)
+    with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
+        report = runner.run(flight, results, way=way, stages=chosen, tell=tell)
     terminal.say_if_not_kept()
     for line in [*report.skipped, *report.left_out, *report.notes]:
         terminal.show(line)
@@ -148,6 +156,18 @@ def run(
     if report.not_determined:
         terminal.say(*report.not_determined)
         raise typer.Exit(1)
+
+
+def _functions() -> Way:
+    from acx4book.notebooks.functions import Functions  # noqa: PLC0415 quick help
+
+    return Functions()
+
+
+def _notebooks(path: Path) -> Way:
+    from acx4book.notebooks.executed import Notebooks  # noqa: PLC0415 needs the extra book
+
+    return Notebooks(path=path)
 
 
 @app.command(
