@@ -144,7 +144,7 @@ class DenseInverse:
     defect: int = 0
 
     def reordered(self, order: Index) -> DenseInverse:
-        """Return the inverse by unknowns: column i of the system is unknown ``order[i]``, or held."""
+        """Return the inverse by unknowns: column i of the system is ``order[i]``, -1 if held."""
         place = places(order)
         if np.array_equal(place, np.arange(len(order))):
             return self
