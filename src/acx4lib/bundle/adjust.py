@@ -21,6 +21,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.dense import held_at_zero
 
 HIGH = 100.0
 """Variance factor above which it is checked whether the minimum found is the right one."""
@@ -68,10 +69,7 @@ class Bundle:
         columns = np.concatenate(
             [network.layout.mount[images.camera_idx], network.layout.pose[network.pose_idx]], axis=1
         )
-        known = np.maximum(columns, 0)
-        cov = self.solution.inverse.at(known[:, :, None], known[:, None, :])
-        held = columns < 0
-        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        cov = held_at_zero(self.solution.inverse, columns[:, :, None], columns[:, None, :])
         return propagate(J, cov)
 
     @property

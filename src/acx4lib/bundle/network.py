@@ -6,7 +6,7 @@ uses differ only in which of the two is free, held or observed; `uses` sets them
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,7 @@ from acx4lib.bundle.observations import (
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.geometry.camera import INTERIOR, Interior, xy_from_colrow
+from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.collinearity import (
     Measurement,
     image_derivatives,
@@ -38,7 +38,7 @@ from acx4lib.least_squares.problem import Normals
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
     from acx4lib.bundle.compiled.normals import NetworkNormals
-    from acx4lib.bundle.compiled.packing import Measured, Packed, pack
+    from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
 
     COMPILED = True
@@ -196,7 +196,29 @@ class Network:
     @cached_property
     def packed(self) -> Packed:
         """The measurements in the order in which compiled code processes them."""
-        return _packed(self)
+        return pack(
+            measured(self.block, self.image_points),
+            free_points=self.free_points,
+            also=self.control.point_idx[~self.held_control],
+            pose_of_image=self.pose_idx,
+            n_poses=len(self.pose_names),
+        )
+
+    def beginning_at(self, start: State) -> Network:
+        """Return the network with other start values."""
+        out = replace(self, start=start)
+        if "packed" in vars(self):
+            vars(out)["packed"] = self.packed
+        return out
+
+    def with_sigma(
+        self, *, image_points: ImagePoints, control: SurveyedPoints, observed: PoseObservations
+    ) -> Network:
+        """Return the network with its observations, of which only the sigma are others."""
+        out = replace(self, image_points=image_points, control=control, observed=observed)
+        if COMPILED:  # the order in which rays are processed stays
+            vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
+        return out
 
 
 def _other_equations(network: Network, state: State) -> list[Equations]:
@@ -279,28 +301,6 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
 
 
 # --- compiled --------------------------------------------------------------------------------
-
-
-def _packed(network: Network) -> Packed:
-    points, cameras = network.image_points, network.block.cameras
-    camera_idx = network.block.images.camera_idx[points.image_idx]
-    xy, pixel_mm = np.empty_like(points.colrow), np.empty(len(points))
-    for k, camera in enumerate(cameras):
-        own: Mask | slice = camera_idx == k if len(cameras) > 1 else slice(None)
-        xy[own] = xy_from_colrow(camera, points.colrow[own])
-        pixel_mm[own] = camera.pixel_mm
-    return pack(
-        Measured(
-            point=points.point_idx,
-            image=points.image_idx,
-            xy=xy,
-            weight=1 / (points.sigma_px * pixel_mm),
-        ),
-        free_points=network.free_points,
-        also=network.control.point_idx[~network.held_control],
-        pose_of_image=network.pose_idx,
-        n_poses=len(network.pose_names),
-    )
 
 
 def _compiled_normals(network: Network, state: State, damping: float) -> NetworkNormals:

@@ -71,7 +71,8 @@ class Solution:
     def cov(self) -> Array:
         """Covariance of the reduced unknowns, a priori, shape (n_columns, n_columns).
 
-        In blocks of a thousand images it is large; `inverse.at` then returns parts of it.
+        In blocks of a thousand images it is large; `inverse.at` then returns parts of it, and
+        `inverse.times` its products.
         """
         return self.inverse.dense
 
@@ -232,10 +233,10 @@ def _descend(
     """Return the next state, its normal equations and damping; None at the minimum."""
     start, hidden, promised = here, False, np.inf
     while not (damping.exhausted or (hidden and promised <= EXACT)):
-        dx, dp, promised = here.step()
+        promised = here.promised
         if damping.value == 0.0 and promised <= tolerance**2 * unit:
             return None
-        trial = problem.moved(state, dx, dp)
+        trial = problem.moved(state, *here.step())
         there = normals(problem, trial, damping.most_hopeful, before=start)
         kept = gain(start.cost - there.cost, promised)
         if damping.helps(kept):
@@ -244,7 +245,7 @@ def _descend(
                 there = normals(problem, trial, after.value, before=start)
             return trial, there, after
         if damping.value == 0.0 and promised <= max(FINE * unit, EXACT):
-            if there.step()[2] < promised:
+            if there.promised < promised:
                 return trial, there, damping
             hidden = True
         damping = damping.after_failure()
@@ -297,5 +298,5 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
     for chunk, strip in strips(problem.n_columns, problem.free_points, equations):
         here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
         gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
-        out[here] = -gain @ solution.cov
+        out[here] = -solution.inverse.times(gain)
     return out

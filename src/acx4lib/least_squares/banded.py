@@ -289,6 +289,12 @@ class BandedInverse:
         out[band] = self.part.P[a, b - a, (low[band] - m) % 6, (high[band] - m) % 6]
         return out
 
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance; the whole inverse is not needed for it."""
+        out = np.empty((J.size // len(self.order), len(self.order)))
+        out[:, self.order] = self.factored.solve(J.reshape(out.shape)[:, self.order].T).T
+        return out.reshape(J.shape)
+
 
 def too_large() -> AdjustmentError:
     """Return the error of a large system that is singular."""

@@ -50,6 +50,17 @@ class Inverse(Protocol):
         """Return the entries at two arrays of columns that broadcast against each other."""
         ...
 
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance, shape (..., n) as J."""
+        ...
+
+
+def held_at_zero(inverse: Inverse, rows: Index, columns: Index) -> Array:
+    """Return entries of an inverse; zero where a column is -1, that of a held unknown."""
+    out = inverse.at(np.maximum(rows, 0), np.maximum(columns, 0))
+    out[(rows < 0) | (columns < 0)] = 0.0
+    return out
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dense:
@@ -176,3 +187,7 @@ class DenseInverse:
     def at(self, rows: Index, columns: Index) -> Array:
         """Return the entries at two arrays of columns."""
         return self.dense[rows, columns]
+
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance."""
+        return J @ self.dense

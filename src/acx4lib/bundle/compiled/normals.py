@@ -37,7 +37,7 @@ from acx4lib.least_squares.banded import (
     cut_off,
     too_large,
 )
-from acx4lib.least_squares.dense import Dense, Inverse, places
+from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
 from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
 
 R = TypeVar("R")
@@ -179,21 +179,28 @@ class NetworkNormals:
 
     # --- solved ------------------------------------------------------------------------------
 
-    def step(self) -> tuple[Array, Array, float]:
-        """Return the step of columns and points and the decrease of cost that it predicts."""
-        packed, system = self.packed, self._system
-        ordered = -self._solver.solve(system.g)
-        dx = ordered[places(self._order)]
-        along = camera_steps(
-            self.hanging, gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
-        )
+    @cached_property
+    def _ordered_step(self) -> Array:
+        return -self._solver.solve(self._system.g)
+
+    @cached_property
+    def promised(self) -> float:
+        """The decrease of cost that the step predicts."""
+        return self._images[2] - float(self._system.g @ self._ordered_step)
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step of columns and points."""
+        packed = self.packed
+        dx = self._ordered_step[places(self._order)]
+        border, poses = gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
+        along = camera_steps(self.hanging, border, poses)
         dp = np.zeros((self.n_points, 3))
 
         def work(first: int, last: int) -> None:
             elimination.move_points(packed.rays, self.scene, first, last, along, dp)
 
         _in_parts(packed, work)
-        return dx, dp, self._images[2] - float(system.g @ ordered)
+        return dx, dp
 
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
@@ -268,9 +275,6 @@ def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
     if e.B is not None and e.point is not None:
         explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
     if e.A.shape[2]:
-        columns = np.maximum(e.columns, 0)
-        cov = inverse.at(columns[:, :, None], columns[:, None, :])
-        held = e.columns < 0
-        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        cov = held_at_zero(inverse, e.columns[:, :, None], e.columns[:, None, :])
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
     return Group.of(e, explained)
