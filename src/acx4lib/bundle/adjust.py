@@ -74,8 +74,9 @@ class Bundle:
 
     @property
     def oriented(self) -> Mask:
-        """Which images are oriented by their measurements, shape (n_images,)."""
-        is_open: Mask = np.any(self.solution.undetermined[self.network.layout.pose], axis=1)
+        """Which images are oriented by their measurements, or held, shape (n_images,)."""
+        undetermined = np.append(self.solution.undetermined, False)
+        is_open: Mask = np.any(undetermined[self.network.layout.pose], axis=1)
         return ~is_open[self.network.pose_idx]
 
 

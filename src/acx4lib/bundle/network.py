@@ -339,6 +339,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             n_poses=len(place),
             n_cameras=len(network.block.cameras),
         ),
+        n_columns=network.n_columns,
         border=np.hstack([layout.interior, layout.mount]),
         pose_columns=layout.pose[packed.pose],
         sigma_px=network.image_points.sigma_px,

@@ -24,7 +24,7 @@ class Layout:
     mount : ndarray, shape (n_cameras, 6)
         Columns of the mountings in the order of `MOUNT`, -1 where held.
     pose : ndarray, shape (n_poses, 6)
-        Columns of the poses.
+        Columns of the poses, -1 where held.
     shift : ndarray, shape (3,)
         Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
     drift : ndarray, shape (n_drifts, 3)

@@ -34,12 +34,15 @@ from acx4lib.least_squares.banded import (
     BandedInverse,
     Bordered,
     BorderedCovariance,
+    cut_off,
     too_large,
 )
-from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero
+from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
 from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
 
 R = TypeVar("R")
+
+_EACH = np.arange(6)
 
 
 def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
@@ -67,10 +70,12 @@ class NetworkNormals:
         Images in the order of `Packed.image`.
     hanging : Hanging
         Poses in the order of `Packed.pose`.
+    n_columns : int
+        Number of unknowns that are not points.
     border : ndarray, shape (n_cameras, PER_CAMERA)
         Columns of interior orientation and mounting, -1 where held.
     pose_columns : ndarray, shape (n_poses, 6)
-        Columns of the poses in the order of `Packed.pose`.
+        Columns of the poses in the order of `Packed.pose`, -1 where held.
     sigma_px : ndarray, shape (n,)
         Sigma of the image points, in the block's order.
     n_points : int
@@ -82,6 +87,7 @@ class NetworkNormals:
     packed: Packed
     scene: Scene
     hanging: Hanging
+    n_columns: int
     border: Index
     pose_columns: Index
     sigma_px: Array
@@ -123,11 +129,11 @@ class NetworkNormals:
 
     @property
     def _n_border(self) -> int:
-        return int(self.pose_columns.min(initial=np.iinfo(np.intp).max))
+        return self.n_columns - int(np.sum(self.pose_columns >= 0))
 
     @cached_property
     def _order(self) -> Index:
-        """The unknown to which each column of the bordered system belongs."""
+        """The unknown to which each column of the bordered system belongs, -1 for a held one."""
         return np.concatenate([np.arange(self._n_border), self.pose_columns.ravel()])
 
     @cached_property
@@ -146,15 +152,18 @@ class NetworkNormals:
             out[columns[free]] = source[:n_full][free]
             out[m:] = source[n_full:]
         system = Bordered(P=full.P, C=C, D=D, g=g, diagonal=diagonal)
-        place = np.empty(len(order) + 1, dtype=np.intp)
-        place[order], place[-1] = np.arange(len(order)), -1
+        place = np.append(places(order), -1)
         for e in self.others:
             if e.A.shape[2]:
                 _add(system, e, place)
+        held = order[m:] < 0
+        if held.any():
+            cut_off(system, held)
+            g[m:][held], diagonal[m:][held] = 0.0, 1.0
+            system.P[:, 0, _EACH, _EACH] += held.reshape(-1, 6)
         if damping:
             D[np.diag_indices(m)] += damping * diagonal[:m]
-            a = np.arange(6)
-            system.P[:, 0, a, a] += damping * diagonal[m:].reshape(-1, 6)
+            system.P[:, 0, _EACH, _EACH] += damping * diagonal[m:].reshape(-1, 6)
         return system
 
     @cached_property
@@ -182,9 +191,9 @@ class NetworkNormals:
     def step(self) -> tuple[Array, Array]:
         """Return the step of columns and points."""
         packed = self.packed
-        dx = np.empty_like(self._ordered_step)
-        dx[self._order] = self._ordered_step
-        along = camera_steps(self.hanging, gather(dx, self.border).ravel(), dx[self.pose_columns])
+        dx = self._ordered_step[places(self._order)]
+        border, poses = gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
+        along = camera_steps(self.hanging, border, poses)
         dp = np.zeros((self.n_points, 3))
 
         def work(first: int, last: int) -> None:
@@ -204,6 +213,7 @@ class NetworkNormals:
             dense = solver.inverse()
             part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
             inverse = dense.reordered(self._order)
+        cut_off(part, self._order[m:] < 0)
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
         tests = Tests(
             cov_points=np.zeros((self.n_points, 3, 3)),
