@@ -22,8 +22,8 @@ from acx4lib.bundle.start.start_values import recovered, start_points
 from acx4lib.bundle.unknowns import Layout, free_shift, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import require_millimetres
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION

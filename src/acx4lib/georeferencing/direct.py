@@ -9,8 +9,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import Camera
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import Camera, mountings
 from acx4lib.geometry.collinearity import (
     Measurement,
     directions,

@@ -110,22 +110,14 @@ def _block(
     *,
     n_points: int,
 ) -> Block:
-    n = len(observed.T_m_b)
-    exposures = tuple(f"E{i}" for i in range(n))
+    exposures = tuple(f"E{i}" for i in range(len(observed.T_m_b)))
     return Block(
-        name="calibration",
         frame=FRAME,
         cameras=(camera,),
-        images=Images(
-            names=exposures,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=exposures),
         points=tuple(f"P{i}" for i in range(n_points)),
         image_points=points,
         control=control,
-        check=control[np.zeros(len(control), dtype=bool)],
         trajectory=Trajectory(
             exposures=exposures,
             T_m_b=observed.T_m_b,
