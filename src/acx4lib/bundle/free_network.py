@@ -14,8 +14,8 @@ from scipy import linalg
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
-from acx4lib.bundle.network import Network, State
-from acx4lib.bundle.unknowns import holding
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import State, holding
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose, skew, transform
