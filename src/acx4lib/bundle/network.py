@@ -19,7 +19,7 @@ from acx4lib.bundle.observations import (
     position_equations,
     position_errors,
 )
-from acx4lib.bundle.unknowns import Layout
+from acx4lib.bundle.unknowns import Layout, State, moved_pose
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.geometry.camera import INTERIOR, Interior
@@ -29,7 +29,7 @@ from acx4lib.geometry.collinearity import (
     image_residuals,
     mounted_jacobian,
 )
-from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import AXES, MOUNT, POSE
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
@@ -44,34 +44,6 @@ try:
     COMPILED = True
 except ImportError:  # without numba it is slower, with the same results
     COMPILED = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class State:
-    """All unknowns of a bundle.
-
-    Attributes
-    ----------
-    interiors : tuple of Interior
-        One per camera.
-    T_b_c : Pose
-        Mountings, one per camera.
-    T_m_b : Pose
-        One per pose.
-    x_m : ndarray, shape (n_points, 3)
-        m.
-    shift : ndarray, shape (3,)
-        Common error of all observed positions along the grid's axes, m.
-    drift : ndarray, shape (n_drifts, 3)
-        Change of their error along each strip, m per unit of `Strips`' time.
-    """
-
-    interiors: tuple[Interior, ...]
-    T_b_c: Pose
-    T_m_b: Pose
-    x_m: Array
-    shift: Array = field(default_factory=lambda: np.zeros(3))
-    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,8 +138,8 @@ class Network:
         mount, pose = padded[self.layout.mount], padded[self.layout.pose]
         return State(
             interiors=tuple(Interior.from_array(row) for row in interior),
-            T_b_c=_moved_pose(state.T_b_c, mount),
-            T_m_b=_moved_pose(state.T_m_b, pose),
+            T_b_c=moved_pose(state.T_b_c, mount),
+            T_m_b=moved_pose(state.T_m_b, pose),
             x_m=state.x_m + dp,
             shift=state.shift + padded[self.layout.shift],
             drift=state.drift + padded[self.layout.drift],
@@ -230,10 +202,6 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
-
-
-def _moved_pose(T: Pose, step: Array) -> Pose:
-    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
 
 
 # --- observations ----------------------------------------------------------------------------

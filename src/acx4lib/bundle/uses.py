@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered, start_points
-from acx4lib.bundle.unknowns import Layout, free_shift, holding, layout
+from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block

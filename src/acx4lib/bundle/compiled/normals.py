@@ -24,7 +24,7 @@ from acx4lib.bundle.compiled.chain_rule import (
     reduced_normals,
 )
 from acx4lib.bundle.compiled.covariances import Tests
-from acx4lib.bundle.compiled.elimination import CameraNormals, camera_normals
+from acx4lib.bundle.compiled.elimination import CameraNormals, Room, camera_normals, room_for
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index
@@ -96,6 +96,9 @@ class NetworkNormals:
 
     # --- assembled ---------------------------------------------------------------------------
 
+    def _room(self, first: int, last: int) -> Room:
+        return room_for(self.packed.rays, first, last, self.hanging.n_cameras)
+
     @cached_property
     def _images(self) -> tuple[Bordered, float, float]:
         """Return the image points' reduced normal equations, cost, and predicted decrease of it."""
@@ -106,7 +109,8 @@ class NetworkNormals:
         ]
 
         def work(first: int, last: int, total: CameraNormals) -> tuple[bool, float]:
-            return elimination.accumulate(packed.rays, self.scene, first, last, total)
+            room = self._room(first, last)
+            return elimination.accumulate(packed.rays, self.scene, first, last, room, total)
 
         done = _in_parts(packed, work, totals)
         while len(totals) > 1:
@@ -181,11 +185,12 @@ class NetworkNormals:
 
     @cached_property
     def _ordered_step(self) -> Array:
+        """The step of columns, in the order of the bordered system."""
         return -self._solver.solve(self._system.g)
 
-    @cached_property
+    @property
     def promised(self) -> float:
-        """The decrease of cost that the step predicts."""
+        """Decrease of the cost that the step predicts."""
         return self._images[2] - float(self._system.g @ self._ordered_step)
 
     def step(self) -> tuple[Array, Array]:
@@ -197,7 +202,8 @@ class NetworkNormals:
         dp = np.zeros((self.n_points, 3))
 
         def work(first: int, last: int) -> None:
-            elimination.move_points(packed.rays, self.scene, first, last, along, dp)
+            room = self._room(first, last)
+            elimination.move_points(packed.rays, self.scene, first, last, room, along, dp)
 
         _in_parts(packed, work)
         return dx, dp
@@ -222,7 +228,8 @@ class NetworkNormals:
         )
 
         def work(first: int, last: int) -> None:
-            covariances.precision(packed.rays, self.scene, first, last, cov, tests)
+            room = self._room(first, last)
+            covariances.precision(packed.rays, self.scene, first, last, room, cov, tests)
 
         _in_parts(packed, work)
         groups = [_tested(e, inverse, tests.cov_points) for e in self.others]

@@ -25,8 +25,9 @@ from acx4lib.bundle.gross_errors.single_tests import (
     judge,
     observations,
 )
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask

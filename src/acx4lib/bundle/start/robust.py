@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index
 
 Residuals = tuple[Array, Array]  # v and sigma of a group
