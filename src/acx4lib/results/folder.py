@@ -19,10 +19,10 @@ import pandas as pd
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
-from acx4lib.results import table_files
+from acx4lib.results.files import table_files
+from acx4lib.results.files.summary_entries import read_summary, summary_text
+from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.own_folder.marks import SCRATCH
-from acx4lib.results.summary_entries import read_summary, summary_text
-from acx4lib.results.table_files import COLUMNS
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""

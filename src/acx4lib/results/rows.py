@@ -27,7 +27,7 @@ from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing.differences import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.results.table_files import COLUMNS
+from acx4lib.results.files.table_files import COLUMNS
 
 COMPONENTS = {
     "image_point": ("col_px", "row_px"),
@@ -64,7 +64,7 @@ def bundle_tables(
         parameter_tables = _with_gnss(stage, method, bundle, calibration)
     return {
         **parameter_tables,
-        "exterior_orientation": _exterior_table(stage, method, bundle),
+        "exterior_orientation": of_method(stage, method, exterior_orientations(bundle)),
         "residuals": _residual_table(stage, method, bundle),
         "rejected": rejected_table(
             stage, method, block, bundle.rejected, pose_names=block.trajectory.exposures
@@ -105,6 +105,11 @@ def _parameter_tables(
     }
 
 
+def of_method(stage: str, method: str, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with the stage and the method that its rows are of as first columns."""
+    return pd.DataFrame({"stage": stage, "method": method, **dict(frame.items())})
+
+
 def _frame(table: str, rows: Sequence[Sequence[object]]) -> pd.DataFrame:
     return pd.DataFrame(list(rows), columns=list(COLUMNS[table]))
 
@@ -122,24 +127,33 @@ def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array)
     )
 
 
-def _exterior_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+def exterior_orientations(bundle: Bundle) -> pd.DataFrame:
+    """Return the exterior orientations of an adjusted bundle's images, with their sigma.
+
+    Parameters
+    ----------
+    bundle : Bundle
+
+    Returns
+    -------
+    DataFrame
+        A row for every image that its measurements orient: ``image``, projection centre
+        ``east_m, north_m, height_m``, angles ``omega_deg, phi_deg, kappa_deg`` of eq. (6) against
+        the grid's axes, and the sigma of each, a posteriori. A mounted camera's have the sigma
+        and the correlations of body pose and mounting, eq. (14).
+    """
     network = bundle.network
     cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
     oriented = np.flatnonzero(bundle.oriented)
     names = [network.block.images.names[i] for i in oriented]
-    return exterior_table(
-        stage, method, network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented]
-    )
+    return exterior_table(network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented])
 
 
-def exterior_table(
-    stage: str, method: str, block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array
-) -> pd.DataFrame:
+def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array) -> pd.DataFrame:
     """Return camera poses relative to the grid, with their standard deviations.
 
     Parameters
     ----------
-    stage, method : str
     block : Block
     names : sequence of str
         Names of the images.
@@ -156,9 +170,7 @@ def exterior_table(
         np.column_stack([enh, np.degrees(opk), sigma_r, sigma_opk]),
         columns=list(COLUMNS["exterior_orientation"][3:]),
     )
-    frame.insert(0, "stage", stage)
-    frame.insert(1, "method", method)
-    frame.insert(2, "image", list(names))
+    frame.insert(0, "image", list(names))
     return frame
 
 

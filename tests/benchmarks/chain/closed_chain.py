@@ -1,0 +1,249 @@
+"""Fly the closed chain 50 times, with a synthetic image and without one (``make chain``).
+
+Every flight of the design `acx4` is measured in its heads. Once its measurements are carried into
+the synthetic image and adjusted in a single step; once the same measurements are adjusted as a rig
+of four heads. Both are validated on the same check points. Exact flights beside them sweep the
+focal length of head 1. The results replace those in data/benchmarks when all are there. Needs
+PYTHONPATH=tests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.chapters.rig.truth import true_head
+from acx4lib.calibration import mounting, rig
+from acx4lib.calibration.estimates import Calibration, parameters
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
+from acx4lib.geometry.collinearity import project, rays
+from acx4lib.geometry.frames import Pose
+from acx4lib.georeferencing import accuracy
+from acx4lib.georeferencing.differences import Differences
+from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.stages.synthetic import refine
+from acx4lib.synthetic_image.carried import carry, synthetic_block
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4sim.optics import head_truth
+from benchmarks import machine, stored
+from benchmarks.chain import find_head_truth
+from support.flights import simulated
+
+OUT = machine.ROOT / "data" / "benchmarks"
+DESIGN = "acx4"
+SEEDS = range(1, 51)
+FOCAL_LENGTHS_MM = tuple(round(float(f), 2) for f in np.arange(74.0, 74.61, 0.1))
+"""Of head 1 in the sweep; the other heads' follow from Table 1."""
+
+NODES = (30, 40)
+"""Columns and rows of the residual pattern."""
+
+HEIGHTS_M = (1000.0, 1500.0)
+"""Flying heights of the calibration block, and of the pattern."""
+
+SIDES = (0.0, 0.5, 1.0)
+"""Of the square of the lens centres, in parts of the side that it has."""
+
+AXES = ("east_m", "north_m", "height_m")
+DIGITS = 7
+"""Of the numbers written down."""
+
+Row = dict[str, Any]
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="use seeds 1 to this (50)")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
+    options = parser.parse_args()
+    seeds = SEEDS[: options.seeds]
+    rows: dict[str, list[Row]] = {"parameters": [], "points": []}
+    with ProcessPoolExecutor(options.processes) as pool:
+        swept = pool.map(at_focal_length, FOCAL_LENGTHS_MM)
+        for seed, found in zip(seeds, pool.map(of_seed, seeds), strict=True):
+            rows["parameters"] += found[0]
+            rows["points"] += found[1]
+            sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
+        rows["sweep"] = [row for part in swept for row in part]
+        rows["pattern"] = pattern()
+        rows["squares"] = [row for part in map(at_side, SIDES) for row in part]
+    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
+    tables = {name: pd.DataFrame(table) for name, table in rows.items()}
+    stored.write(options.out, "closed_chain", tables, about, digits=DIGITS)
+
+
+# --- one flight --------------------------------------------------------------------------------
+
+
+def of_seed(seed: int) -> tuple[list[Row], list[Row]]:
+    """Return what both ways make of a flight: parameters, and differences at check points."""
+    flight = simulated.fly(DESIGN, seed=seed, blocks=("heads", *simulated.MOUNTED)).flight
+    parts: dict[str, tuple[Mounting, Validation]] = {
+        "synthetic": in_synthetic_images(flight),
+        "rig": in_heads(flight),
+    }
+    named = {way: {"seed": seed, "way": way} for way in parts}
+    estimates = [named[way] | row for way, (m, _) in parts.items() for row in of_mounting(m)]
+    differences = [named[way] | row for way, (_, v) in parts.items() for row in of_validation(v)]
+    return estimates, differences
+
+
+def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
+    """Calibrate and validate in synthetic images: the paper's way."""
+    orientation = find_head_truth.calibrated_heads(flight)
+    refined, synthetic = refine(flight, orientation, None).orientation, flight.cameras["SYN"]
+
+    def carried(block: Block) -> Block:
+        return synthetic_block(block, carry(block, refined, synthetic), synthetic)
+
+    found = mounting.single_step(carried(flight.calibration), free=flight.estimate_mounting)
+    return found, validate(carried(flight.validation), found.calibration, method="single_step")
+
+
+def in_heads(flight: Flight) -> tuple[Mounting, Validation]:
+    """Calibrate the rig of four heads on the same measurements, and validate in the heads."""
+    found = rig.calibrate(flight.calibration, free=flight.estimate_heads)
+    return found, validate(flight.validation, found.calibration, method="rig")
+
+
+def of_mounting(found: Mounting) -> list[Row]:
+    """Return every parameter with its sigma, and the variance factor as a parameter."""
+    solution = found.bundle.solution
+    factor = {"camera": "", "parameter": "sigma0_squared", "value": solution.sigma0_sq}
+    return [*of_calibration(found.calibration), factor | {"sigma": np.nan}]
+
+
+def of_calibration(found: Calibration) -> list[Row]:
+    """Return every parameter with its a posteriori sigma."""
+    return [
+        {"camera": p.camera, "parameter": p.name, "value": p.value, "sigma": p.sigma}
+        for p in parameters(found)
+    ]
+
+
+def of_validation(found: Validation) -> list[Row]:
+    """Return RMS, mean and predicted sigma by axis, over points and over pairs."""
+    both: dict[str, Differences] = {"points": found.points, "pairs": found.pairs}
+    return [row for over, differences in both.items() for row in of_differences(over, differences)]
+
+
+def of_differences(over: str, found: Differences) -> list[Row]:
+    """Return a row for every axis; the predicted sigma is the root mean square of all."""
+    said = accuracy.from_differences(found.d)
+    predicted = np.sqrt(np.mean(found.sigma**2, axis=0))
+    return [
+        {"over": over, "axis": axis, "n": len(found), "rms_m": rms, "mean_m": mean, "sigma_m": s}
+        for axis, rms, mean, s in zip(AXES, said.rms, said.mean, predicted, strict=True)
+    ]
+
+
+# --- exact flights -----------------------------------------------------------------------------
+
+
+def at_focal_length(f_mm: float) -> list[Row]:
+    """Return the single step of exact data, where head 1 has a focal length and Table 1 holds.
+
+    Points are carried through the heads as they were calibrated, and as tie points refine them.
+    """
+    flight = find_head_truth.exact_flight(find_head_truth.fitted_to_table_1(f_mm))
+    orientation = find_head_truth.calibrated_heads(flight)
+    refined = refine(flight, orientation, None).orientation
+    rows = []
+    for heads, oriented in (("calibrated", orientation), ("refined", refined)):
+        step = find_head_truth.single_step(flight, oriented)
+        named = {"f_1_mm": f_mm, "heads": heads}
+        rows += [named | row for row in (*of_mounting(step), *of_places(oriented))]
+    return rows
+
+
+def of_places(found: RelativeOrientation) -> list[Row]:
+    """Return where the heads' perspective centres are in the frame of the synthetic image."""
+    return [
+        {"camera": head.name, "parameter": key, "value": float(mm), "sigma": np.nan}
+        for head, place in zip(found.heads, found.xyz_mm, strict=True)
+        for key, mm in zip(("Xc_mm", "Yc_mm", "Zc_mm"), place, strict=True)
+    ]
+
+
+def at_side(share: float) -> list[Row]:
+    """Return the single step of exact data, where the lens centres are nearer to each other."""
+    centres = np.array([head.lever_m for head in head_truth.HEADS.values()])
+    middle = centres.mean(axis=0)
+    places = middle + share * (centres - middle)
+    heads = {
+        name: replace(head, lever_m=tuple(map(float, place)))
+        for (name, head), place in zip(head_truth.HEADS.items(), places, strict=True)
+    }
+    flight = find_head_truth.exact_flight(heads)
+    oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
+    found = of_mounting(find_head_truth.single_step(flight, oriented))
+    return [{"side_m": float(np.ptp(places[:, 0]))} | row for row in found]
+
+
+def pattern() -> list[Row]:
+    """Return what the single step of exact data leaves over the synthetic image, by flying height.
+
+    A pixel is followed through its head: as it is carried, and as the head saw it from where it
+    was, onto level ground, and from there into the camera that the single step found.
+    """
+    flight = find_head_truth.exact_flight(head_truth.HEADS)
+    oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
+    found = find_head_truth.single_step(flight, oriented).calibration.cameras[0]
+    cols, rows = (np.arange(0.5, n) / n for n in NODES)
+    share = np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
+    colrow = share * [found.width_px, found.height_px] - 0.5
+    seen = np.stack([
+        head_from_synthetic(oriented, k, xy_from_colrow(found, colrow))
+        for k in range(len(oriented.heads))
+    ])  # fmt: skip
+    border = np.stack([border_distance(h, at) for h, at in zip(oriented.heads, seen, strict=True)])
+    chosen = np.argmax(np.where(np.isfinite(border), border, -np.inf), axis=0)
+    out: list[Row] = []
+    for k, head in enumerate(true_heads()):
+        mine = np.flatnonzero((chosen == k) & (border[k] >= 0))
+        looked = rays(head, head.T_b_c, seen[k, mine])
+        for height in HEIGHTS_M:
+            ground = head.T_b_c.r - looked * (height + head.T_b_c.r[2:]) / looked[:, 2:]
+            d = colrow[mine] - project(
+                found, Pose(R=found.T_b_c.R[None], r=found.T_b_c.r[None]), ground
+            )
+            out += [
+                {
+                    "height_m": height,
+                    "head": head.name,
+                    "col_px": c,
+                    "row_px": r,
+                    "d_col_px": x,
+                    "d_row_px": y,
+                }
+                for (c, r), (x, y) in zip(colrow[mine], d, strict=True)
+            ]
+    return out
+
+
+def true_heads() -> list[Camera]:
+    """Return the heads as they are, on the IMU of the design."""
+    flown = simulated.fly(DESIGN, seed=1, blocks=("heads",), exact=True)
+    told = flown.truth["cameras"]
+    return [true_head(flown.flight.cameras[name], told[name]) for name in simulated.HEADS]
+
+
+# --- written down ------------------------------------------------------------------------------
+
+
+if __name__ == "__main__":
+    main()
