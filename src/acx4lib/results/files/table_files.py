@@ -226,7 +226,7 @@ def begins(name: str, stage_methods: Sequence[str]) -> tuple[bytes, ...]:
     of = _OF.get(name, "")
     asked = [f"{one}/" for one in stage_methods if one.count("/") < 2]
     found = [one.removeprefix(of) for one in asked if one.startswith(of)]
-    found += ["" for one in asked if of.startswith(one)]  # any row
+    found += ["" for one in asked if of.startswith(one) and one != of]  # any row
     return tuple(one.replace("/", ",").encode() for one in found)
 
 
