@@ -14,15 +14,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import render, terminal
+from acx4book.command import render, run, terminal
 from acx4book.command.endings import TERMINATED, status_of
-
-if TYPE_CHECKING:
-    from acx4book.notebooks.runner import Way
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -100,74 +97,7 @@ def check(flight: terminal.Flight) -> None:
     terminal.show(summary(replace(found, notes=(*found.notes, *notes(found)))))
 
 
-@app.command(
-    help="""Run the stages on a flight and keep their results.
-
-The folder gets the tables and the executed notebooks. A stage whose block is not in the flight
-is skipped. A stage that is run alone takes what it needs from the results that are there, and
-replaces only its own. The status is 1 where a stage does not
-converge or is not determined by its data.
-
-With --numbers-only the tables are the same, without notebooks: much sooner, and without the
-requirements of acx4lib[book].
-
-\b
-Examples:
-  acx4 run my_flight --results my_results
-  acx4 run my_flight --results my_results --numbers-only
-  acx4 run my_flight --results my_results --stages mounting,validation
-"""
-)
-def run(
-    flight: terminal.Flight,
-    results: Annotated[
-        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
-    ],
-    stages: Annotated[
-        str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
-    ] = "heads,synthetic,mounting,validation",
-    notebooks: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
-    ] = None,
-    numbers_only: Annotated[
-        bool, typer.Option("--numbers-only", help="Tables and summary, no notebooks.")
-    ] = False,
-) -> None:
-    """Run the stages of a flight."""
-    if numbers_only and notebooks is not None:
-        terminal.refuse("--notebooks names what --numbers-only leaves out; give one of them")
-    if not numbers_only:
-        terminal.need_book("run")
-    from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
-
-    chosen = [stage.strip() for stage in stages.split(",")]
-    for stage in chosen:
-        if stage not in STAGES:
-            terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    way = _functions() if numbers_only else _notebooks(notebooks or runner.NOTEBOOKS_PATH)
-    with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
-        report = runner.run(flight, results, way=way, stages=chosen, tell=tell)
-    terminal.say_if_not_kept()
-    for line in [*report.skipped, *report.left_out, *report.notes]:
-        terminal.show(line)
-    terminal.show(f"results in {results}")
-    if report.not_determined:
-        terminal.say(*report.not_determined)
-        raise typer.Exit(1)
-
-
-def _functions() -> Way:
-    from acx4book.notebooks.functions import Functions  # noqa: PLC0415 quick help
-
-    return Functions()
-
-
-def _notebooks(path: Path) -> Way:
-    from acx4book.notebooks.executed import Notebooks  # noqa: PLC0415 needs the extra book
-
-    return Notebooks(path=path)
+app.command(help=run.HELP)(run.run)
 
 
 @app.command(

@@ -21,6 +21,7 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
+from acx4lib.results.summary_entries import read_summary
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
@@ -137,12 +138,12 @@ def run(
     ValueError
         Unknown stage, or a way that cannot be gone.
     """
-    chosen = _chosen(stages)
+    wanted = parts_of(stages)
     folder, tell = Path(results_path), tell or (lambda *_: None)
     places.check_place(folder, away_from=[Path(flight_path)])
     flight = flights.read(flight_path)
-    skipped = {stage: reason for stage in chosen if (reason := order.missing(flight, stage))}
-    ran = tuple(stage for stage in chosen if stage not in skipped)
+    skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
+    ran = tuple(stage for stage in wanted if stage not in skipped)
     steps = way.steps(flight, folder, ran)
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
@@ -151,7 +152,7 @@ def run(
     return RunOutcome(
         ran=ran,
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
-        not_determined=(*_wrong(folder, done), *failed),
+        not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(
             line
@@ -177,7 +178,7 @@ def _run_steps(
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in _wrong(own.path, done):
+        for line in wrong(own.path, done):
             error.add_note(line)
         raise
     return done, failed
@@ -212,8 +213,14 @@ def _prepare(
     own.seal()
 
 
-def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the notebooks to run, in their order."""
+def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
+    """Return what is run of some stages, by the names of `NOTEBOOKS`, in their order.
+
+    Raises
+    ------
+    ValueError
+        Unknown stage.
+    """
     unknown = [stage for stage in stages if stage not in results.STAGES]
     if unknown:
         known = ", ".join(results.STAGES)
@@ -222,8 +229,8 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
 
 
-def _wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
-    """Yield the sentences for which a run ends with status 1."""
+def wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
+    """Yield the sentences in the results of some stages for which a run ends with status 1."""
     yield from _messages(folder, stages, "stopped", order.CONSISTENT)
     yield from _messages(folder, stages, "not_determined", order.DECISIVE)
 
@@ -232,7 +239,7 @@ def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sentences of some methods of the given stages in the summary."""
-    for name, entry in results.read(folder).summary.items():
+    for name, entry in read_summary(folder / "summary.json", []).items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
             yield from results.messages(entry, key)
