@@ -16,6 +16,7 @@ from acx4lib.flight.problems import Problem, did_you_mean, lines_of
 from acx4lib.flight.reader import Flight, checked
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.in_memory import Columns, table_in_memory
+from acx4lib.flight.text.schemas import SCHEMAS
 from acx4lib.flight.text.table import Table
 
 CONTROL = "control_points"
@@ -102,7 +103,8 @@ def _problem(table: str, column: str, found: str, expected: str) -> Problem:
 
 def _block(name: str, tables: Tables, control_points: Columns | None) -> BlockTables:
     images, image_points, trajectory = (
-        table_in_memory(tables[table], f"{name}.{table}", f"{table}.csv") for table in TABLES
+        table_in_memory(tables[table], f"{name}.{table}", SCHEMAS[f"{table}.csv"])
+        for table in TABLES
     )
     return BlockTables(
         name=name,
@@ -121,7 +123,7 @@ def _control(name: str, tables: Tables, shared: Columns | None) -> Table:
     if columns is None:
         columns = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
     label = CONTROL if own is None else f"{name}.{CONTROL}"
-    return table_in_memory(columns, label, f"{CONTROL}.csv")
+    return table_in_memory(columns, label, SCHEMAS[f"{CONTROL}.csv"])
 
 
 def _plain(value: Any) -> Any:

@@ -14,7 +14,7 @@ from acx4lib.expected import Array, given
 from acx4lib.flight.problems import Problem, counted, quoted
 from acx4lib.flight.text.cells import cell_problems
 from acx4lib.flight.text.headers import extra_notes, header_problems
-from acx4lib.flight.text.schemas import SCHEMAS, Schema
+from acx4lib.flight.text.schemas import Schema
 from acx4lib.flight.text.table import Table
 
 PICTURES = ("file",)
@@ -58,7 +58,7 @@ class Written(Sequence[str]):
         return "" if _is_missing(value) else str(value)
 
 
-def table_in_memory(columns: Columns, name: str, kind: str) -> Table:
+def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     """Return a table made from columns; what is wrong is in its `problems`.
 
     Parameters
@@ -67,10 +67,9 @@ def table_in_memory(columns: Columns, name: str, kind: str) -> Table:
         Names may be text or whole numbers. A standard deviation may be infinite: not known.
     name : str
         What messages call it.
-    kind : str
-        One of `SCHEMAS`: the same columns as that file's, but for `PICTURES`.
+    schema : Schema
+        Of the file that it stands for, without `PICTURES`.
     """
-    schema = SCHEMAS[kind]
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
     table = Table(file=name, in_memory=True)
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
