@@ -34,7 +34,7 @@ def test_processes_are_ended_where_the_context_fails():
     assert not multiprocessing.active_children()
 
 
-class KilledWorker(Exception):  # noqa: N818 the name of Dask's
+class KilledWorker(Exception):
     """What a cluster says of a call that was with several workers when they died."""
 
 
