@@ -6,7 +6,7 @@ uses differ only in which of the two is free, held or observed; `uses` sets them
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,17 +19,17 @@ from acx4lib.bundle.observations import (
     position_equations,
     position_errors,
 )
-from acx4lib.bundle.unknowns import Layout
+from acx4lib.bundle.unknowns import Layout, State, moved_pose
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.geometry.camera import INTERIOR, Interior, xy_from_colrow
+from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.collinearity import (
     Measurement,
     image_derivatives,
     image_residuals,
     mounted_jacobian,
 )
-from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import AXES, MOUNT, POSE
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
@@ -38,40 +38,12 @@ from acx4lib.least_squares.problem import Normals
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
     from acx4lib.bundle.compiled.normals import NetworkNormals
-    from acx4lib.bundle.compiled.packing import Measured, Packed, pack
+    from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
 
     COMPILED = True
 except ImportError:  # without numba it is slower, with the same results
     COMPILED = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class State:
-    """All unknowns of a bundle.
-
-    Attributes
-    ----------
-    interiors : tuple of Interior
-        One per camera.
-    T_b_c : Pose
-        Mountings, one per camera.
-    T_m_b : Pose
-        One per pose.
-    x_m : ndarray, shape (n_points, 3)
-        m.
-    shift : ndarray, shape (3,)
-        Common error of all observed positions along the grid's axes, m.
-    drift : ndarray, shape (n_drifts, 3)
-        Change of their error along each strip, m per unit of `Strips`' time.
-    """
-
-    interiors: tuple[Interior, ...]
-    T_b_c: Pose
-    T_m_b: Pose
-    x_m: Array
-    shift: Array = field(default_factory=lambda: np.zeros(3))
-    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,8 +138,8 @@ class Network:
         mount, pose = padded[self.layout.mount], padded[self.layout.pose]
         return State(
             interiors=tuple(Interior.from_array(row) for row in interior),
-            T_b_c=_moved_pose(state.T_b_c, mount),
-            T_m_b=_moved_pose(state.T_m_b, pose),
+            T_b_c=moved_pose(state.T_b_c, mount),
+            T_m_b=moved_pose(state.T_m_b, pose),
             x_m=state.x_m + dp,
             shift=state.shift + padded[self.layout.shift],
             drift=state.drift + padded[self.layout.drift],
@@ -196,7 +168,29 @@ class Network:
     @cached_property
     def packed(self) -> Packed:
         """The measurements in the order in which compiled code processes them."""
-        return _packed(self)
+        return pack(
+            measured(self.block, self.image_points),
+            free_points=self.free_points,
+            also=self.control.point_idx[~self.held_control],
+            pose_of_image=self.pose_idx,
+            n_poses=len(self.pose_names),
+        )
+
+    def beginning_at(self, start: State) -> Network:
+        """Return the network with other start values."""
+        out = replace(self, start=start)
+        if "packed" in vars(self):
+            vars(out)["packed"] = self.packed
+        return out
+
+    def with_sigma(
+        self, *, image_points: ImagePoints, control: SurveyedPoints, observed: PoseObservations
+    ) -> Network:
+        """Return the network with its observations, of which only the sigma are others."""
+        out = replace(self, image_points=image_points, control=control, observed=observed)
+        if COMPILED:  # the order in which rays are processed stays
+            vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
+        return out
 
 
 def _other_equations(network: Network, state: State) -> list[Equations]:
@@ -208,10 +202,6 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
-
-
-def _moved_pose(T: Pose, step: Array) -> Pose:
-    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
 
 
 # --- observations ----------------------------------------------------------------------------
@@ -281,28 +271,6 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
 # --- compiled --------------------------------------------------------------------------------
 
 
-def _packed(network: Network) -> Packed:
-    points, cameras = network.image_points, network.block.cameras
-    camera_idx = network.block.images.camera_idx[points.image_idx]
-    xy, pixel_mm = np.empty_like(points.colrow), np.empty(len(points))
-    for k, camera in enumerate(cameras):
-        own: Mask | slice = camera_idx == k if len(cameras) > 1 else slice(None)
-        xy[own] = xy_from_colrow(camera, points.colrow[own])
-        pixel_mm[own] = camera.pixel_mm
-    return pack(
-        Measured(
-            point=points.point_idx,
-            image=points.image_idx,
-            xy=xy,
-            weight=1 / (points.sigma_px * pixel_mm),
-        ),
-        free_points=network.free_points,
-        also=network.control.point_idx[~network.held_control],
-        pose_of_image=network.pose_idx,
-        n_poses=len(network.pose_names),
-    )
-
-
 def _compiled_normals(network: Network, state: State, damping: float) -> NetworkNormals:
     packed, layout = network.packed, network.layout
     camera = network.block.images.camera_idx[packed.image]
@@ -339,6 +307,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             n_poses=len(place),
             n_cameras=len(network.block.cameras),
         ),
+        n_columns=network.n_columns,
         border=np.hstack([layout.interior, layout.mount]),
         pose_columns=layout.pose[packed.pose],
         sigma_px=network.image_points.sigma_px,

@@ -16,6 +16,7 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
 
@@ -114,6 +115,7 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         control it is infinite, or zero where only the observation's own point changes.
     """
     network, solution = bundle.network, bundle.solution
+    require_own_datum(solution)
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)

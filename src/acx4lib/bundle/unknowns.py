@@ -1,4 +1,4 @@
-"""The columns of a bundle's unknowns besides points."""
+"""The unknowns of a bundle, and the columns of those that are no points."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Index
-from acx4lib.geometry.camera import INTERIOR
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT
 
 
@@ -24,7 +25,7 @@ class Layout:
     mount : ndarray, shape (n_cameras, 6)
         Columns of the mountings in the order of `MOUNT`, -1 where held.
     pose : ndarray, shape (n_poses, 6)
-        Columns of the poses.
+        Columns of the poses, -1 where held.
     shift : ndarray, shape (3,)
         Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
     drift : ndarray, shape (n_drifts, 3)
@@ -42,6 +43,39 @@ class Layout:
         """Number of unknowns that are not points."""
         parts = (self.interior, self.mount, self.shift, self.drift, self.pose)
         return int(sum(np.sum(part >= 0) for part in parts))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """All unknowns of a bundle.
+
+    Attributes
+    ----------
+    interiors : tuple of Interior
+        One per camera.
+    T_b_c : Pose
+        Mountings, one per camera.
+    T_m_b : Pose
+        One per pose.
+    x_m : ndarray, shape (n_points, 3)
+        m.
+    shift : ndarray, shape (3,)
+        Common error of all observed positions along the grid's axes, m.
+    drift : ndarray, shape (n_drifts, 3)
+        Change of their error along each strip, m per unit of `Strips`' time.
+    """
+
+    interiors: tuple[Interior, ...]
+    T_b_c: Pose
+    T_m_b: Pose
+    x_m: Array
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+def moved_pose(T: Pose, step: Array) -> Pose:
+    """Return poses after a step, shape (n, 6); rotations are about the turned axes."""
+    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
 
 
 def layout(

@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered, start_points
-from acx4lib.bundle.unknowns import Layout, free_shift, layout
+from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Index
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import require_millimetres
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
@@ -164,6 +164,54 @@ def mounted_orientation(
         T_b_c=mountings(block.cameras),
         refraction=refraction,
     )
+
+
+def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Network:
+    """Return a network in which some poses are held: known without error, and not estimated.
+
+    Parameters
+    ----------
+    network : Network
+    names : sequence of str
+        Names of its poses: of images with `free_orientation`, whose poses are the cameras'; of
+        exposures with `mounted_orientation`, whose poses are the body's.
+    T_m_b : Pose
+        Their poses, one for each name.
+
+    Raises
+    ------
+    ValueError
+        For a name that the network does not have, or that comes twice, or if there is not one
+        pose for each.
+    """
+    expected.instance("network", network, Network)
+    expected.names_of("names", names, network.pose_names)
+    expected.different("names", names)
+    expected.instance("T_m_b", T_m_b, Pose)
+    expected.many("T_m_b", T_m_b, len(names), "poses")
+    which = [network.pose_names.index(name) for name in names]
+    columns, observed, start = network.layout.pose[which], network.observed, network.start
+    held = replace(
+        network,
+        layout=holding(network.layout, columns[columns >= 0]),
+        observed=replace(
+            observed,
+            T_m_b=_with_poses(observed.T_m_b, which, T_m_b),
+            sigma_position=_with_rows(observed.sigma_position, which, np.inf),
+            sigma_attitude=_with_rows(observed.sigma_attitude, which, np.inf),
+        ),
+    )
+    return _chosen(held, replace(start, T_m_b=_with_poses(start.T_m_b, which, T_m_b)))
+
+
+def _with_poses(T: Pose, rows: Sequence[int], new: Pose) -> Pose:
+    return Pose(R=_with_rows(T.R, rows, new.R), r=_with_rows(T.r, rows, new.r))
+
+
+def _with_rows(values: Array, rows: Sequence[int], new: Array | float) -> Array:
+    out = values.copy()
+    out[rows] = new
+    return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

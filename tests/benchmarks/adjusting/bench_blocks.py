@@ -240,24 +240,16 @@ def _seen(T_m_c: Pose, x_m: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray
 def _block(
     T_m_b: Pose, x_m: np.ndarray, points: ImagePoints, *, n_control: int, rng: np.random.Generator
 ) -> Block:
-    n = len(T_m_b)
-    exposures = tuple(f"E{i}" for i in range(n))
+    exposures = tuple(f"E{i}" for i in range(len(T_m_b)))
     return Block(
-        name="calibration",
         frame=FRAME,
         cameras=(
             replace(TRUTH, interior=Interior(f=START_F_MM), T_b_c=Pose(R=np.eye(3), r=np.zeros(3))),
         ),
-        images=Images(
-            names=exposures,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=exposures),
         points=tuple(f"P{i}" for i in range(len(x_m))),
         image_points=points,
         control=_surveyed(x_m[:n_control], rng),
-        check=_surveyed(np.zeros((0, 3)), rng),
         trajectory=_recorded(T_m_b, exposures, rng),
     )
 

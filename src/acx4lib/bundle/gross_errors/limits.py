@@ -115,9 +115,12 @@ def within_limits(
 def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> list[Rejection]:
     """Return the control points all of whose rays would be rejected, and so they themselves."""
     out = [r.row for r in rejected if r.kind == "image_point"]
-    left = np.setdiff1d(rows, out)
     point_idx = block.image_points.point_idx
-    lost = np.isin(block.control.point_idx, np.setdiff1d(point_idx[out], point_idx[left]))
+    left = np.zeros(len(point_idx), dtype=bool)
+    left[rows] = True
+    left[out] = False
+    kept = np.bincount(point_idx[left], minlength=len(block.points))[block.control.point_idx] > 0
+    lost = ~kept & np.isin(block.control.point_idx, point_idx[out])
     return [
         Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
         for row in np.flatnonzero(lost)
