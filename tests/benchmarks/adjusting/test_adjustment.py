@@ -89,7 +89,9 @@ def test_points_are_recovered_within_their_covariances(made, adjusted):
     assert_allclose(np.mean(np.einsum("pi,pij,pj->p", error, weights, error)), 3.0, rtol=0.1)
 
 
-@pytest.mark.parametrize(("name", "images"), [("52", 52), ("268", 268), ("1000", 1000)])
+@pytest.mark.parametrize(
+    ("name", "images"), [("52", 52), ("268", 268), ("1000", 1000), ("4000", 4000)]
+)
 def test_layouts_have_their_number_of_images(name, images):
     assert sum(strip.n for strip in bench_blocks.LAYOUTS[name]) == images
 
@@ -101,7 +103,7 @@ def test_the_forward_overlaps_are_those_of_the_papers_blocks(made):
         name: {round(1 - s.base_m / (s.height_m * forward_m), 2) for s in strips}
         for name, strips in bench_blocks.LAYOUTS.items()
     }
-    assert overlap == {"52": {0.80}, "268": {0.60}, "1000": {0.60}}
+    assert overlap == {"52": {0.80}, "268": {0.60}, "1000": {0.60}, "4000": {0.60}}
 
 
 def test_there_are_as_many_tie_points_as_asked_and_each_has_two_rays(made):
