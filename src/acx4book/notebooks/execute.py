@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
-import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from subprocess import DEVNULL
 from typing import Any
 
 import nbformat
 import papermill
-from jupyter_client.kernelspec import KernelSpec
-from jupyter_client.manager import AsyncKernelManager
-from nbclient.exceptions import CellControlSignal
-from papermill.exceptions import PapermillExecutionError
 
-from acx4lib.compiling import is_writable, user_folder
+from acx4book.notebooks import interpreter
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
-
-LONGEST = 80
-"""Largest number of bytes of a folder's path; the system allows 107 with the socket's name."""
 
 
 class NotebookError(Acx4Error):
@@ -104,25 +94,21 @@ def execute(
         For any other error.
     """
     executed.parent.mkdir(exist_ok=True)
-    total = len(_read(notebook).cells) + 1
-    # a kernel that is ending may still write there
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home:
+    is_code = [cell.cell_type == "code" for cell in _read(notebook).cells]
+    total = len(is_code) + 1  # one more cell, with the parameters
+    with tempfile.TemporaryDirectory() as home:
         try:
-            papermill.execute_notebook(
+            interpreter.execute(
                 _literal(notebook),
                 _literal(executed),
-                parameters=dict(parameters),
-                kernel_name="python3",
-                language="python",
-                progress_bar=False,
-                start_timeout=300,
-                kernel_manager_class=_kernel_manager(home),
-                on_cell_start=lambda cell_index, **_: on_cell(cell_index, total),
+                parameters=parameters,
+                home=home,
+                on_cell=lambda index: on_cell(index, total),
             )
-        except PapermillExecutionError as error:
-            raise _translated(notebook.stem, _cell(executed), error.ename, error.evalue) from None
-        except (CellControlSignal, RuntimeError) as error:  # the kernel died, or does not answer
-            raise _translated(notebook.stem, _cell(executed), "", str(error)) from None
+        except interpreter.Failed as failed:
+            # with the cell of the parameters, and without that of the defaults
+            number = max(1, sum(is_code[: failed.index]))
+            raise _translated(notebook.stem, number, failed.name, failed.message) from None
     on_cell(total, total)
 
 
@@ -154,64 +140,7 @@ def scrub(executed: Path, *, hidden: str = "") -> None:
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call] # untyped
     if hidden:
         text = text.replace(f"/{hidden}", "").replace(hidden, ".")
-    # a limit, as a picture is one word of a million letters: each would be tried as a start
-    text = re.sub(r"[^\s\"]{0,200}ipykernel_\d+/\d+\.py", "cell.py", text)
     executed.write_text(text, encoding="utf-8")
-
-
-def _kernel_manager(home: str) -> type[AsyncKernelManager]:
-    """Return a manager that starts a kernel of this interpreter, whatever kernels are installed.
-
-    The kernel has one thread, no start-up files of the user, no modules from the current folder.
-    """
-    threads = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
-    spec = KernelSpec(
-        argv=[sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"],
-        display_name="Python 3",
-        language="python",
-        env={
-            **{f"{name}_NUM_THREADS": "1" for name in threads},
-            **_folders(home),
-            "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-            "PYTHONHASHSEED": "0",
-            "PYTHONSAFEPATH": "1",
-        },
-    )
-
-    # sockets of the file system need no network at all, but short paths
-    near = len(os.fsencode(home)) <= LONGEST
-    transport = {"transport": "ipc", "ip": f"{home}/kernel"} if near else {}
-
-    class ThisInterpreter(AsyncKernelManager):
-        """The kernel manager."""
-
-        def __init__(self, **kwargs: Any) -> None:
-            super().__init__(**kwargs, **transport, connection_file=f"{home}/kernel.json")
-
-        @property
-        def kernel_spec(self) -> KernelSpec:
-            """Return the specification above."""
-            return spec
-
-        async def start_kernel(  # type: ignore[override] # the base is declared synchronous
-            self, **kwargs: Any
-        ) -> None:
-            """Start it; output of cells comes in messages, its own warnings are dropped."""
-            await super().start_kernel(**kwargs, stdout=DEVNULL, stderr=DEVNULL)
-
-    return ThisInterpreter
-
-
-def _folders(home: str) -> dict[str, str]:
-    """Return the folders of a kernel; one for matplotlib only if the user's is not writable."""
-    names = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR")
-    own = dict.fromkeys(names, home)
-    if "MPLCONFIGDIR" in os.environ:
-        fonts = [Path(os.environ["MPLCONFIGDIR"])]
-    else:
-        users = (("XDG_CONFIG_HOME", ".config"), ("XDG_CACHE_HOME", ".cache"))
-        fonts = [Path(user_folder(*user) or "/dev/null", "matplotlib") for user in users]
-    return own if all(map(is_writable, fonts)) else {**own, "MPLCONFIGDIR": home}
 
 
 def _read(notebook: Path) -> nbformat.NotebookNode:
@@ -230,18 +159,9 @@ def _translated(notebook: str, cell: int, name: str, message: str) -> Acx4Error:
         return FlightError(message.splitlines())
     if name == AdjustmentError.__name__:
         return AdjustmentError(message)
-    last = re.sub(r"\(\d+\.py, (line \d+)\)", r"(\1)", message).strip().splitlines()[-1:]
+    plain = re.sub(r"\(<ipython-input-\S+>, (line \d+)\)", r"(\1)", message)
+    last = plain.strip().splitlines()[-1:]
     return NotebookError(notebook, cell, ": ".join(part for part in (name, *last) if part))
-
-
-def _cell(executed: Path) -> int:
-    """Return the number of the last code cell that was started, without that of the defaults."""
-    started = [
-        cell
-        for cell in _read(executed).cells
-        if cell.cell_type == "code" and cell.metadata.get("papermill", {}).get("start_time")
-    ]
-    return max(1, len(started) - 1)
 
 
 def _renumber(notebook: nbformat.NotebookNode) -> None:

@@ -145,7 +145,9 @@ def dot(width: int) -> Callable[..., float]:
                 total = builder.fadd(total, builder.fmul(*pair, flags=_FAST), flags=_FAST)
             kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _VECTOR])
             name = f"llvm.vector.reduce.fadd.v{LANES}f64"
-            reduce = cgutils.get_or_insert_function(builder.module, kind, name)
+            reduce = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call] # untyped
+                builder.module, kind, name
+            )
             return builder.call(reduce, [ir.Constant(_DOUBLE, 0.0), total], fastmath=_FAST)
 
         return signature, generate

@@ -59,6 +59,14 @@ def with_held_control(block):
     return uses.free_orientation(held, free=ALL[:5])
 
 
+def with_held_poses(net, every=3):
+    """Some poses are held at their approximate values."""
+    names = net.pose_names[1::every]
+    return uses.with_held_poses(
+        net, names, net.start.T_m_b[np.arange(1, len(net.start.T_m_b), every)]
+    )
+
+
 NETWORKS = {
     "single step": lambda f: uses.mounted_orientation(f.calibration, free=ALL[:8]),
     "all interior": lambda f: uses.mounted_orientation(f.calibration, free=ALL),
@@ -80,6 +88,13 @@ NETWORKS = {
     "held control": lambda f: with_held_control(f.calibration),
     "a shift and drifts of GNSS positions": lambda f: uses.mounted_orientation(
         f.calibration, free=ALL[:3], gnss=("shift", "drift")
+    ),
+    "held poses": lambda f: with_held_poses(uses.mounted_orientation(f.calibration, free=ALL[:5])),
+    "held poses of free exteriors": lambda f: with_held_poses(
+        uses.free_orientation(f.calibration, free=("f",)), every=8
+    ),
+    "all poses held": lambda f: with_held_poses(
+        with_held_poses(uses.mounted_orientation(f.heads, free=("f",)), every=2)
     ),
     "a shift in height of a rig": lambda f: uses.mounted_orientation(
         f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
