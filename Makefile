@@ -98,7 +98,8 @@ fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, 
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.planted_mistakes
 
-bench: .venv/.stamp-bench ## time adjustment and rendering beside others, for data/benchmarks
+bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.whole
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 
@@ -106,7 +107,7 @@ coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, for
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
 
 chain: .venv/.stamp-test ## adjust 50 simulated flights with and without a synthetic image, for data/benchmarks
-	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.closed_chain
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.closed_chain
 
 # --- the notebooks on one flight -----------------------------------------------------------
 

@@ -7,7 +7,7 @@ Values are checked when they are made. Values made from checked ones are not che
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import fields
 from pathlib import Path
 from types import EllipsisType
@@ -313,6 +313,16 @@ def part_of(whole: T, keep: Index | Mask | slice) -> T:
     for one in fields(whole):  # type: ignore[arg-type]  # a dataclass
         object.__setattr__(part, one.name, getattr(whole, one.name)[keep])
     return part
+
+
+NOT_GIVEN: Any = None
+"""In the place of a field whose default depends on the others."""
+
+
+def default(value: object, name: str, made: Callable[[], object]) -> None:
+    """Fill in a field of a frozen value that was not given."""
+    if getattr(value, name) is NOT_GIVEN:
+        object.__setattr__(value, name, made())
 
 
 # --- sentences -------------------------------------------------------------------------------

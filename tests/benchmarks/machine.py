@@ -1,11 +1,16 @@
-"""What the results of a benchmark hang on: processor, memory, compilers, versions, commit."""
+"""What the results of a benchmark hang on: processor, memory, compilers, versions, commit.
+
+And how a script is run whose results they are.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -81,3 +86,25 @@ def _commit() -> str:
         return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
+
+
+# --- processes ---------------------------------------------------------------------------------
+
+
+def reported(
+    script: Path, *arguments: str, environment: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Run a script in a fresh process; return what it reports."""
+    command = [sys.executable, str(script), *arguments]
+    found: dict[str, Any] = json.loads(called(command, environment).splitlines()[-1])
+    return found
+
+
+def called(command: Sequence[str], environment: Mapping[str, str] | None = None) -> str:
+    """Run a command and return its standard output; end this program where it fails."""
+    own = os.environ | ENVIRONMENT if environment is None else environment
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or ["no message"]
+        sys.exit(f"{' '.join(command[:4])} failed: {lines[-1]}")
+    return done.stdout

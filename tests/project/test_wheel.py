@@ -259,12 +259,14 @@ def test_nothing_is_written_into_the_installed_library(whole):
 
 
 @pytest.mark.slow
-def test_the_base_requirements_are_enough_to_simulate_check_and_render(base):
+def test_the_base_requirements_are_enough_for_numbers_and_images(base):
     succeeds(base, "python", "-c", "import acx4lib, acx4sim")
     succeeds(base, "acx4", "--help")
     images = ("--images", "V1-02", "--reduce", "16")
     succeeds(base, "acx4", "simulate", "single-head", "--out", "own", *images)
     assert "image files    1 of 60" in succeeds(base, "acx4", "check", "own")
+    said = succeeds(base, "acx4", "run", "own", "--results", "numbers", "--numbers-only")
+    assert said.endswith("results in numbers\n")
     pictured.write_results(base / "results", pictured.write_flight(base / "flight"))
     said = succeeds(base, "acx4", "render", "flight", "--results", "results", "--out", "images")
     assert "2 images rendered, in images" in said

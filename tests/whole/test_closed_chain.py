@@ -17,7 +17,7 @@ from acx4sim.designs import acx4_plan
 from acx4sim.pictures.ground_rays import station
 from acx4sim.pictures.photography import landscape
 from acx4sim.pictures.pictures import Tiles, picture
-from benchmarks import find_head_truth
+from benchmarks.chain import find_head_truth
 from support.flights import simulated
 from support.flights.simulated import HEADS
 from support.pictures.targets import cut_out, middle_of_disc

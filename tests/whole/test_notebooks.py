@@ -3,6 +3,7 @@
 import pytest
 
 from acx4book.notebooks import runner
+from acx4book.notebooks.executed import Notebooks
 from acx4lib.results import folder as results
 from support.flights import in_heads, pictured
 
@@ -10,7 +11,9 @@ from support.flights import in_heads, pictured
 @pytest.mark.slow
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
     other_path = in_heads.write_other_heads(tmp_path / "flight")
-    report = runner.run(other_path, tmp_path / "results", stages=("heads", "synthetic"))
+    report = runner.run(
+        other_path, tmp_path / "results", way=Notebooks(), stages=("heads", "synthetic")
+    )
     assert report.ran == ("heads", "synthetic")
     assert report.not_determined == report.left_out == ()
     found = results.read(tmp_path / "results")
@@ -26,7 +29,7 @@ def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
 def test_the_notebook_runs_on_pixels(tmp_path):
     path = pictured.write_flight(tmp_path / "flight")
     folder = pictured.write_results(tmp_path / "results", path)
-    report = runner.run(path, folder, stages=("synthetic",))
+    report = runner.run(path, folder, way=Notebooks(), stages=("synthetic",))
     assert report.ran == ("synthetic",)
     kept = results.read(folder)
     assert results.cameras(kept, "synthetic/refined") == pictured.HEADS

@@ -12,6 +12,7 @@ from bs4 import BeautifulSoup
 import acx4sim
 from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
+from acx4book.notebooks.executed import Notebooks
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
 from acx4lib.results import folder as results
@@ -77,7 +78,7 @@ def test_a_file_that_changes_while_a_run_is_going_does_not_reach_its_results(tmp
     write(notebooks / "00-flight.ipynb", PARAMETERS, "seed")
     write(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, CHANGE)
     write(notebooks / "04-validation.ipynb", PARAMETERS, "seed")
-    runner.run(at, tmp_path / "results", notebooks_path=notebooks)
+    runner.run(at, tmp_path / "results", way=Notebooks(path=notebooks))
     kept = tmp_path / "results" / "flight"
     assert (at / "control_points.csv").read_bytes() != before
     assert (kept / "control_points.csv").read_bytes() == before
@@ -143,7 +144,7 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     for stage in ("flight", "mounting", "validation"):
         write(notebooks / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
     (folder / "parameters.csv").write_text("mine\n")
-    runner.run(at, folder, notebooks_path=notebooks)
+    runner.run(at, folder, way=Notebooks(path=notebooks))
     assert results.read(folder).parameters.empty
     claims.verify(folder, cure="")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -18,10 +19,14 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import render, terminal
+from acx4book.command import render, run, terminal
 from acx4book.command.endings import TERMINATED, status_of
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
+
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+"""Linear algebra on one thread: with more, sums in another order differ in the last bits, and
+matrices this small take longer."""
 
 app = typer.Typer(
     add_completion=False,
@@ -39,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         Replaces the arguments of the command line.
     """
+    os.environ |= ONE_THREAD
     terminal.prepare_streams()
     logging.getLogger("papermill").addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
@@ -97,57 +103,7 @@ def check(flight: terminal.Flight) -> None:
     terminal.show(summary(replace(found, notes=(*found.notes, *notes(found)))))
 
 
-@app.command(
-    help="""Run the stages on a flight and keep their results.
-
-The folder gets the tables and the executed notebooks. A stage whose block is not in the flight
-is skipped. A stage that is run alone takes what it needs from the results that are there, and
-replaces only its own. The status is 1 where a stage does not
-converge or is not determined by its data.
-
-\b
-Examples:
-  acx4 run my_flight --results my_results
-  acx4 run my_flight --results my_results --stages mounting,validation
-"""
-)
-def run(
-    flight: terminal.Flight,
-    results: Annotated[
-        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
-    ],
-    stages: Annotated[
-        str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
-    ] = "heads,synthetic,mounting,validation",
-    notebooks: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
-    ] = None,
-) -> None:
-    """Run the stages of a flight."""
-    terminal.need_book("run")
-    from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
-
-    chosen = [stage.strip() for stage in stages.split(",")]
-    for stage in chosen:
-        if stage not in STAGES:
-            terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
-    with terminal.stage_bars() as tell:
-        report = runner.run(
-            flight,
-            results,
-            stages=chosen,
-            notebooks_path=notebooks or runner.NOTEBOOKS_PATH,
-            tell=tell,
-        )
-    terminal.say_if_not_kept()
-    for line in [*report.skipped, *report.left_out, *report.notes]:
-        terminal.show(line)
-    terminal.show(f"results in {results}")
-    if report.not_determined:
-        terminal.say(*report.not_determined)
-        raise typer.Exit(1)
+app.command(help=run.HELP)(run.run)
 
 
 @app.command(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acx4book.command.terminal import Flight, image_bar, refuse, say, say_if_not_kept, show
+from acx4book.command.terminal import Flight, counting_bar, refuse, say, say_if_not_kept, show
 
 HELP = """Render the synthetic images of a flight from the images of its heads.
 
@@ -86,7 +86,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     if named == []:
         refuse("--exposures: name at least one exposure")
     workers = Workers(processes=jobs, cluster=cluster)
-    with image_bar() as tell:
+    with counting_bar("images") as tell:
         report = render_flight(
             read(flight),
             results,

@@ -111,8 +111,14 @@ def need_book(command: str) -> None:
 
 
 @contextlib.contextmanager
-def image_bar() -> Iterator[Tell]:
-    """Show one bar for all images with the time left, or a line for each finished image."""
+def counting_bar(what: str) -> Iterator[Tell]:
+    """Show one bar for all images or flights with the time left, or a line for each finished one.
+
+    Parameters
+    ----------
+    what : str
+        What is counted, in the plural.
+    """
     if not sys.stdout.isatty():
         yield lambda name, done, total: show(f"{name}: done") if 0 < total == done else None
         return
@@ -132,7 +138,7 @@ def image_bar() -> Iterator[Tell]:
             rows[name] = done, total
             done_rows, all_rows = (sum(column) for column in zip(*rows.values(), strict=True))
             finished = sum(done == total for done, total in rows.values())
-            says = f"{finished} of {len(rows)} images"
+            says = f"{finished} of {len(rows)} {what}"
             bar.update(task, description=says, completed=done_rows, total=all_rows)
 
         yield tell

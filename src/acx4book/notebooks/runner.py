@@ -1,21 +1,19 @@
-"""Runs of the parametrised notebooks, stage after stage; their results are kept.
+"""Runs of a flight, stage after stage, in one of two ways; their results are kept.
 
-A notebook reads only the copy of the flight's tables in the results, and the pictures. It runs
-in a copy of the results folder, beside it; only a notebook without errors changes the folder.
-Executed notebooks have no date and no place, so two runs of one flight give equal bytes.
+A way runs a stage by its notebook (`executed`) or by its function alone (`functions`), in a copy of
+the results folder, beside it; only a stage without errors changes the folder.
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
-from acx4book.notebooks import execute
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.flight import reader as flights
 from acx4lib.results import folder as results
@@ -23,6 +21,7 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
+from acx4lib.results.summary_entries import read_summary
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
@@ -42,14 +41,36 @@ the part of the stage mounting that uses the block heads."""
 COMMAND = "acx4 run"
 """The command that is named in the mark of a results folder."""
 
-FAILED = "failed"
-"""Folder of the executed notebooks that failed."""
-
-GIVEN = {"flight_path", "pictures_path", "results_path"}
-"""Parameters of the notebooks that a run sets itself."""
+EXECUTED, FAILED = "notebooks", "failed"
+"""Folders of the executed notebooks, and of those that failed."""
 
 Tell = Callable[[str, int, int], None]
-"""It is called with the stage, the number of finished cells, and the number of cells."""
+"""It is called with the stage, the number of its finished parts, and of all its parts."""
+
+Step = Callable[[Path, Callable[[int, int], None]], None]
+"""What runs a stage in a copy of the results, whose folder it is given, and tells the progress."""
+
+
+class Way(Protocol):
+    """How the stages of a flight are run."""
+
+    def steps(self, flight: flights.Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
+        """Return what runs each of these stages, and shows the flight, in their order.
+
+        Parameters
+        ----------
+        flight : Flight
+            Read and checked.
+        folder : Path
+            For the results.
+        stages : sequence of str
+            Of `NOTEBOOKS`, those that the flight has data for.
+
+        Raises
+        ------
+        ValueError
+            Where the way itself is wrong, such as an unknown parameter.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,25 +100,15 @@ class RunOutcome:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Job:
-    """A stage to run: its notebook with the values of all its parameters."""
-
-    stage: str
-    notebook: Path
-    values: dict[str, Any]
-
-
 def run(
     flight_path: str | Path,
     results_path: str | Path,
     *,
+    way: Way,
     stages: Sequence[str] = results.STAGES,
-    parameters: Mapping[str, Any] | None = None,
-    notebooks_path: Path = NOTEBOOKS_PATH,
     tell: Tell | None = None,
 ) -> RunOutcome:
-    """Run the notebooks of a flight.
+    """Run the stages of a flight.
 
     A stage whose block is not in the flight is skipped, and its old results are removed.
 
@@ -105,12 +116,10 @@ def run(
     ----------
     flight_path, results_path : path
         The flight, and the folder for the results: new, empty, or that of an earlier run.
+    way : Way
+        `executed.Notebooks` or `functions.Functions`; both leave the same results.
     stages : sequence of str
         Stages to run, of `folder.STAGES`; the others keep their results.
-    parameters : mapping, optional
-        Values of further parameters of the notebooks, such as ``seed``; each notebook gets
-        those that it has.
-    notebooks_path : Path
     tell : callable, optional
         It is told the progress.
 
@@ -127,28 +136,23 @@ def run(
         A notebook failed for another reason. Like the two errors before it, it has the sentences
         `RunOutcome.not_determined` of earlier stages as notes.
     ValueError
-        Unknown stage, or a parameter that no notebook has or that is of another type.
+        Unknown stage, or a way that cannot be gone.
     """
-    chosen = _chosen(stages)
+    wanted = parts_of(stages)
     folder, tell = Path(results_path), tell or (lambda *_: None)
     places.check_place(folder, away_from=[Path(flight_path)])
     flight = flights.read(flight_path)
-    skipped = {stage: reason for stage in chosen if (reason := order.missing(flight, stage))}
-    ran = ["flight", *(stage for stage in chosen if stage not in skipped)]
-    given = {
-        **(parameters or {}),
-        "flight_path": str(folder / provenance.KEPT),
-        "pictures_path": str(flight_path),
-    }
-    jobs = [_job(stage, notebooks_path, given) for stage in ran]
-    _check_known(parameters or {}, jobs)
+    skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
+    ran = tuple(stage for stage in wanted if stage not in skipped)
+    steps = way.steps(flight, folder, ran)
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
-        done, failed = _run_jobs(jobs, flight, own, tell)
+        own.remove(name for stage in {"flight"} - steps.keys() for name in _beside(stage))
+        done, failed = _run_steps(steps, flight, own, tell)
     return RunOutcome(
-        ran=tuple(ran[1:]),
+        ran=ran,
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
-        not_determined=(*_wrong(folder, done), *failed),
+        not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(
             line
@@ -158,23 +162,23 @@ def run(
     )
 
 
-def _run_jobs(
-    jobs: Sequence[_Job], flight: flights.Flight, own: OwnFolder, tell: Tell
+def _run_steps(
+    steps: Mapping[str, Step], flight: flights.Flight, own: OwnFolder, tell: Tell
 ) -> tuple[list[str], list[str]]:
     """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
     failed: list[str] = []
     try:
-        for job in jobs:
+        for stage, step in steps.items():
             try:
-                _run_job(job, own, tell)
-                done.append(order.PART_OF.get(job.stage, job.stage))
+                _run_step(stage, step, own, tell)
+                done.append(order.PART_OF.get(stage, stage))
             except AdjustmentError as error:
-                if not order.is_end(flight, job.stage):
+                if not order.is_end(flight, stage):
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in _wrong(own.path, done):
+        for line in wrong(own.path, done):
             error.add_note(line)
         raise
     return done, failed
@@ -187,13 +191,12 @@ def _prepare(
 
     Changed files end the run, unless all results will be replaced.
     """
-    notebook_files = [f"{name}.ipynb" for name in NOTEBOOKS.values()]
     tables = flights.table_files(flight)
     own.expect(
         [
             *(*results.FILES, provenance.FILE),
             *(f"{provenance.KEPT}/{name.as_posix()}" for name in tables),
-            *(f"{folder}/{name}" for folder in ("notebooks", FAILED) for name in notebook_files),
+            *(name for stage in NOTEBOOKS for name in _beside(stage)),
         ]
     )
     read = (*results.FILES, provenance.FILE)
@@ -206,12 +209,18 @@ def _prepare(
     removed = [f"{order.PART_OF[s]}/{s}" if s in order.PART_OF else s for s in skipped]
     results.replace(own.path, removed, tables={}, summary={})
     provenance.forget(own.path, list(skipped))
-    own.remove(f"notebooks/{NOTEBOOKS[stage]}.ipynb" for stage in skipped)
+    own.remove(name for stage in skipped for name in _beside(stage))
     own.seal()
 
 
-def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the notebooks to run, in their order."""
+def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
+    """Return what is run of some stages, by the names of `NOTEBOOKS`, in their order.
+
+    Raises
+    ------
+    ValueError
+        Unknown stage.
+    """
     unknown = [stage for stage in stages if stage not in results.STAGES]
     if unknown:
         known = ", ".join(results.STAGES)
@@ -220,8 +229,8 @@ def _chosen(stages: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
 
 
-def _wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
-    """Yield the sentences for which a run ends with status 1."""
+def wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
+    """Yield the sentences in the results of some stages for which a run ends with status 1."""
     yield from _messages(folder, stages, "stopped", order.CONSISTENT)
     yield from _messages(folder, stages, "not_determined", order.DECISIVE)
 
@@ -230,63 +239,46 @@ def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sentences of some methods of the given stages in the summary."""
-    for name, entry in results.read(folder).summary.items():
+    for name, entry in read_summary(folder / "summary.json", []).items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
             yield from results.messages(entry, key)
 
 
-def _job(stage: str, notebooks_path: Path, given: Mapping[str, Any]) -> _Job:
-    """Return the job of a stage."""
-    notebook = notebooks_path / f"{NOTEBOOKS[stage]}.ipynb"
-    if not notebook.is_file():
-        msg = f"{notebook}: no such notebook"
-        raise FileNotFoundError(msg)
-    return _Job(stage=stage, notebook=notebook, values=execute.with_defaults(notebook, given))
+def _beside(stage: str) -> tuple[str, str]:
+    """Return the files that a stage may leave beside the tables: its notebook, and one that failed.
+
+    Names are those below the results folder, and below a copy of it.
+    """
+    name = f"{NOTEBOOKS[stage]}.ipynb"
+    return f"{EXECUTED}/{name}", f"{FAILED}/{name}"
 
 
-def _check_known(given: Mapping[str, Any], jobs: Sequence[_Job]) -> None:
-    known = {name for job in jobs for name in job.values} - GIVEN
-    if given.keys() - known:
-        unknown = ", ".join(sorted(given.keys() - known))
-        msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
-        raise ValueError(msg)
-
-
-def _run_job(job: _Job, own: OwnFolder, tell: Tell) -> None:
-    """Run a notebook in a copy of the results, and keep its results if it succeeds."""
-    folder, name = own.path, job.notebook.name
+def _run_step(stage: str, step: Step, own: OwnFolder, tell: Tell) -> None:
+    """Run a stage in a copy of the results, and keep its results if it succeeds."""
+    folder = own.path
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         staging = folder / Path(temporary).name
         for file in results.FILES:
             shutil.copyfile(folder / file, staging / file)
-        executed = staging / "notebooks" / name
         try:
-            execute.execute(
-                job.notebook,
-                executed,
-                parameters={**job.values, "results_path": str(staging)},
-                on_cell=lambda done, total: tell(job.stage, done, total),
-            )
+            step(staging, lambda done, total: tell(stage, done, total))
         except Acx4Error as error:
-            execute.scrub(executed, hidden=staging.name)
-            _move({executed: folder / FAILED / name})
+            _move(staging, folder, [name for name in _beside(stage) if (staging / name).is_file()])
             own.seal()
             if isinstance(error, FlightError):  # its paths are those of the copy
                 own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
                 raise FlightError(own_names) from None
             raise
-        execute.scrub(executed, hidden=staging.name)
-        written = {staging / file: folder / file for file in results.FILES}
-        _move({**written, executed: folder / "notebooks" / name})
-    stage = order.PART_OF.get(job.stage, job.stage)
-    if stage in results.STAGES:
-        provenance.stamp(folder, stage)
-    own.remove([f"{FAILED}/{name}"])
+        left = [name for name in _beside(stage) if (staging / name).is_file()]
+        own.remove([name for name in _beside(stage) if name not in left])
+        _move(staging, folder, [*results.FILES, *left])
+    if order.PART_OF.get(stage, stage) in results.STAGES:
+        provenance.stamp(folder, order.PART_OF.get(stage, stage))
     own.seal()
 
 
-def _move(targets: Mapping[Path, Path]) -> None:
-    for path, target in targets.items():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(target)
+def _move(source: Path, folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).replace(folder / name)

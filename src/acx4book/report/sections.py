@@ -56,6 +56,7 @@ def test_table(material: Material) -> pd.DataFrame:
                 LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": said["chi_square_p"],
                 "Rejected": said["n_rejected"],
+                "Points left out": said.get("n_left_out", ""),
             }
         )
     return pd.DataFrame(rows)

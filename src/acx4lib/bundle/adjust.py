@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.rejections import Rejection
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
+from acx4lib.bundle.observations import whole
 from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
@@ -21,6 +23,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.dense import held_at_zero
 
 HIGH = 100.0
 """Variance factor above which it is checked whether the minimum found is the right one."""
@@ -68,16 +71,14 @@ class Bundle:
         columns = np.concatenate(
             [network.layout.mount[images.camera_idx], network.layout.pose[network.pose_idx]], axis=1
         )
-        known = np.maximum(columns, 0)
-        cov = self.solution.inverse.at(known[:, :, None], known[:, None, :])
-        held = columns < 0
-        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        cov = held_at_zero(self.solution.inverse, columns[:, :, None], columns[:, None, :])
         return propagate(J, cov)
 
     @property
     def oriented(self) -> Mask:
-        """Which images are oriented by their measurements, shape (n_images,)."""
-        is_open: Mask = np.any(self.solution.undetermined[self.network.layout.pose], axis=1)
+        """Which images are oriented by their measurements, or held, shape (n_images,)."""
+        undetermined = np.append(self.solution.undetermined, False)
+        is_open: Mask = np.any(undetermined[self.network.layout.pose], axis=1)
         return ~is_open[self.network.pose_idx]
 
 
@@ -108,4 +109,11 @@ def _adjusted(network: Network, start: State) -> Bundle:
         where = suspects(network, start) or suspects(network, state)
         msg = f"the adjustment went astray{where}"
         raise AdjustmentError(msg)
+    n = len(network.distances)  # adjusted as two halves and an unknown that joins them
+    solution = replace(
+        solution,
+        n_observations=solution.n_observations - n,
+        n_unknowns=solution.n_unknowns - n,
+        groups=tuple(whole(group) for group in solution.groups),
+    )
     return Bundle(network=network, state=state, solution=solution)

@@ -14,23 +14,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.network import Network, State, camera_poses
-from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved
+from acx4lib.bundle.network import Network, camera_poses
+from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved, usable
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered, start_points
-from acx4lib.bundle.unknowns import Layout, free_shift, layout
+from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, joining, layout
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Index
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import require_millimetres
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.least_squares import adjustment
-
-SMALLEST_ANGLE = np.radians(2.0)
-"""Tie points whose rays meet at less than this are left out."""
 
 BEYOND = 300_000.0
 """Distance from the median of the control points, m, that no point of a block can have."""
@@ -169,6 +166,54 @@ def mounted_orientation(
     )
 
 
+def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Network:
+    """Return a network in which some poses are held: known without error, and not estimated.
+
+    Parameters
+    ----------
+    network : Network
+    names : sequence of str
+        Names of its poses: of images with `free_orientation`, whose poses are the cameras'; of
+        exposures with `mounted_orientation`, whose poses are the body's.
+    T_m_b : Pose
+        Their poses, one for each name.
+
+    Raises
+    ------
+    ValueError
+        For a name that the network does not have, or that comes twice, or if there is not one
+        pose for each.
+    """
+    expected.instance("network", network, Network)
+    expected.names_of("names", names, network.pose_names)
+    expected.different("names", names)
+    expected.instance("T_m_b", T_m_b, Pose)
+    expected.many("T_m_b", T_m_b, len(names), "poses")
+    which = [network.pose_names.index(name) for name in names]
+    columns, observed, start = network.layout.pose[which], network.observed, network.start
+    held = replace(
+        network,
+        layout=holding(network.layout, columns[columns >= 0]),
+        observed=replace(
+            observed,
+            T_m_b=_with_poses(observed.T_m_b, which, T_m_b),
+            sigma_position=_with_rows(observed.sigma_position, which, np.inf),
+            sigma_attitude=_with_rows(observed.sigma_attitude, which, np.inf),
+        ),
+    )
+    return _chosen(held, replace(start, T_m_b=_with_poses(start.T_m_b, which, T_m_b)))
+
+
+def _with_poses(T: Pose, rows: Sequence[int], new: Pose) -> Pose:
+    return Pose(R=_with_rows(T.R, rows, new.R), r=_with_rows(T.r, rows, new.r))
+
+
+def _with_rows(values: Array, rows: Sequence[int], new: Array | float) -> Array:
+    out = values.copy()
+    out[rows] = new
+    return out
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Poses:
     """Approximate poses with their names, and the pose on which each image depends."""
@@ -244,17 +289,22 @@ def _chosen(network: Network, state: State) -> Network:
     is_control[control.point_idx] = True
     cameras = with_estimates(block.cameras, state)
     x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
-    too_flat = (angle < SMALLEST_ANGLE) & (rays_left >= 2) & ~is_control
+    too_flat = (angle < block.smallest_angle) & (rays_left >= 2) & ~is_control
     once = (rays_left == 1) & ~is_control
     rows = used[~(too_flat | once)[point_idx[used]]]
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[control.point_idx] = control.x_m
-    reasons = (("measured once", once), ("whose rays meet at less than 2 degrees", too_flat))
+    control = control[np.isin(control.point_idx, point_idx[rows])]
+    distances = block.distances[usable(block.distances, point_idx[rows])]
+    flat = f"whose rays meet at less than {np.degrees(block.smallest_angle):g} degrees"
+    reasons = (("measured once", once), (flat, too_flat))
     return replace(
         network,
         image_points=block.image_points[rows],
         rows=rows,
-        control=control[np.isin(control.point_idx, point_idx[rows])],
+        control=control,
+        distances=distances,
+        layout=joining(network.layout, len(distances)),
         start=replace(state, x_m=x_m),
         left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )

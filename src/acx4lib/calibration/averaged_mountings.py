@@ -67,7 +67,7 @@ def averaged(
     columns = layout(n_cameras, 0, free=free, free_mount=estimated)
     J = _by_bundle(bundle, weights, by_camera_pose, columns)
     K = _by_exposures(block, weights, by_trajectory, columns)
-    cov = propagate(J, bundle.solution.cov)
+    cov = bundle.solution.inverse.times(J) @ J.T
     cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
     calibration = Calibration(
         cameras=tuple(cameras),

@@ -23,6 +23,7 @@ from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose, log, opk_jacobian
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.dense import held_at_zero
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
 """The exterior orientation as results report it: relative to the grid."""
@@ -69,12 +70,12 @@ def interior_exterior(bundle: Bundle) -> Correlations:
     unknowns = np.concatenate(
         [network.layout.mount[camera_idx], network.layout.pose[pose_idx]], axis=1
     )
-    padded = np.pad(bundle.solution.cov, (0, 1))  # column -1 is held: it has no variance
-    interior = padded[columns[estimated][:, None], unknowns[:, None, :]]
+    inverse, free = bundle.solution.inverse, columns[estimated]
+    interior = held_at_zero(inverse, free[:, None], unknowns[:, None, :])
     cross = interior @ np.swapaxes(np.concatenate([by_mount, by_body], axis=2), 1, 2)
     to_grid = _to_grid(bundle)[oriented]
     sigma_exterior = sigmas(propagate(to_grid, bundle.camera_pose_covariances[oriented]))
-    sigma_interior = sigmas(bundle.solution.cov)[columns[estimated]]
+    sigma_interior = sigmas(inverse.at(free[:, None], free))
     values = cross @ np.swapaxes(to_grid, 1, 2)
     return Correlations(
         interior=tuple(REPORTED[INTERIOR[i]][0] for i in estimated),

@@ -284,7 +284,7 @@ def _covariance(
             by_columns[: len(by_f), own_f] = by_f
         by_columns *= np.sqrt(fit.solution.sigma0_sq)
         by_control.append(by_columns @ _by_control(fit))
-        cov += propagate(by_columns, fit.solution.cov)
+        cov += fit.solution.inverse.times(by_columns) @ by_columns.T
         cov -= by_control[k] @ by_control[k].T
     together: Array = np.sum(by_control, axis=0)
     by_body = np.zeros((n, len(exposures), 6))

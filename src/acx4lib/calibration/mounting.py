@@ -18,7 +18,8 @@ from acx4lib.calibration.averaged_mountings import averaged
 from acx4lib.calibration.estimates import Calibration, from_bundle
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Mask
-from acx4lib.flight.block import Block, mountings
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, transform
 from acx4lib.geometry.parameters import LEVER_ARM
 

@@ -20,8 +20,8 @@ from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, SurveyedPoints, mountings
-from acx4lib.geometry.camera import INTERIOR, Camera
+from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.geometry.camera import INTERIOR, Camera, mountings
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import MOUNT

@@ -9,9 +9,9 @@ import numpy as np
 
 from acx4lib.conventions.sightings import Sightings
 from acx4lib.expected import Array, Index
-from acx4lib.flight import readings as of_flight
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import index_of, poses
+from acx4lib.flight.checks import readings as of_flight
 from acx4lib.flight.design import strip_of_exposure
 from acx4lib.flight.text.table import Table
 from acx4lib.geometry.frames import Pose

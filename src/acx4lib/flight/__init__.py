@@ -1,13 +1,14 @@
 """A user's flight, its folder read and checked (section 3.2).
 
 `reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
-is merely odd becomes a note. A flight's blocks are plain arrays, `block`; `design` tells how they
-were flown, `synthetic_images` which images are made of those of heads. Layout and rules of the
-folder: page *Your own flight* of the book. Begin with `reader`, then `block`; after them `setup`,
-`block_from_tables`, `problems`, `summary`.
+is merely odd becomes a note; `from_tables` does the same with tables in memory. A flight's blocks
+are plain arrays, `block`; `design` tells how they were flown, `synthetic_images` which images are
+made of those of heads. Layout and rules of the folder: page *Your own flight* of the book. Begin
+with `reader`, then `block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
 """
 
+from acx4lib.flight.from_tables import from_tables
 from acx4lib.flight.reader import Flight, read, read_kept
 from acx4lib.flight.summary import summary
 
-__all__ = ["Flight", "read", "read_kept", "summary"]
+__all__ = ["Flight", "from_tables", "read", "read_kept", "summary"]

@@ -15,10 +15,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.geometry.local_frame import LocalFrame
+
+SMALLEST_ANGLE = float(np.radians(2.0))
+"""A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,19 +33,23 @@ class Images:
     Attributes
     ----------
     names, strips : tuple of str
-        One each per image; a strip may be empty.
+        One each per image; a strip may be empty, as all are by default.
     camera_idx, exposure_idx : ndarray, shape (n_images,)
-        Indices of the block's cameras and of the trajectory's exposures.
+        Indices of the block's cameras and of the trajectory's exposures; by default the first
+        camera, and exposures one after the other.
     """
 
     names: tuple[str, ...]
-    camera_idx: Index
-    exposure_idx: Index
-    strips: tuple[str, ...]
+    camera_idx: Index = NOT_GIVEN
+    exposure_idx: Index = NOT_GIVEN
+    strips: tuple[str, ...] = NOT_GIVEN
 
     def __post_init__(self) -> None:
         expected.names("names", self.names)
         n = len(self.names)
+        expected.default(self, "camera_idx", lambda: np.zeros(n, dtype=np.intp))
+        expected.default(self, "exposure_idx", lambda: np.arange(n))
+        expected.default(self, "strips", lambda: ("",) * n)
         expected.names("strips", self.strips, n)
         expected.whole_numbers("camera_idx", self.camera_idx, (n,))
         expected.whole_numbers("exposure_idx", self.exposure_idx, (n,))
@@ -96,20 +105,21 @@ class SurveyedPoints:
         Indices of the block's points, all different.
     x_m : ndarray, shape (k, 3)
         m.
-    R_g_m : ndarray, shape (k, 3, 3)
-        Mapping axes to the grid axes along which sigma is given.
     sigma_m : ndarray, shape (k, 3)
         East, north, height, m; zero means without error, infinite means not known.
+    R_g_m : ndarray, shape (k, 3, 3)
+        Mapping axes to the grid axes along which sigma is given; the same by default.
     """
 
     point_idx: Index
     x_m: Array
-    R_g_m: Array
     sigma_m: Array
+    R_g_m: Array = NOT_GIVEN
 
     def __post_init__(self) -> None:
         expected.whole_numbers("point_idx", self.point_idx)
         n = len(self.point_idx)
+        expected.default(self, "R_g_m", lambda: np.tile(np.eye(3), (n, 1, 1)))
         expected.shape("x_m", self.x_m, (n, 3))
         expected.shape("R_g_m", self.R_g_m, (n, 3, 3))
         expected.shape("sigma_m", self.sigma_m, (n, 3))
@@ -134,26 +144,29 @@ class Trajectory:
     T_m_b : Pose
         n_exposures poses of the IMU's body frame.
     R_g_m : ndarray, shape (n_exposures, 3, 3)
-        Mapping axes to the grid axes along which the positions' sigma is given.
+        Mapping axes to the grid axes along which positions' sigma is given; the same by default.
     sigma_position : ndarray, shape (n_exposures, 3)
-        East, north, height, m; infinite where a position is not known. Zero, without error, is
-        allowed for georeferencing only, not for an adjustment.
+        East, north, height, m; infinite, the default, where a position is not known. Zero, without
+        error, is allowed for georeferencing only, not for an adjustment.
     sigma_attitude : ndarray, shape (n_exposures, 3)
-        About the body's x, y, z axes, radians; infinite where an attitude is not known.
+        About the body's x, y, z axes, radians; infinite, the default, where not known.
     time_s : ndarray, shape (n_exposures,), or (1,) where no time is known
         Time from any origin, s; NaN where it is not known.
     """
 
     exposures: tuple[str, ...]
     T_m_b: Pose
-    R_g_m: Array
-    sigma_position: Array
-    sigma_attitude: Array
+    R_g_m: Array = NOT_GIVEN
+    sigma_position: Array = NOT_GIVEN
+    sigma_attitude: Array = NOT_GIVEN
     time_s: Array = field(default_factory=lambda: np.full(1, np.nan))
 
     def __post_init__(self) -> None:
         expected.names("exposures", self.exposures)
         n = len(self.exposures)
+        expected.default(self, "R_g_m", lambda: np.tile(np.eye(3), (n, 1, 1)))
+        for name in ("sigma_position", "sigma_attitude"):
+            expected.default(self, name, lambda: np.full((n, 3), np.inf))
         expected.instance("T_m_b", self.T_m_b, Pose)
         for name, R in (("T_m_b.R", self.T_m_b.R), ("R_g_m", self.R_g_m)):
             expected.shape(name, R, (n, 3, 3))
@@ -184,39 +197,52 @@ class Trajectory:
         return out
 
 
+NO_POINTS = SurveyedPoints(
+    point_idx=np.zeros(0, dtype=np.intp), x_m=np.zeros((0, 3)), sigma_m=np.zeros((0, 3))
+)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
     """A block of images with all its measurements.
 
     Attributes
     ----------
-    name : str
-        ``heads``, ``calibration``, ``validation`` or any other.
-    frame : MappingFrame
     cameras : tuple of Camera
     images : Images
     points : tuple of str
         Names of all points, measured or surveyed.
     image_points : ImagePoints
+    trajectory : Trajectory
     control, check : SurveyedPoints
         Points used as control, and points only used for comparison; no point is both.
-    trajectory : Trajectory
+    frame : MappingFrame
+        By default a frame on no map.
+    name : str
+        ``heads``, ``calibration``, ``validation`` or any other.
+    smallest_angle : float
+        Radians; tie points whose rays meet at less are left out, as are pairs in a validation.
+    distances : Distances
     """
 
-    name: str
-    frame: MappingFrame
     cameras: tuple[Camera, ...]
     images: Images
     points: tuple[str, ...]
     image_points: ImagePoints
-    control: SurveyedPoints
-    check: SurveyedPoints
     trajectory: Trajectory
+    control: SurveyedPoints = NO_POINTS
+    check: SurveyedPoints = NO_POINTS
+    frame: MappingFrame = field(default_factory=LocalFrame)
+    name: str = "calibration"
+    smallest_angle: float = SMALLEST_ANGLE
+    distances: Distances = field(default_factory=Distances)
 
     def __post_init__(self) -> None:
-        _check_cameras(self.cameras)
+        expected.sequence("cameras", self.cameras, Camera)
+        expected.different("cameras", [camera.name for camera in self.cameras])
+        expected.not_negative("smallest_angle", np.atleast_1d(self.smallest_angle))
         expected.names("points", self.points)
-        for name, kind in _PARTS:
+        for name, kind in _PARTS.items():
             expected.instance(name, getattr(self, name), kind)
         expected.different("images.names", self.images.names)
         expected.different("points", self.points)
@@ -227,6 +253,7 @@ class Block:
             ("image_points.point_idx", self.image_points.point_idx, len(self.points)),
             ("control.point_idx", self.control.point_idx, len(self.points)),
             ("check.point_idx", self.check.point_idx, len(self.points)),
+            ("distances.point_idx", self.distances.point_idx.ravel(), len(self.points)),
         ):
             expected.places(name, idx, n)
         _check_surveyed(self)
@@ -242,18 +269,8 @@ class Block:
         return np.bincount(self.image_points.point_idx, minlength=len(self.points))
 
 
-_PARTS = (
-    ("images", Images),
-    ("image_points", ImagePoints),
-    ("control", SurveyedPoints),
-    ("check", SurveyedPoints),
-    ("trajectory", Trajectory),
-)
-
-
-def _check_cameras(cameras: tuple[Camera, ...]) -> None:
-    expected.sequence("cameras", cameras, Camera)
-    expected.different("cameras", [camera.name for camera in cameras])
+_PARTS: dict[str, type] = {"images": Images, "image_points": ImagePoints, "trajectory": Trajectory}
+_PARTS |= {"control": SurveyedPoints, "check": SurveyedPoints, "distances": Distances}
 
 
 def _check_surveyed(block: Block) -> None:
@@ -262,18 +279,9 @@ def _check_surveyed(block: Block) -> None:
     expected.different("control.point_idx", control, "points")
     expected.different("check.point_idx", check, "points")
     if both := sorted({*control} & {*check}):
-        twice = block.points[both[0]]
-        msg = f"control and check: expected different points, got point {twice!r} in both"
+        name = block.points[both[0]]
+        msg = f"control and check: expected different points, got point {name!r} in both"
         raise ValueError(msg)
-
-
-def mountings(cameras: Sequence[Camera]) -> Pose:
-    """Return the mountings T_b_c of cameras, one after the other."""
-    expected.sequence("cameras", cameras, Camera)
-    return Pose(
-        R=np.stack([camera.T_b_c.R for camera in cameras]),
-        r=np.stack([camera.T_b_c.r for camera in cameras]),
-    )
 
 
 def select_camera(block: Block, name: str) -> Block:

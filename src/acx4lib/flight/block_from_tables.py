@@ -131,15 +131,16 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         control=surveyed[~is_check],
         check=surveyed[is_check],
         trajectory=trajectory,
+        smallest_angle=setup.smallest_angle,
     )
 
 
 def _images(table: Table, cameras: Sequence[str], exposures: Sequence[str]) -> Images:
     return Images(
-        names=table.text["image"],
+        names=tuple(table.text["image"]),
         camera_idx=index_of(table.text["camera"], cameras),
         exposure_idx=index_of(table.text["exposure"], exposures),
-        strips=table.text.get("strip", ("",) * len(table)),
+        strips=tuple(table.text.get("strip", ("",) * len(table))),
     )
 
 

@@ -39,13 +39,16 @@ class Problem:
     file : str
         Path of the file for the user.
     line : int
-        Line number; the header is line 1, and so is the whole file.
+        Line number; the header is line 1, and so is the whole file. Of a table in memory the row,
+        from 0; -1 is the whole table.
     column : str
         Column of a table, or key in flight.toml.
     found, expected : str
         What is there, and what should be there.
     times : int
         Number of problems of this kind, from this line on, that it represents.
+    in_memory : bool
+        Whether it is in a table that was read from no file.
     """
 
     file: str
@@ -54,9 +57,17 @@ class Problem:
     found: str
     expected: str
     times: int = 1
+    in_memory: bool = False
+
+    @property
+    def place(self) -> str:
+        """The file and the line, or the table and the row."""
+        if not self.in_memory:
+            return f"{self.file}:{self.line}"
+        return self.file if self.line < 0 else f"{self.file}, row {self.line}"
 
     def __str__(self) -> str:
-        return visible(f"{self.file}:{self.line}: {self.column}: {self.found}; {self.expected}")
+        return visible(f"{self.place}: {self.column}: {self.found}; {self.expected}")
 
 
 def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:
@@ -89,7 +100,7 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
         if written[p.file] <= LINES:
             lines.append(str(p))
         elif written[p.file] == LINES + 1:
-            lines.append(f"{visible(p.file)}:{p.line}: file: and more; correct these first")
+            lines.append(f"{visible(p.place)}: file: and more; correct these first")
     return tuple(lines)
 
 

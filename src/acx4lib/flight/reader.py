@@ -149,19 +149,39 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
 def _read(folder: Path, pictures: Path) -> Flight:
     toml = read_toml(folder)
     blocks = _read_blocks(folder, pictures)
-    problems = [*toml_problems(toml)]
-    setup = None if problems else setup_of(toml)
-    problems += [] if blocks else [_no_block(folder)]
-    problems += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
-    for tables in blocks:
-        problems += _block_problems(tables, toml, setup)
-    if setup is not None and not problems:
-        problems = [*uncalibrated_problems(blocks, setup)]
-    if problems or setup is None:
-        raise FlightError(lines_of(problems))
+    others = [] if blocks else [_no_block(folder)]
+    others += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
     notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
-    notes += [note for tables in blocks for note in _notes(tables)]
-    return _flight(toml, setup, blocks, notes)
+    return checked(toml, blocks, problems=others, notes=notes)
+
+
+def checked(
+    toml: Toml,
+    blocks: Sequence[BlockTables],
+    *,
+    problems: Sequence[Problem] = (),
+    notes: Sequence[str] = (),
+) -> Flight:
+    """Return the flight of settings and tables; FlightError with all that is wrong with them.
+
+    Parameters
+    ----------
+    toml : Toml
+    blocks : sequence of BlockTables
+    problems, notes : sequence
+        What was found before, beside the tables' own.
+    """
+    found = [*toml_problems(toml)]
+    setup = None if found else setup_of(toml)
+    found += problems
+    for tables in blocks:
+        found += _block_problems(tables, toml, setup)
+    if setup is not None and not found:
+        found = [*uncalibrated_problems(blocks, setup)]
+    if found or setup is None:
+        raise FlightError(lines_of(found))
+    own = [note for tables in blocks for note in _notes(tables)]
+    return _flight(toml, setup, blocks, [*notes, *own])
 
 
 def read_kept(path: str | Path) -> Flight:

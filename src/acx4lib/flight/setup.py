@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from acx4lib.flight.block import SMALLEST_ANGLE
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
@@ -66,6 +68,8 @@ class Setup:
     cameras : dict of str to Camera
     synthetic : Synthetic or None
     apriori : Apriori
+    smallest_angle : float
+        Of every block, radians.
     estimate_heads, estimate_mounting : tuple of str
         Interior parameters that the stages estimate, by the library's names.
     fix : tuple of str
@@ -82,6 +86,7 @@ class Setup:
     cameras: dict[str, Camera]
     synthetic: Synthetic | None
     apriori: Apriori
+    smallest_angle: float
     estimate_heads: tuple[str, ...]
     estimate_mounting: tuple[str, ...]
     fix: tuple[str, ...]
@@ -107,12 +112,18 @@ def setup_of(toml: Toml) -> Setup:
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
         synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
+        smallest_angle=_smallest_angle(toml),
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
         fix=tuple(mounting.get("fix", ())),
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
     )
+
+
+def _smallest_angle(toml: Toml) -> float:
+    degrees = toml.table("adjustment").get("smallest_angle_deg")
+    return SMALLEST_ANGLE if degrees is None else float(np.radians(float(degrees)))
 
 
 def _synthetic_of(table: dict[str, Any]) -> Synthetic:
@@ -134,6 +145,29 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
         T_b_c=Pose(R=rotation_from_opk(opk), r=lever),
         prior=_prior(table),
     )
+
+
+def camera_table(camera: Camera) -> dict[str, Any]:
+    """Return the table of a camera in flight.toml, the inverse of `camera_of`.
+
+    Its mounting counts as declared there, with the sigma that the camera's prior has of it.
+    """
+    sizes = (camera.width_px, camera.height_px, 1000.0 * camera.pixel_mm, camera.interior.f)
+    lens = (getattr(camera.interior, key.removesuffix("_mm")) for key in LENS)
+    mount, lever = np.degrees(camera.T_b_c.opk).tolist(), camera.T_b_c.r.tolist()
+    table = dict(zip((*SIZE, *LENS, *MOUNT, *LEVER), (*sizes, *lens, *mount, *lever), strict=True))
+    lever_sigma, mount_sigma = np.array(camera.prior.sigma).reshape(2, 3)
+    for key, sigma in zip(SIGMAS, (lever_sigma, np.degrees(mount_sigma)), strict=True):
+        if np.isfinite(sigma).all():
+            table[key] = sigma.tolist()
+    return table
+
+
+def camera_toml(camera: Camera) -> str:
+    """Return the lines of flight.toml that declare a camera."""
+    name = json.dumps(camera.name, ensure_ascii=False)
+    lines = (f"{key} = {value}" for key, value in camera_table(camera).items())
+    return "\n".join([f"[cameras.{name}]", *lines, ""])
 
 
 def _prior(table: dict[str, Any]) -> Prior:

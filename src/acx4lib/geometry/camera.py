@@ -137,6 +137,15 @@ class Camera:
         return camera
 
 
+def mountings(cameras: Sequence[Camera]) -> Pose:
+    """Return the mountings T_b_c of cameras, one after the other."""
+    expected.sequence("cameras", cameras, Camera)
+    return Pose(
+        R=np.stack([camera.T_b_c.R for camera in cameras]),
+        r=np.stack([camera.T_b_c.r for camera in cameras]),
+    )
+
+
 def require_millimetres(cameras: Sequence[Camera]) -> None:
     """Raise a ValueError where a focal length, expected in mm, must be in metres."""
     for camera in cameras:

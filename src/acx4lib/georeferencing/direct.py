@@ -9,8 +9,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, mountings
-from acx4lib.geometry.camera import Camera
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import Camera, mountings
 from acx4lib.geometry.collinearity import (
     Measurement,
     directions,
@@ -237,7 +237,7 @@ def intersect_rays(
         if not np.any(np.abs(step) > 1e-9):
             break
     gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
-    sources = _sources(
+    sources = error_sources(
         block, georeferenced, selected, gain, by_interior=by_interior, by_pose=by_pose
     )
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
@@ -253,7 +253,7 @@ def _summed(values: Array, selected: Rays) -> Array:
     return out
 
 
-def _sources(
+def error_sources(
     block: Block,
     georeferenced: Georeferenced,
     selected: Rays,

@@ -10,7 +10,6 @@ from acx4lib import expected
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
 from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
-from acx4lib.bundle.uses import SMALLEST_ANGLE
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
@@ -40,7 +39,7 @@ class Validation:
     stopped : tuple of Stopped
         Groups of which too much would have been rejected, and so nothing was.
     n_failed : int
-        Pairs whose rays meet at less than 2 degrees, or behind the cameras.
+        Pairs whose rays meet at less than the block's smallest angle, or behind the cameras.
     n_left_out : int
         Check points in fewer than two images, or whose rays meet behind the cameras.
     cost : float
@@ -246,13 +245,13 @@ def _w(
 def _pairs(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays
 ) -> tuple[tuple[direct.Rays, Index], int]:
-    """Return the pairs of rays of every point that meet at 2 degrees or more; count the others."""
+    """Return the pairs of rays of every point that meet at a sufficient angle; count others."""
     a, b = _all_pairs(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
     paired = selected.select(np.column_stack([a, b]).ravel(), group)
     seen = direct.measured(block, georeferenced, paired)
     angle = largest_angles(directions(seen), group, len(a))
-    good = (angle >= SMALLEST_ANGLE) & _meet(seen, paired)
+    good = (angle >= block.smallest_angle) & _meet(seen, paired)
     rows = np.column_stack([a[good], b[good]]).ravel()
     group = np.repeat(np.arange(int(good.sum())), 2)
     return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))

@@ -57,6 +57,9 @@ class Solution:
     cov_points : ndarray, shape (n_points, 3, 3)
         A priori covariances; zero for points that are held.
     groups : tuple of Group
+    datum : str
+        What the covariances refer to: ``"observed"``, or held unknowns, or ``"inner"``
+        constraints on points.
     """
 
     cost: float
@@ -66,12 +69,14 @@ class Solution:
     inverse: Inverse
     cov_points: Array
     groups: tuple[Group, ...]
+    datum: str = "observed"
 
     @property
     def cov(self) -> Array:
         """Covariance of the reduced unknowns, a priori, shape (n_columns, n_columns).
 
-        In blocks of a thousand images it is large; `inverse.at` then returns parts of it.
+        In blocks of a thousand images it is large; `inverse.at` then returns parts of it, and
+        `inverse.times` its products.
         """
         return self.inverse.dense
 
@@ -232,10 +237,10 @@ def _descend(
     """Return the next state, its normal equations and damping; None at the minimum."""
     start, hidden, promised = here, False, np.inf
     while not (damping.exhausted or (hidden and promised <= EXACT)):
-        dx, dp, promised = here.step()
+        promised = here.promised
         if damping.value == 0.0 and promised <= tolerance**2 * unit:
             return None
-        trial = problem.moved(state, dx, dp)
+        trial = problem.moved(state, *here.step())
         there = normals(problem, trial, damping.most_hopeful, before=start)
         kept = gain(start.cost - there.cost, promised)
         if damping.helps(kept):
@@ -244,7 +249,7 @@ def _descend(
                 there = normals(problem, trial, after.value, before=start)
             return trial, there, after
         if damping.value == 0.0 and promised <= max(FINE * unit, EXACT):
-            if there.step()[2] < promised:
+            if there.promised < promised:
                 return trial, there, damping
             hidden = True
         damping = damping.after_failure()
@@ -290,12 +295,28 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
     Returns
     -------
     ndarray, shape (k, 3, n_columns)
+
+    Raises
+    ------
+    ValueError
+        In the datum of inner constraints, where points depend on more than their observations.
     """
+    require_own_datum(solution)
     equations = problem.equations(state)
     V, _ = point_normals(problem.free_points, equations)
     out = np.zeros((len(points), 3, problem.n_columns))
     for chunk, strip in strips(problem.n_columns, problem.free_points, equations):
         here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
         gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
-        out[here] = -gain @ solution.cov
+        out[here] = -solution.inverse.times(gain)
     return out
+
+
+def require_own_datum(solution: Solution) -> None:
+    """Raise a ValueError for a solution in the datum of inner constraints."""
+    if solution.datum == "inner":
+        msg = (
+            "solution: expected one in the datum of its observations or held unknowns, got one of "
+            "inner constraints; take that with minimal constraints, whose residuals are the same"
+        )
+        raise ValueError(msg)

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.least_squares.dense import SINGULAR
+from acx4lib.least_squares.dense import SINGULAR, places
 
 LARGEST_DENSE = 4000
 """Largest number of unknowns for which a singular system is examined."""
@@ -81,6 +81,21 @@ class BorderedCovariance:
             i = np.arange(n_poses - d)
             P[i, d] = blocks[i, :, i + d, :]
         return cls(P=P, C=cov[:m, m:], D=cov[:m, :m])
+
+
+def cut_off(part: Bordered | BorderedCovariance, held: Mask) -> None:
+    """Set the rows and columns of unknowns that are held to zero, in place.
+
+    Parameters
+    ----------
+    part : Bordered or BorderedCovariance
+    held : ndarray of bool, shape (6 n_poses,)
+    """
+    free = ~held.reshape(-1, 6)
+    for d in range(part.P.shape[1]):
+        i = slice(0, max(len(free) - d, 0))
+        part.P[i, d] *= free[i, :, None] & free[d:, None, :]
+    part.C[:, held] = 0.0
 
 
 class Banded:
@@ -217,8 +232,8 @@ class BandedInverse:
     ----------
     factored : Banded
     part : BorderedCovariance
-    order : ndarray, shape (n,)
-        Where the columns of the bordered system stand among the unknowns.
+    order : ndarray, shape (n_bordered,)
+        The unknown of each column of the bordered system, -1 for one that is held.
     """
 
     factored: Banded
@@ -229,13 +244,11 @@ class BandedInverse:
     @property
     def undetermined(self) -> Mask:
         """No column: a singular system cannot be factored."""
-        return np.zeros(len(self.order), dtype=bool)
+        return np.zeros(len(self._place), dtype=bool)
 
     @cached_property
     def _place(self) -> Index:
-        place = np.empty(len(self.order), dtype=np.intp)
-        place[self.order] = np.arange(len(self.order))
-        return place
+        return places(self.order)
 
     @cached_property
     def dense(self) -> Array:
@@ -274,6 +287,13 @@ class BandedInverse:
         band = low >= m
         a, b = a[band], b[band]
         out[band] = self.part.P[a, b - a, (low[band] - m) % 6, (high[band] - m) % 6]
+        return out
+
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance; the whole inverse is not needed for it."""
+        ordered = np.zeros((len(self.order), J.size // len(self._place)))
+        ordered[self._place] = J.reshape(-1, len(self._place)).T
+        out: Array = self.factored.solve(ordered)[self._place].T.reshape(J.shape)
         return out
 
 

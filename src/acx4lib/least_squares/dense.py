@@ -50,6 +50,17 @@ class Inverse(Protocol):
         """Return the entries at two arrays of columns that broadcast against each other."""
         ...
 
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance, shape (..., n) as J."""
+        ...
+
+
+def held_at_zero(inverse: Inverse, rows: Index, columns: Index) -> Array:
+    """Return entries of an inverse; zero where a column is -1, that of a held unknown."""
+    out = inverse.at(np.maximum(rows, 0), np.maximum(columns, 0))
+    out[(rows < 0) | (columns < 0)] = 0.0
+    return out
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dense:
@@ -125,6 +136,14 @@ class Dense:
         )
 
 
+def places(order: Index) -> Index:
+    """Return the column of each unknown, given the unknown of each column, -1 for a held one."""
+    free = np.flatnonzero(order >= 0)
+    place = np.empty(len(free), dtype=np.intp)
+    place[order[free]] = free
+    return place
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseInverse:
     """The inverse of a dense system: see `Inverse`."""
@@ -136,10 +155,9 @@ class DenseInverse:
     defect: int = 0
 
     def reordered(self, order: Index) -> DenseInverse:
-        """Return the inverse by unknowns: column i of the system is unknown ``order[i]``."""
-        place = np.empty(len(order), dtype=np.intp)
-        place[order] = np.arange(len(order))
-        if np.array_equal(place, np.arange(len(place))):
+        """Return the inverse by unknowns: column i of the system is ``order[i]``, -1 if held."""
+        place = places(order)
+        if np.array_equal(place, np.arange(len(order))):
             return self
         return replace(
             self,
@@ -164,10 +182,12 @@ class DenseInverse:
         weakest = self.system.spectrum[1][:, 0]
         if self.order is None:
             return weakest
-        out = np.empty_like(weakest)
-        out[self.order] = weakest
-        return out
+        return weakest[places(self.order)]
 
     def at(self, rows: Index, columns: Index) -> Array:
         """Return the entries at two arrays of columns."""
         return self.dense[rows, columns]
+
+    def times(self, J: Array) -> Array:
+        """Return J times the covariance."""
+        return J @ self.dense

@@ -253,8 +253,17 @@ class PlainNormals:
         """Number of observed components that take part."""
         return sum(int(np.isfinite(e.sigma).sum()) for e in self.equations)
 
-    def step(self) -> tuple[Array, Array, float]:
-        """Return the step of columns and points and the decrease of cost that it predicts."""
+    @property
+    def promised(self) -> float:
+        """The decrease of cost that the step predicts."""
+        return self._step[2]
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step of columns and points."""
+        return self._step[:2]
+
+    @cached_property
+    def _step(self) -> tuple[Array, Array, float]:
         n, free_points = self.n_columns, self.free_points
         if not free_points.any():
             dx, decrement = self._orthogonal_step()

@@ -59,8 +59,13 @@ class Normals(Protocol):
         """Number of observed components that take part."""
         ...
 
-    def step(self) -> tuple[Array, Array, float]:
-        """Return the step of columns and points and the decrease of cost that it predicts."""
+    @property
+    def promised(self) -> float:
+        """The decrease of cost that the step predicts."""
+        ...
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step of columns and points."""
         ...
 
     def precision(self) -> Precision:

@@ -173,15 +173,12 @@ def _tell_parent(exposure: str, done: int, total: int) -> None:
 # --- a cluster -------------------------------------------------------------------------------
 
 
-def render_on_cluster(jobs: Sequence[RenderJob], tell: TellRows, address: str) -> Iterator[Outcome]:
-    """Yield the outcomes of the images as the workers of a Dask cluster finish them.
+@contextmanager
+def connected(address: str) -> Iterator[Any]:
+    """Yield a client of a Dask cluster.
 
     Parameters
     ----------
-    jobs : sequence of RenderJob
-        The workers must be able to read their files.
-    tell : callable
-        Called once for every image.
     address : str
         Address of the scheduler, such as ``tcp://host:8786``.
 
@@ -200,7 +197,24 @@ def render_on_cluster(jobs: Sequence[RenderJob], tell: TellRows, address: str) -
     except (OSError, ValueError) as error:
         problem = f"{address}: no Dask scheduler answers ({str(error).splitlines()[0]})"
         raise FlightError([problem]) from None
-    with client, client.as_current():
+    with client:
+        yield client
+
+
+def render_on_cluster(jobs: Sequence[RenderJob], tell: TellRows, address: str) -> Iterator[Outcome]:
+    """Yield the outcomes of the images as the workers of a Dask cluster finish them.
+
+    Parameters
+    ----------
+    jobs : sequence of RenderJob
+        The workers must be able to read their files.
+    tell : callable
+        Called once for every image.
+    address : str
+        As of `connected`, which raises what is wrong.
+    """
+    with connected(address) as client, client.as_current():
+        distributed: Any = importlib.import_module("distributed")
         futures = {client.submit(_work_on_cluster, _absolute(job), pure=False): job for job in jobs}
         try:
             for future in distributed.as_completed(futures):

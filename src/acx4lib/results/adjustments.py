@@ -129,6 +129,7 @@ def of_bundle(
         "expected_rejections": expected_failures(bundle),
         **stopped_entries(key, bundle.stopped),
         "n_left_out": sum(bundle.network.left_out.values()),
+        "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, said),
         **_declared_entries(key, method, bundle),
         "not_determined": unknown,

@@ -35,6 +35,7 @@ COMPONENTS = {
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
     "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "distance": ("distance_m",),
     "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
 }
 """Components of the residuals of every kind; angles are about the body's x, y, z axes."""
@@ -64,7 +65,7 @@ def bundle_tables(
         parameter_tables = _with_gnss(stage, method, bundle, calibration)
     return {
         **parameter_tables,
-        "exterior_orientation": _exterior_table(stage, method, bundle),
+        "exterior_orientation": of_method(stage, method, exterior_orientations(bundle)),
         "residuals": _residual_table(stage, method, bundle),
         "rejected": rejected_table(
             stage, method, block, bundle.rejected, pose_names=block.trajectory.exposures
@@ -105,6 +106,11 @@ def _parameter_tables(
     }
 
 
+def of_method(stage: str, method: str, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with the stage and the method that its rows are of as first columns."""
+    return pd.DataFrame({"stage": stage, "method": method, **dict(frame.items())})
+
+
 def _frame(table: str, rows: Sequence[Sequence[object]]) -> pd.DataFrame:
     return pd.DataFrame(list(rows), columns=list(folder.COLUMNS[table]))
 
@@ -122,24 +128,33 @@ def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array)
     )
 
 
-def _exterior_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
+def exterior_orientations(bundle: Bundle) -> pd.DataFrame:
+    """Return the exterior orientations of an adjusted bundle's images, with their sigma.
+
+    Parameters
+    ----------
+    bundle : Bundle
+
+    Returns
+    -------
+    DataFrame
+        A row for every image that its measurements orient: ``image``, projection centre
+        ``east_m, north_m, height_m``, angles ``omega_deg, phi_deg, kappa_deg`` of eq. (6) against
+        the grid's axes, and the sigma of each, a posteriori. A mounted camera's have the sigma
+        and the correlations of body pose and mounting, eq. (14).
+    """
     network = bundle.network
     cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
     oriented = np.flatnonzero(bundle.oriented)
     names = [network.block.images.names[i] for i in oriented]
-    return exterior_table(
-        stage, method, network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented]
-    )
+    return exterior_table(network.block, names, T_m_c=bundle.T_m_c[oriented], cov=cov[oriented])
 
 
-def exterior_table(
-    stage: str, method: str, block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array
-) -> pd.DataFrame:
+def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Array) -> pd.DataFrame:
     """Return camera poses relative to the grid, with their standard deviations.
 
     Parameters
     ----------
-    stage, method : str
     block : Block
     names : sequence of str
         Names of the images.
@@ -156,9 +171,7 @@ def exterior_table(
         np.column_stack([enh, np.degrees(opk), sigma_r, sigma_opk]),
         columns=list(folder.COLUMNS["exterior_orientation"][3:]),
     )
-    frame.insert(0, "stage", stage)
-    frame.insert(1, "method", method)
-    frame.insert(2, "image", list(names))
+    frame.insert(0, "image", list(names))
     return frame
 
 
@@ -198,6 +211,9 @@ def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
     if kind == "control_point":
         names = points[network.control.point_idx[~network.held_control]]
         return np.full(len(names), "", dtype=object), names
+    if kind == "distance":
+        a, b = points[network.distances.point_idx].T
+        return b, a
     if kind in ("lever_arm", "boresight"):
         cameras = network.block.cameras
         known = observed_mountings(cameras, kind, network.layout.mount)
@@ -225,6 +241,9 @@ def rejected_table(
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
             what = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
+        elif r.kind == "distance":
+            ends = block.distances.point_idx[r.row]
+            point, where, what = block.points[ends[0]], block.points[ends[1]], "distance"
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"

@@ -119,7 +119,8 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(
-        ("weakest", "largest_correlations"), (_by_name(_or_null(_number)), "numbers by name")
+        ("weakest", "largest_correlations", "left_out_points"),
+        (_by_name(_or_null(_number)), "numbers by name"),
     ),
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),

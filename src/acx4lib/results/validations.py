@@ -16,7 +16,7 @@ from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.results import folder
 from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
-from acx4lib.results.rows import exterior_table, point_table, rejected_table
+from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
 
 MANY = 0.1
 """Share of rejected measurements above which these are not single gross errors."""
@@ -41,10 +41,12 @@ def of_validation(validation: Validation) -> Record:
         "check_points": point_table(
             "validation", method, names, points.n_images, points.d, points.sigma
         ),
-        "exterior_orientation": exterior_table(
-            *("validation", method, block, block.images.names),
-            T_m_c=validation.georeferenced.T_m_c,
-            cov=cov,
+        "exterior_orientation": of_method(
+            "validation",
+            method,
+            exterior_table(
+                block, block.images.names, T_m_c=validation.georeferenced.T_m_c, cov=cov
+            ),
         ),
         "rejected": rejected_table(
             "validation",

@@ -19,7 +19,7 @@ _HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 # kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
 # size follows from Table 3: the calibration block, measured in these heads, carried into the
 # synthetic image and adjusted in a single step, gives the f that is printed there.
-# tests/benchmarks/find_head_truth.py found the constants. The lens centres form a square of
+# tests/benchmarks/chain/find_head_truth.py found the constants. The lens centres form a square of
 # 16 cm, which looks outward, around Table 3's lever arm: that is chosen. What the synthetic camera
 # has in k1, k2, k3 comes from it, and so does the lever arm's z that is estimated: the rays of the
 # four heads meet above them.

@@ -6,7 +6,7 @@ not to test signs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,11 +85,11 @@ _LOW = Strip(n=10, height_m=1000.0, base_m=181.0)
 _HIGH = Strip(n=11, height_m=1500.0, base_m=271.0)
 
 
-def _parallel(counts: list[int]) -> tuple[Strip, ...]:
+def parallel(counts: list[int], *, base_m: float = 469.0) -> tuple[Strip, ...]:
     """Return strips with overlaps of 60 and 30 %, flown to and fro."""
     middle = (len(counts) - 1) / 2
     return tuple(
-        Strip(n=n, height_m=1300.0, base_m=469.0, aside_m=1109.0 * (i - middle), turned=i % 2 == 1)
+        Strip(n=n, height_m=1300.0, base_m=base_m, aside_m=1109.0 * (i - middle), turned=i % 2 == 1)
         for i, n in enumerate(counts)
     )
 
@@ -104,8 +104,8 @@ LAYOUTS = {
         _HIGH,
     ),
     # the paper's validation block
-    "268": _parallel([14 if i % 5 in (0, 2) else 13 for i in range(20)]),
-    "1000": _parallel([40] * 25),
+    "268": parallel([14 if i % 5 in (0, 2) else 13 for i in range(20)]),
+    "1000": parallel([40] * 25),
 }
 CONTROL = {"52": (8, 7), "268": (6, 6), "1000": (6, 6)}
 """Rows and columns of the control points."""
@@ -137,16 +137,20 @@ class Made:
 
 def make(design: Design, *, seed: int = 1) -> Made:
     """Return a block; the same seed gives the same block."""
+    return fly(LAYOUTS[design.layout], design.ties, control=CONTROL[design.layout], seed=seed)
+
+
+def fly(strips: Sequence[Strip], ties: int, *, control: tuple[int, int], seed: int) -> Made:
+    """Return a block of strips with a number of tie points, and rows and columns of control."""
     rng = np.random.default_rng(seed)
-    strips = LAYOUTS[design.layout]
     T_m_b = _fly(strips, rng)
-    control = _control(strips, CONTROL[design.layout], rng)
-    x_m = np.concatenate([control, _strew(strips, 2 * design.ties + 100, rng)])
+    surveyed = _control(strips, control, rng)
+    x_m = np.concatenate([surveyed, _strew(strips, 2 * ties + 100, rng)])
     image_idx, point_idx, colrow = _look(T_m_b, x_m)
     rays = np.bincount(point_idx, minlength=len(x_m))
     kept = rays >= 2
-    kept[: len(control)] = True
-    kept &= np.cumsum(kept) <= len(control) + design.ties
+    kept[: len(surveyed)] = True
+    kept &= np.cumsum(kept) <= len(surveyed) + ties
     number = np.cumsum(kept) - 1
     rows = kept[point_idx]
     x_m = x_m[kept]
@@ -156,7 +160,7 @@ def make(design: Design, *, seed: int = 1) -> Made:
         colrow=colrow[rows] + SIGMA_PX * rng.standard_normal((int(rows.sum()), 2)),
         sigma_px=np.full(int(rows.sum()), SIGMA_PX),
     )
-    return Made(block=_block(T_m_b, x_m, points, n_control=len(control), rng=rng), x_m=x_m)
+    return Made(block=_block(T_m_b, x_m, points, n_control=len(surveyed), rng=rng), x_m=x_m)
 
 
 def network(made: Made, *, seed: int = 2) -> Network:
@@ -169,7 +173,7 @@ def network(made: Made, *, seed: int = 2) -> Network:
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
 
 
-def _fly(strips: tuple[Strip, ...], rng: np.random.Generator) -> Pose:
+def _fly(strips: Sequence[Strip], rng: np.random.Generator) -> Pose:
     """Return true body poses: planned, with some wind."""
     R, r = [], []
     for strip in strips:
@@ -183,19 +187,19 @@ def _fly(strips: tuple[Strip, ...], rng: np.random.Generator) -> Pose:
     return Pose(R=np.concatenate(R), r=np.concatenate(r))
 
 
-def _half_extent(strips: tuple[Strip, ...]) -> np.ndarray:
+def _half_extent(strips: Sequence[Strip]) -> np.ndarray:
     """Return half the length and width of what the images' centres span, m."""
     along = max(strip.base_m * (strip.n - 1) / 2 for strip in strips)
     return np.array([along, max(abs(strip.aside_m) for strip in strips)])
 
 
-def _strew(strips: tuple[Strip, ...], n: int, rng: np.random.Generator) -> np.ndarray:
+def _strew(strips: Sequence[Strip], n: int, rng: np.random.Generator) -> np.ndarray:
     half = _half_extent(strips) + 400.0
     return _on_ground(half * rng.uniform(-1, 1, (n, 2)), rng)
 
 
 def _control(
-    strips: tuple[Strip, ...], shape: tuple[int, int], rng: np.random.Generator
+    strips: Sequence[Strip], shape: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
     x, y = (
         share * np.linspace(-1, 1, n) for share, n in zip(_half_extent(strips), shape, strict=True)
@@ -236,24 +240,16 @@ def _seen(T_m_c: Pose, x_m: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray
 def _block(
     T_m_b: Pose, x_m: np.ndarray, points: ImagePoints, *, n_control: int, rng: np.random.Generator
 ) -> Block:
-    n = len(T_m_b)
-    exposures = tuple(f"E{i}" for i in range(n))
+    exposures = tuple(f"E{i}" for i in range(len(T_m_b)))
     return Block(
-        name="calibration",
         frame=FRAME,
         cameras=(
             replace(TRUTH, interior=Interior(f=START_F_MM), T_b_c=Pose(R=np.eye(3), r=np.zeros(3))),
         ),
-        images=Images(
-            names=exposures,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=exposures),
         points=tuple(f"P{i}" for i in range(len(x_m))),
         image_points=points,
         control=_surveyed(x_m[:n_control], rng),
-        check=_surveyed(np.zeros((0, 3)), rng),
         trajectory=_recorded(T_m_b, exposures, rng),
     )
 

@@ -11,9 +11,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
-from acx4lib.bundle.unknowns import layout
+from acx4lib.bundle.unknowns import State, layout
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
@@ -110,22 +110,14 @@ def _block(
     *,
     n_points: int,
 ) -> Block:
-    n = len(observed.T_m_b)
-    exposures = tuple(f"E{i}" for i in range(n))
+    exposures = tuple(f"E{i}" for i in range(len(observed.T_m_b)))
     return Block(
-        name="calibration",
         frame=FRAME,
         cameras=(camera,),
-        images=Images(
-            names=exposures,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=exposures),
         points=tuple(f"P{i}" for i in range(n_points)),
         image_points=points,
         control=control,
-        check=control[np.zeros(len(control), dtype=bool)],
         trajectory=Trajectory(
             exposures=exposures,
             T_m_b=observed.T_m_b,

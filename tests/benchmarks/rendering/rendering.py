@@ -8,24 +8,24 @@ results replace those in data/benchmarks when all are there.
 from __future__ import annotations
 
 import argparse
-import csv
-import json
 import os
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchmarks import machine
+import pandas as pd
+
+from benchmarks import machine, stored
 from benchmarks.rendering import hugin, peers
 from benchmarks.rendering.run import RUNS
 from benchmarks.rendering.scene import EXPOSURE, read
 
 HERE = Path(__file__).parent
+RUN = HERE / "run.py"
+COMMAND = machine.ROOT / "tests/benchmarks/commands/command.py"
 OUT = machine.ROOT / "data" / "benchmarks"
 FLIGHTS = machine.ROOT / "build" / "benchmarks"
 ACX4 = str(Path(sys.executable).with_name("acx4"))
@@ -80,14 +80,14 @@ def main() -> None:
     options = parser.parse_args()
     material = prepare(options.flights, options.reduce)
     paths = [str(p) for p in (material.flight, material.results, material.response)]
-    truth = python("truth.py", *paths)
+    truth = machine.reported(HERE / "truth.py", *paths)
     lacking = missing()
     names = [name for name in options.only if name not in lacking]
     rows = list(measure(material, names, options.repeat))
-    ties = python("tie_points.py", paths[0])["ties"] if "ties" in names else []
+    ties = machine.reported(HERE / "tie_points.py", paths[0])["ties"] if "ties" in names else []
     about = {**described(), **truth, "exposure": EXPOSURE}
     about |= {"missing": lacking, "ties": ties}
-    write(options.out, with_errors(rows, truth), about)
+    stored.write(options.out, "rendering", {"": with_errors(rows, truth)}, about)
 
 
 # --- what is measured on -------------------------------------------------------------------------
@@ -107,11 +107,11 @@ def prepare(folder: Path, reduction: int) -> Material:
         if not (path / "flight.toml").is_file():
             sys.stderr.write(f"simulating {path}\n")
             images = ["--images", EXPOSURE, "--reduce", str(k)]
-            called([ACX4, "simulate", "acx4", "--out", str(path), *images])
+            machine.called([ACX4, "simulate", "acx4", "--out", str(path), *images])
     if not (material.results / "summary.json").is_file():
         sys.stderr.write(f"orienting the heads of {material.flight}\n")
         results = ["--results", str(material.results), "--stages", "heads,synthetic"]
-        called([ACX4, "run", str(material.flight), *results])
+        machine.called([ACX4, "run", str(material.flight), *results])
     return material
 
 
@@ -128,10 +128,8 @@ def missing() -> dict[str, str]:
 def described() -> Row:
     """Return what the results hang on."""
     versions = {**machine.package_versions(PACKAGES), **hugin.installed()}
-    date = datetime.now(UTC).date().isoformat()
     python_version = ".".join(map(str, sys.version_info[:3]))
     return {
-        "date": date,
         **machine.computer(),
         "versions": {"python": python_version, **versions},
     }
@@ -147,7 +145,10 @@ def measure(material: Material, names: Sequence[str], repeat: int) -> Iterator[R
         for name in names:
             if name in RUNS:
                 sizes: Iterable[tuple[int, Callable[[], Row]]] = [
-                    (material.reduction, lambda name=name: python("run.py", name, *paths))
+                    (
+                        material.reduction,
+                        lambda name=name: machine.reported(RUN, name, *paths),
+                    )
                 ]
             elif name in COMMANDS and (number == 1 or name not in ONCE):
                 sizes = commands(name, material)
@@ -177,7 +178,7 @@ def acx4_render(name: str, flight: Path, results: Path) -> Row:
         how = ["--equalise", "none"] if name == "acx4_render_unequalised" else []
         where = ["--results", str(results), "--out", str(Path(folder) / "images")]
         what = ["--exposures", EXPOSURE]
-        return python("command.py", ACX4, "render", str(flight), *where, *what, *how)
+        return machine.reported(COMMAND, ACX4, "render", str(flight), *where, *what, *how)
 
 
 def by_hugin(name: str, flight: Path, results: Path) -> Row:
@@ -185,29 +186,12 @@ def by_hugin(name: str, flight: Path, results: Path) -> Row:
     with tempfile.TemporaryDirectory(dir=flight.parent) as folder:
         project = Path(folder) / "project.pto"
         project.write_text(hugin.project(read(flight, results)), encoding="utf-8")
-        script = "command.py"
         own = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
-        found = python(script, *hugin.nona(project, Path(folder)), environment=own)
+        found = machine.reported(COMMAND, *hugin.nona(project, Path(folder)), environment=own)
         if name == "enblend":
             command = hugin.enblend(Path(folder))
-            found = python(script, *command, environment=own)
+            found = machine.reported(COMMAND, *command, environment=own)
         return found
-
-
-def python(script: str, *arguments: str, environment: Mapping[str, str] | None = None) -> Row:
-    """Run a script of this folder in a fresh process; return what it reports."""
-    command = [sys.executable, str(HERE / script), *arguments]
-    return json.loads(called(command, environment).splitlines()[-1])
-
-
-def called(command: Sequence[str], environment: Mapping[str, str] | None = None) -> str:
-    """Run a command and return its standard output; end where it fails."""
-    own = os.environ | machine.ENVIRONMENT if environment is None else environment
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or ["no message"]
-        sys.exit(f"{' '.join(command[:4])} failed: {lines[-1]}")
-    return done.stdout
 
 
 def progress(row: Row) -> None:
@@ -221,7 +205,7 @@ def progress(row: Row) -> None:
 # --- results -------------------------------------------------------------------------------------
 
 
-def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> list[Row]:
+def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> pd.DataFrame:
     """Return the rows with the size of the image and with the errors of who made it."""
     out = []
     for row in rows:
@@ -234,22 +218,7 @@ def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> list[Row]:
             if row["what"].startswith("ours"):
                 errors["position_px"] = truth["position_px"]["max"]
         out.append({**row, **size, "pixels": pixels, **errors})
-    return out
-
-
-def write(folder: Path, rows: Collection[Row], about: Mapping[str, Any]) -> None:
-    """Write both files, and only then put them in the place of older ones."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder) as fresh:
-        table, text = Path(fresh) / "rendering.csv", Path(fresh) / "rendering.json"
-        with table.open("w", newline="", encoding="utf-8") as file:
-            lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            lines.writeheader()
-            lines.writerows(rows)
-        text.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-        for made in (table, text):
-            made.replace(folder / made.name)
-    sys.stderr.write(f"{folder / 'rendering.csv'}\n")
+    return pd.DataFrame(out, columns=list(COLUMNS), dtype=object)  # integers stay integers
 
 
 if __name__ == "__main__":

@@ -2,10 +2,7 @@
 
 import csv
 import importlib.util
-import json
 import subprocess
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,7 +14,8 @@ from acx4lib.production.head_images import HeadImages
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import render
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
-from benchmarks.rendering import command, hugin, peers, rendering, run, truth
+from benchmarks import stored
+from benchmarks.rendering import hugin, peers, rendering, run, truth
 from benchmarks.rendering.scene import (
     PATCH_PX,
     WINDOW_PX,
@@ -219,32 +217,6 @@ def test_nona_makes_the_same_image_from_it(scene, tmp_path):
         assert np.corrcoef(own[seen][:, 0], layer[seen][:, 0])[0, 1] > 0.9
 
 
-def test_a_command_tells_its_seconds_and_its_memory(tmp_path):
-    script = Path(command.__file__)
-    made = "import time; b = b'x' * 200_000_000; time.sleep(0.2)"
-    done = subprocess.run(
-        [sys.executable, str(script), sys.executable, "-c", made],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    found = json.loads(done.stdout)
-    assert found["wall_s"] > 0.2
-    assert 0 < found["cpu_s"] < found["wall_s"]
-    assert 200e6 / 2**20 < found["peak_mb"] < 260  # and Python itself
-
-
-def test_a_command_that_fails_is_a_failure():
-    script = Path(command.__file__)
-    done = subprocess.run(
-        [sys.executable, str(script), sys.executable, "-c", "raise SystemExit(3)"],
-        capture_output=True,
-        check=False,
-    )
-    assert done.returncode == 3
-    assert done.stdout == b""
-
-
 # --- results -------------------------------------------------------------------------------------
 
 TRUTH = {
@@ -262,15 +234,13 @@ def test_rows_get_sizes_and_errors_of_who_made_them(tmp_path):
         {"what": "ours_1", "reduction": 2, "pixels": 480_000, "samples": 500_000, **ROW},
         {"what": "nona", "reduction": 8, **ROW},
     ]
-    rendering.write(tmp_path, rendering.with_errors(rows, TRUTH), {"date": "today"})
+    stored.write(tmp_path, "rendering", {"": rendering.with_errors(rows, TRUTH)}, {})
     with (tmp_path / "rendering.csv").open(encoding="utf-8") as file:
         ours, nona = csv.DictReader(file)
     assert list(ours) == list(rendering.COLUMNS)
-    assert (ours["rms_dn"], ours["position_px"]) == ("0.4", "0.002")
+    assert (ours["samples"], ours["rms_dn"], ours["position_px"]) == ("500000", "0.4", "0.002")
     assert (nona["width_px"], nona["height_px"], nona["pixels"]) == ("150", "200", "30000")
     assert nona["rms_dn"] == nona["samples"] == ""
-    assert json.loads((tmp_path / "rendering.json").read_text("utf-8")) == {"date": "today"}
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["rendering.csv", "rendering.json"]
 
 
 def test_what_is_missing_is_what_cannot_be_found():

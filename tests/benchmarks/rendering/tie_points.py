@@ -9,8 +9,8 @@ import cv2
 
 from acx4lib import flight as flights
 from acx4lib.production.head_images import head_files, read_heads
-from benchmarks import matching
 from benchmarks.measure import report
+from benchmarks.rendering import matching
 
 
 def main(flight_path: Path) -> None:

@@ -45,11 +45,11 @@ class Screen(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("bars", [terminal.stage_bars, terminal.image_bar])
+@pytest.mark.parametrize("bars", [terminal.stage_bars, terminal.counting_bar])
 def test_a_name_in_a_bar_is_no_markup(monkeypatch, bars):
     screen = Screen()
     monkeypatch.setattr("sys.stdout", screen)
-    with bars() as tell:
+    with bars("rows") as tell:
         tell("[/bold] [link=http://x]a[/link]\x1b[2J", 1, 2)
         tell("[/bold] [link=http://x]a[/link]\x1b[2J", 2, 2)
     assert "\x1b[2J" not in screen.getvalue()

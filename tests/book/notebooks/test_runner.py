@@ -8,6 +8,7 @@ import pytest
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
+from acx4book.notebooks.executed import Notebooks
 from acx4lib.errors import OutputError
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
@@ -69,7 +70,10 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
             results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
             own.seal()
         report = runner.run(
-            flight_path, folder, notebooks_path=notebooks_path, tell=lambda *step: told.append(step)
+            flight_path,
+            folder,
+            way=Notebooks(path=notebooks_path),
+            tell=lambda *step: told.append(step),
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
@@ -95,13 +99,12 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
 
 @pytest.mark.slow
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
-    runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    runner.run(flight_path, tmp_path / "results", way=Notebooks(path=notebooks_path))
     runner.run(
         flight_path,
         tmp_path / "results",
         stages=["validation"],
-        parameters={"seed": 5},
-        notebooks_path=notebooks_path,
+        way=Notebooks(path=notebooks_path, parameters={"seed": 5}),
     )
     assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
 
@@ -114,13 +117,13 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     mounting = notebooks_path / "03-mounting-calibration.ipynb"
     undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
     write(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
-    runner.run(flight_path, folder, notebooks_path=notebooks_path)
+    runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
     write(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
     with pytest.raises(NotebookError) as caught:
-        runner.run(flight_path, folder, notebooks_path=notebooks_path)
+        runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
     assert (
         str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
     )
@@ -130,7 +133,9 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     assert after.pop(MARK) != before[MARK]
     assert after == {name: content for name, content in before.items() if name != MARK}
     (notebooks_path / name).write_bytes(good)
-    report = runner.run(flight_path, folder, stages=["validation"], notebooks_path=notebooks_path)
+    report = runner.run(
+        flight_path, folder, stages=["validation"], way=Notebooks(path=notebooks_path)
+    )
     assert contents(folder) == before
     assert report.not_determined == ()
 
@@ -144,7 +149,7 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
     write(mounting, PARAMETERS, keep("mounting", "single_step", extra))
     validation = notebooks_path / "04-validation.ipynb"
     write(validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]}))
-    report = runner.run(flight_path, tmp_path / "results", notebooks_path=notebooks_path)
+    report = runner.run(flight_path, tmp_path / "results", way=Notebooks(path=notebooks_path))
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
 
@@ -152,8 +157,9 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
 def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
     folder = tmp_path / "results"
 
-    def run(**arguments):
-        runner.run(flight_path, folder, **{"notebooks_path": notebooks_path, **arguments})
+    def run(stages=results.STAGES, **arguments):
+        way = Notebooks(**{"path": notebooks_path, **arguments})
+        runner.run(flight_path, folder, way=way, stages=stages)
 
     with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
         run(stages=["mountain"])
@@ -164,7 +170,7 @@ def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebook
     with pytest.raises(ValueError, match="00-flight: seed is int, got '3'"):
         run(parameters={"seed": "3"})
     with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
-        run(notebooks_path=tmp_path)
+        run(path=tmp_path)
     assert not folder.exists()
 
 
@@ -174,7 +180,7 @@ def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, not
     pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
     before = contents(folder)
     with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
-        runner.run(flight_path, folder, notebooks_path=notebooks_path)
+        runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
     assert contents(folder) == before
 
 
@@ -190,7 +196,7 @@ def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     write(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
     write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
-    report = runner.run(flight, tmp_path / "results", notebooks_path=folder)
+    report = runner.run(flight, tmp_path / "results", way=Notebooks(path=folder))
     assert report.not_determined == ("no heads",)
     found = results.read(tmp_path / "results").parameters
     assert list(found["stage"]) == ["heads", "mounting", "mounting", "validation"]
@@ -215,7 +221,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
     of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
     write(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     report = runner.run(
-        path, tmp_path / "results", stages=["mounting"], notebooks_path=notebooks_path
+        path, tmp_path / "results", stages=["mounting"], way=Notebooks(path=notebooks_path)
     )
     no_block = "mounting: skipped, the flight has no block calibration"
     if heads == 1:
@@ -231,7 +237,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
     (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
-    runner.run(flight_path, tmp_path / "results", stages=[], notebooks_path=notebooks_path)
+    runner.run(flight_path, tmp_path / "results", stages=[], way=Notebooks(path=notebooks_path))
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
         *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
     }
@@ -245,7 +251,7 @@ def test_a_validation_without_a_point_in_two_images_is_skipped(
     points = pd.read_csv(alone / "validation" / "image_points.csv", dtype=str)
     points.drop_duplicates("point").to_csv(alone / "validation" / "image_points.csv", index=False)
     report = runner.run(
-        alone, tmp_path / "results", stages=["validation"], notebooks_path=notebooks_path
+        alone, tmp_path / "results", stages=["validation"], way=Notebooks(path=notebooks_path)
     )
     reason = "no check point of block validation is measured in two images"
     assert report.skipped == (f"validation: skipped, {reason}",)

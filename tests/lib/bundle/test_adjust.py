@@ -320,6 +320,9 @@ def test_rays_that_hardly_meet_are_left_out_and_said(exact_block):
     assert net.left_out == {"whose rays meet at less than 2 degrees": 1}
     assert not net.free_points[-1]
     assert len(net.image_points) == len(block.image_points)
+    kept = mounted_network(replace(flat, smallest_angle=np.radians(1.0)))
+    assert kept.left_out == {}
+    assert kept.free_points[-1]
 
 
 def test_start_values_of_points_are_where_their_rays_meet(exact_block):

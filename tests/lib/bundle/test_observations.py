@@ -14,7 +14,7 @@ from acx4lib.bundle.observations import (
     strips_of,
 )
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import mountings
+from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.prior import Prior
 from support import blocks

@@ -12,7 +12,8 @@ from acx4lib.calibration import heads as ro
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import from_bundle, not_determined
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import ImagePoints, mountings, select_cameras
+from acx4lib.flight.block import ImagePoints, select_cameras
+from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
 from support import blocks
 from support.flights import simulated as flights

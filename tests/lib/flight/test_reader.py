@@ -19,6 +19,7 @@ from acx4lib.geometry.collinearity import pinhole, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
 from support.flights.written import control_points, exposures, write_flight
+from support.helpers import flight_problems
 
 
 def residuals_px(block: Block) -> np.ndarray:
@@ -123,6 +124,18 @@ def test_sigma_columns_go_before_the_defaults(tmp_path):
     assert_allclose(block.control.sigma_m[0], [0.01, 0.0, 0.02])
     change(tmp_path / "calibration/image_points.csv", sigma_px=0.7)
     assert_allclose(flight.read(tmp_path).calibration.image_points.sigma_px, 0.7)
+
+
+def test_the_smallest_angle_of_tie_points_is_that_of_the_file_or_two_degrees(tmp_path):
+    write_flight(tmp_path)
+    assert flight.read(tmp_path).calibration.smallest_angle == np.radians(2.0)
+    append(tmp_path / "flight.toml", "[adjustment]\nsmallest_angle_deg = 0.5\n")
+    assert_allclose(np.degrees(flight.read(tmp_path).calibration.smallest_angle), 0.5)
+    text = (tmp_path / "flight.toml").read_text()
+    (tmp_path / "flight.toml").write_text(text.replace("= 0.5\n", "= -1\nangle = 3\n"))
+    unknown, negative = flight_problems(tmp_path)
+    assert "adjustment.smallest_angle_deg: -1; must lie between 0 and 90" in unknown + negative
+    assert "adjustment.angle: unknown key" in unknown + negative
 
 
 def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):

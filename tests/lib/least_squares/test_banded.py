@@ -64,7 +64,10 @@ def test_a_banded_system_has_the_solution_and_the_inverse_of_the_whole_matrix(
     near |= (place < n_border)[:, None] | (place < n_border)
     rows, columns = np.nonzero(near)
     found = inverse.at(rows, columns) / (spread[rows] * spread[columns])
+    J = rng.normal(size=(2, 3, len(N))) / spread
+    product = inverse.times(J)
     assert "dense" not in vars(inverse)
+    assert_allclose(product / spread, J @ expected / spread, atol=ROUNDING)
     assert_allclose(found, correlated[rows, columns], atol=ROUNDING)
     everything = inverse.at(each[:, None], each[None]) / np.outer(spread, spread)
     assert_allclose(everything, correlated, atol=ROUNDING)
@@ -84,6 +87,7 @@ def test_condition_and_weakest_direction_of_a_banded_system_are_those_of_the_who
     assert dense.condition == pytest.approx(values[-1] / values[0], rel=1e-8)
     assert abs(weakest @ dense.weakest) == pytest.approx(1.0, abs=1e-8)
     assert_allclose(dense.at(order, order), np.diag(np.linalg.inv(N)), rtol=1e-9)
+    assert_allclose(dense.times(np.eye(len(N))), dense.dense, atol=0)
 
 
 def test_a_banded_system_that_is_open_is_refused(rng):

@@ -75,16 +75,17 @@ def test_a_step_solves_the_full_system_with_its_diagonal_raised(system, damping)
     J, v = system.dense()
     N = J.T @ J
     expected = -np.linalg.solve(N + damping * np.diag(np.diag(N)), J.T @ v)
-    dx, dp, decrement = PlainNormals(
+    normals = PlainNormals(
         n_columns=system.n,
         free_points=system.free_points,
         equations=system.equations,
         damping=damping,
-    ).step()
+    )
+    dx, dp = normals.step()
     found = np.concatenate([dx, dp[system.free_points].ravel()])
     assert_allclose(found, expected, atol=1e-11)  # well conditioned, of size one
     assert_allclose(dp[~system.free_points], 0.0, atol=0)
     # what the gradient promises along the step; without damping all that can be gained
-    assert decrement == pytest.approx(-(J.T @ v) @ expected, rel=1e-10)
+    assert normals.promised == pytest.approx(-(J.T @ v) @ expected, rel=1e-10)
     if damping == 0.0:
-        assert decrement == pytest.approx(v @ v - np.sum((v + J @ expected) ** 2), rel=1e-10)
+        assert normals.promised == pytest.approx(v @ v - np.sum((v + J @ expected) ** 2), rel=1e-10)

@@ -218,17 +218,12 @@ def one_image_block(camera: Camera, ground: KnownGround, colrow: Array, sigma_px
     known = SurveyedPoints(
         point_idx=np.arange(n),
         x_m=ground.x_m,
-        R_g_m=np.tile(np.eye(3), (n, 1, 1)),
         sigma_m=np.zeros((n, 3)),
     )
-    open_sigma = np.full((1, 3), np.inf)
     return Block(
-        name="calibration",
         frame=ground.frame,
         cameras=(camera,),
-        images=Images(
-            names=(camera.name,), camera_idx=np.array([0]), exposure_idx=np.array([0]), strips=("",)
-        ),
+        images=Images(names=(camera.name,)),
         points=tuple(f"P{i}" for i in range(n)),
         image_points=ImagePoints(
             image_idx=np.zeros(n, dtype=np.intp),
@@ -237,13 +232,9 @@ def one_image_block(camera: Camera, ground: KnownGround, colrow: Array, sigma_px
             sigma_px=sigma_px,
         ),
         control=known,
-        check=known[np.zeros(n, dtype=bool)],
         trajectory=Trajectory(
             exposures=("1",),
             T_m_b=Pose(R=ground.T_m_c.R[None], r=ground.T_m_c.r[None]),
-            R_g_m=np.eye(3)[None],
-            sigma_position=open_sigma,
-            sigma_attitude=open_sigma,
         ),
     )
 

@@ -12,9 +12,9 @@ from acx4book.reference.dbat import files as dbat
 from acx4book.reference.dbat.files import Measurements, Surveyed
 from acx4lib.bundle import adjust, uses
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.start.resections import resected
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
-from acx4lib.geometry import intersection
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
 
@@ -112,49 +112,22 @@ def _block(
     given = SurveyedPoints(
         point_idx=np.searchsorted(numbers, surveyed.point),
         x_m=surveyed.x - origin,
-        R_g_m=np.tile(np.eye(3), (len(surveyed.point), 1, 1)),
         sigma_m=surveyed.sigma,
     )
-    points = ImagePoints(
-        image_idx=measured.image - 1,
-        point_idx=point_idx,
-        colrow=measured.colrow,
-        sigma_px=measured.sigma_px,
-    )
     n = len(names)
-    return Block(
-        name="calibration",
-        frame=None,  # type: ignore[arg-type]  # no map: the coordinates are the sheet's own
+    unknown = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.zeros((n, 3)))
+    block = Block(
         cameras=(camera,),
-        images=Images(
-            names=names,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=names),
         points=tuple(map(str, numbers)),
-        image_points=points,
+        image_points=ImagePoints(
+            image_idx=measured.image - 1,
+            point_idx=point_idx,
+            colrow=measured.colrow,
+            sigma_px=measured.sigma_px,
+        ),
         control=given[~is_check],
         check=given[is_check],
-        trajectory=_resected(camera, points, given[~is_check], names),
+        trajectory=Trajectory(exposures=names, T_m_b=unknown),
     )
-
-
-def _resected(
-    camera: Camera, points: ImagePoints, control: SurveyedPoints, names: tuple[str, ...]
-) -> Trajectory:
-    """Return the pose of every image by resection from its control points."""
-    where = np.full(int(points.point_idx.max()) + 1, -1)
-    where[control.point_idx] = np.arange(len(control))
-    poses = []
-    for image in range(len(names)):
-        own = points[(points.image_idx == image) & (where[points.point_idx] >= 0)]
-        poses.append(intersection.resect(camera, own.colrow, control.x_m[where[own.point_idx]]))
-    open_sigma = np.full((len(names), 3), np.inf)
-    return Trajectory(
-        exposures=names,
-        T_m_b=Pose(R=np.stack([T.R for T in poses]), r=np.stack([T.r for T in poses])),
-        R_g_m=np.tile(np.eye(3), (len(names), 1, 1)),
-        sigma_position=open_sigma,
-        sigma_attitude=open_sigma,
-    )
+    return resected(block)

@@ -11,7 +11,7 @@ from acx4book.reference.ign import files
 from acx4book.reference.ign.readings import READINGS, Flight, Reading, complete, load
 from acx4lib.calibration import estimates
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.geometry.collinearity import directions, image_residuals
 from acx4lib.geometry.intersection import intersect
 from acx4lib.geometry.parameters import AXES
@@ -25,41 +25,20 @@ POINTING_PX = 0.5
 
 
 def _block(flight: Flight, reading: Reading) -> Block:
-    n = len(flight.orientations.names)
-    measurements = flight.measurements
-    unknown = np.full((n, 3), np.inf)
-    nobody = SurveyedPoints(
-        point_idx=np.zeros(0, dtype=np.intp),
-        x_m=np.zeros((0, 3)),
-        R_g_m=np.zeros((0, 3, 3)),
-        sigma_m=np.zeros((0, 3)),
-    )
+    names, measurements = flight.orientations.names, flight.measurements
     return Block(
         name="validation",
         frame=flight.frame,
         cameras=(flight.camera,),
-        images=Images(
-            names=flight.orientations.names,
-            camera_idx=np.zeros(n, dtype=np.intp),
-            exposure_idx=np.arange(n),
-            strips=("",) * n,
-        ),
+        images=Images(names=names),
         points=flight.points,
         image_points=ImagePoints(
-            image_idx=files.indices(measurements.images, flight.orientations.names),
+            image_idx=files.indices(measurements.images, names),
             point_idx=files.indices(measurements.points, flight.points),
             colrow=measurements.colrow,
             sigma_px=np.full(len(measurements.points), POINTING_PX),
         ),
-        control=nobody,
-        check=nobody,
-        trajectory=Trajectory(
-            exposures=flight.orientations.names,
-            T_m_b=reading.T_m_c,
-            R_g_m=flight.frame.grid_axes(reading.T_m_c.r),
-            sigma_position=unknown,
-            sigma_attitude=unknown,
-        ),
+        trajectory=Trajectory(exposures=names, T_m_b=reading.T_m_c),
     )
 
 

@@ -24,7 +24,8 @@ from acx4lib.bundle.compiled.chain_rule import (
     reduced_normals,
 )
 from acx4lib.bundle.compiled.covariances import Tests
-from acx4lib.bundle.compiled.elimination import CameraNormals, camera_normals
+from acx4lib.bundle.compiled.elimination import CameraNormals, Room, camera_normals, room_for
+from acx4lib.bundle.compiled.joined import Joined
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index
@@ -34,12 +35,15 @@ from acx4lib.least_squares.banded import (
     BandedInverse,
     Bordered,
     BorderedCovariance,
+    cut_off,
     too_large,
 )
-from acx4lib.least_squares.dense import Dense, Inverse
+from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
 from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
 
 R = TypeVar("R")
+
+_EACH = np.arange(6)
 
 
 def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
@@ -67,28 +71,37 @@ class NetworkNormals:
         Images in the order of `Packed.image`.
     hanging : Hanging
         Poses in the order of `Packed.pose`.
+    n_columns : int
+        Number of unknowns that are not points.
     border : ndarray, shape (n_cameras, PER_CAMERA)
         Columns of interior orientation and mounting, -1 where held.
     pose_columns : ndarray, shape (n_poses, 6)
-        Columns of the poses in the order of `Packed.pose`.
+        Columns of the poses in the order of `Packed.pose`, -1 where held.
     sigma_px : ndarray, shape (n,)
         Sigma of the image points, in the block's order.
     n_points : int
         Number of points of the block, measured or not.
     others : sequence of Equations
         The observations that are no image points; a unit depends on one pose at most.
+    joined : Joined, optional
+        Points that some of these join to others.
     """
 
     packed: Packed
     scene: Scene
     hanging: Hanging
+    n_columns: int
     border: Index
     pose_columns: Index
     sigma_px: Array
     n_points: int
     others: Sequence[Equations]
+    joined: Joined | None = None
 
     # --- assembled ---------------------------------------------------------------------------
+
+    def _room(self, first: int, last: int) -> Room:
+        return room_for(self.packed.rays, first, last, self.hanging.n_cameras)
 
     @cached_property
     def _images(self) -> tuple[Bordered, float, float]:
@@ -100,7 +113,8 @@ class NetworkNormals:
         ]
 
         def work(first: int, last: int, total: CameraNormals) -> tuple[bool, float]:
-            return elimination.accumulate(packed.rays, self.scene, first, last, total)
+            room = self._room(first, last)
+            return elimination.accumulate(packed.rays, self.scene, first, last, room, total)
 
         done = _in_parts(packed, work, totals)
         while len(totals) > 1:
@@ -123,12 +137,13 @@ class NetworkNormals:
 
     @property
     def _n_border(self) -> int:
-        return int(self.pose_columns.min(initial=np.iinfo(np.intp).max))
+        return self.n_columns - int(np.sum(self.pose_columns >= 0))
 
     @cached_property
     def _order(self) -> Index:
-        """The unknown to which each column of the bordered system belongs."""
-        return np.concatenate([np.arange(self._n_border), self.pose_columns.ravel()])
+        """The unknown to which each column of the bordered system belongs, -1 for a held one."""
+        border = np.setdiff1d(np.arange(self.n_columns), self.pose_columns)
+        return np.concatenate([border, self.pose_columns.ravel()])
 
     @cached_property
     def _system(self) -> Bordered:
@@ -146,15 +161,20 @@ class NetworkNormals:
             out[columns[free]] = source[:n_full][free]
             out[m:] = source[n_full:]
         system = Bordered(P=full.P, C=C, D=D, g=g, diagonal=diagonal)
-        place = np.empty(len(order) + 1, dtype=np.intp)
-        place[order], place[-1] = np.arange(len(order)), -1
+        place = np.append(places(order), -1)
         for e in self.others:
             if e.A.shape[2]:
                 _add(system, e, place)
+        if self.joined:
+            self.joined.reduce(system, place)
+        held = order[m:] < 0
+        if held.any():
+            cut_off(system, held)
+            g[m:][held], diagonal[m:][held] = 0.0, 1.0
+            system.P[:, 0, _EACH, _EACH] += held.reshape(-1, 6)
         if damping:
             D[np.diag_indices(m)] += damping * diagonal[:m]
-            a = np.arange(6)
-            system.P[:, 0, a, a] += damping * diagonal[m:].reshape(-1, 6)
+            system.P[:, 0, _EACH, _EACH] += damping * diagonal[m:].reshape(-1, 6)
         return system
 
     @cached_property
@@ -170,20 +190,39 @@ class NetworkNormals:
 
     # --- solved ------------------------------------------------------------------------------
 
-    def step(self) -> tuple[Array, Array, float]:
-        """Return the step of columns and points and the decrease of cost that it predicts."""
-        packed, system = self.packed, self._system
-        ordered = -self._solver.solve(system.g)
-        dx = np.empty_like(ordered)
-        dx[self._order] = ordered
-        along = camera_steps(self.hanging, gather(dx, self.border).ravel(), dx[self.pose_columns])
-        dp = np.zeros((self.n_points, 3))
+    @cached_property
+    def _ordered_step(self) -> Array:
+        """The step of columns, in the order of the bordered system."""
+        return -self._solver.solve(self._system.g)
+
+    @property
+    def promised(self) -> float:
+        """Decrease of the cost that the step predicts."""
+        return self._images[2] - float(self._system.g @ self._ordered_step)
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step of columns and points."""
+        packed = self.packed
+        dx = self._ordered_step[places(self._order)]
+        border, poses = gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
+        along = camera_steps(self.hanging, border, poses)
+        dp, scene = np.zeros((self.n_points, 3)), self._pulled(dx)
 
         def work(first: int, last: int) -> None:
-            elimination.move_points(packed.rays, self.scene, first, last, along, dp)
+            room = self._room(first, last)
+            elimination.move_points(packed.rays, scene, first, last, room, along, dp)
 
         _in_parts(packed, work)
-        return dx, dp, self._images[2] - float(system.g @ ordered)
+        return dx, dp
+
+    def _pulled(self, dx: Array) -> Scene:
+        """Return the scene with what the steps of joining unknowns add to the points' sides."""
+        if self.joined is None:
+            return self.scene
+        h, number = self.scene.h.copy(), np.full(self.n_points, -1)
+        number[self.packed.rays.point] = self.packed.rays.also
+        h[number[self.joined.points]] += self.joined.pulled(dx)
+        return self.scene._replace(h=h)
 
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
@@ -196,6 +235,7 @@ class NetworkNormals:
             dense = solver.inverse()
             part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
             inverse = dense.reordered(self._order)
+        cut_off(part, self._order[m:] < 0)
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
         tests = Tests(
             cov_points=np.zeros((self.n_points, 3, 3)),
@@ -204,10 +244,12 @@ class NetworkNormals:
         )
 
         def work(first: int, last: int) -> None:
-            covariances.precision(packed.rays, self.scene, first, last, cov, tests)
+            room = self._room(first, last)
+            covariances.precision(packed.rays, self.scene, first, last, room, cov, tests)
 
         _in_parts(packed, work)
-        groups = [_tested(e, inverse, tests.cov_points) for e in self.others]
+        coupled = self.joined.test(inverse, tests) if self.joined else np.zeros((0, 1))
+        groups = [_tested(e, inverse, tests.cov_points, coupled) for e in self.others]
         return Precision(
             inverse=inverse,
             cov_points=tests.cov_points,
@@ -251,15 +293,14 @@ def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
     return BorderedCovariance(P=part.P, C=C, D=D)
 
 
-def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
-    """Return the group of observations that depend on points only or on columns only."""
+def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -> Group:
+    """Return the group of observations of points or columns; if of both, with their coupling."""
     explained = np.zeros_like(e.v)
     if e.B is not None and e.point is not None:
         explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
     if e.A.shape[2]:
-        columns = np.maximum(e.columns, 0)
-        cov = inverse.at(columns[:, :, None], columns[:, None, :])
-        held = e.columns < 0
-        cov[held[:, :, None] | held[:, None, :]] = 0.0
+        cov = held_at_zero(inverse, e.columns[:, :, None], e.columns[:, None, :])
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
+    if e.B is not None and e.A.shape[2]:
+        explained += coupled
     return Group.of(e, explained)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,6 +13,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from acx4lib.bundle.compiled.rays import SortedRays
 from acx4lib.compiling import compiled
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, ImagePoints
+from acx4lib.geometry.camera import xy_from_colrow
 
 RAYS_PER_PART = 40_000
 MOST_PARTS = 4
@@ -51,6 +53,10 @@ class Packed:
     dense: bool
     parts: tuple[tuple[int, int], ...]
 
+    def weighted(self, weight: Array) -> Packed:
+        """Return the same rays with other weights, those of the measurements, in their order."""
+        return replace(self, rays=self.rays._replace(weight=weight[self.rays.row]))
+
 
 class Measured(NamedTuple):
     """Measurements of a block, in its order.
@@ -68,6 +74,25 @@ class Measured(NamedTuple):
     image: Index
     xy: Array
     weight: Array
+
+
+def measured(block: Block, points: ImagePoints) -> Measured:
+    """Return image points of a block in millimetres."""
+    camera_idx = block.images.camera_idx[points.image_idx]
+    xy = np.empty_like(points.colrow)
+    for k, camera in enumerate(block.cameras):
+        own: Mask | slice = camera_idx == k if len(block.cameras) > 1 else slice(None)
+        xy[own] = xy_from_colrow(camera, points.colrow[own])
+    return Measured(
+        point=points.point_idx, image=points.image_idx, xy=xy, weight=weights(block, points)
+    )
+
+
+def weights(block: Block, points: ImagePoints) -> Array:
+    """Return the reciprocal standard deviations of image points, 1/mm."""
+    pixel_mm = np.array([camera.pixel_mm for camera in block.cameras])
+    weight: Array = 1 / (points.sigma_px * pixel_mm[block.images.camera_idx[points.image_idx]])
+    return weight
 
 
 def pack(

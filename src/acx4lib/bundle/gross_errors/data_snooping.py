@@ -6,7 +6,7 @@ residual, a rejected one by its difference from the prediction by the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -25,8 +25,9 @@ from acx4lib.bundle.gross_errors.single_tests import (
     judge,
     observations,
 )
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
@@ -99,7 +100,7 @@ def adjust_rejecting(
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
     verdict = test(bundle, search.out)
     for _ in range(MOST_ROUNDS):
-        fits = ~(_misfits(network, bundle.state) > SUSPECT)
+        fits = ~(_misfits_after(bundle, search.out) > SUSPECT)
         following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
@@ -168,12 +169,22 @@ def _without(
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     """Adjust without the effect of some observations; their predictions are still computed."""
     factors = by_group(network, np.where(out, OUT, 1.0))
-    return adjust(replace(reweighted(network, factors), start=state))
+    return adjust(reweighted(network, factors).beginning_at(state))
 
 
 def _misfits(network: Network, state: State) -> Array:
     """Return the residuals divided by their sigma and by the spread of their kind."""
-    groups = network.residuals(state)[: len(KINDS)]
+    return _shares_of_spread(network.residuals(state)[: len(KINDS)])
+
+
+def _misfits_after(bundle: Bundle, out: Mask) -> Array:
+    """Return the same after an adjustment with `OUT` times the sigma of rejected observations."""
+    factors = by_group(bundle.network, np.where(out, OUT, 1.0))
+    groups = zip(bundle.solution.groups[: len(KINDS)], factors, strict=True)
+    return _shares_of_spread([(group.v, group.sigma / factor) for group, factor in groups])
+
+
+def _shares_of_spread(groups: Sequence[tuple[Array, Array]]) -> Array:
     return flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 
@@ -223,7 +234,7 @@ def _to_take(observed: Observations, w: Array) -> Mask:
     """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
-    row_pose = np.zeros(observed.pose.max(initial=-1) + 1)
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last one of what has no pose
     np.maximum.at(row_pose, observed.pose[posed], w[posed])
     at_pose = row_pose.copy()
     np.maximum.at(at_pose, observed.pose[tied], w[tied])

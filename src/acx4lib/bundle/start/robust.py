@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index
 
 Residuals = tuple[Array, Array]  # v and sigma of a group
@@ -167,11 +168,11 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
         Declared mountings keep their sigma.
     """
     points, control, observed = network.image_points, network.control, network.observed
-    on_image, on_control, on_position, on_attitude = factors[:4]
+    distances = network.distances
+    on_image, on_control, on_position, on_attitude, on_distance = factors[:5]
     sigma_m = control.sigma_m.copy()
     sigma_m[~network.held_control] *= on_control
-    return replace(
-        network,
+    return network.with_sigma(
         image_points=replace(points, sigma_px=points.sigma_px * on_image[:, 0]),
         control=replace(control, sigma_m=sigma_m),
         observed=replace(
@@ -179,6 +180,7 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
             sigma_position=observed.sigma_position * on_position,
             sigma_attitude=observed.sigma_attitude * on_attitude,
         ),
+        distances=replace(distances, sigma_m=distances.sigma_m * on_distance[:, 0]),
     )
 
 
@@ -188,8 +190,7 @@ def _stepped(
     """Return state and residuals after one reweighted step, damped until its cost decreases."""
     cost, weighted = loss.cost(groups), reweighted(network, loss.factors(groups))
     for damping in DAMPING:
-        dx, dp, _ = weighted.normals(state, damping).step()
-        trial = network.moved(state, dx, dp)
+        trial = network.moved(state, *weighted.normals(state, damping).step())
         there = network.residuals(trial)
         if loss.cost(there) <= cost:
             return trial, there

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.start.ray_misfits import (
     Seen,
     camera_rays,
@@ -19,6 +19,7 @@ from acx4lib.bundle.start.ray_misfits import (
     towards,
     with_surveyed,
 )
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.frames import Pose, transform
@@ -181,13 +182,14 @@ def _intersected(seen: Seen, state: State, weights: Array) -> Array:
 
 
 def _turned(seen: Seen, state: State, x_m: Array, pose_group: Index) -> State:
-    """Turn free mountings, and groups of poses whose attitude is not observed."""
+    """Turn free mountings, and groups of poses whose attitude is neither observed nor held."""
     network = seen.network
     if np.all(network.layout.mount[:, 3:] >= 0):
         to = towards(seen, state, x_m)
         Q = _rotations(to, seen.ray_c, seen.camera, len(network.layout.mount))
         state = replace(state, T_b_c=Pose(R=state.T_b_c.R @ Q, r=state.T_b_c.r))
     unobserved = np.all(np.isinf(network.observed.sigma_attitude), axis=1)
+    unobserved &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
     if unobserved.any():
         R_b_c = state.T_b_c.R[seen.camera]
         to, ray = transform(R_b_c, towards(seen, state, x_m)), transform(R_b_c, seen.ray_c)

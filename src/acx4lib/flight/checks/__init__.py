@@ -2,5 +2,5 @@
 
 `settings` and `between_tables` find what contradicts itself. `fit` intersects rays, holds them
 against control points, and lets `mistakes` try the usual errors of signs, orders and units.
-`oddities` become notes only.
+`readings` are the meanings that numbers may have. `oddities` become notes only.
 """

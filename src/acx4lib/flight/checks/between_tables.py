@@ -16,8 +16,8 @@ from acx4lib.flight.block_from_tables import (
     measured_control,
     used_exposures,
 )
+from acx4lib.flight.checks.readings import FOOT
 from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
-from acx4lib.flight.readings import FOOT
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file

@@ -10,8 +10,8 @@ import numpy as np
 import pyproj
 
 from acx4lib.expected import Array
-from acx4lib.flight import readings
 from acx4lib.flight.block_from_tables import BlockTables, lonlat_of
+from acx4lib.flight.checks import readings
 from acx4lib.flight.problems import SHOWN
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.table import Table

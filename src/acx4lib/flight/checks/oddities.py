@@ -95,7 +95,9 @@ def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
     line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
     far = [name for name in line if name in absurd]
     if far:
-        listed = ", ".join(f"{name!r} (line {line[name]})" for name in far[:NAMED])
+        listed = ", ".join(
+            f"{name!r} ({tables.control.counts} {line[name]})" for name in far[:NAMED]
+        )
         more = ", …" if len(far) > NAMED else ""
         yield (
             f"{tables.name}: {len(far)} of {len(np.unique(found.point_idx))} surveyed points of "

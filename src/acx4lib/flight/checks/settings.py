@@ -30,7 +30,7 @@ from acx4lib.geometry.crs_text import is_code_or_wkt
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import GNSS
 
-FORMAT = 2
+FORMAT = 3
 """The latest format of flight.toml that is understood, as are all before it."""
 
 TOP = (
@@ -41,10 +41,12 @@ TOP = (
     "cameras",
     "synthetic",
     "apriori",
+    "adjustment",
     "stages",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
+ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
@@ -74,6 +76,8 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     apriori = tuple(Apriori.__dataclass_fields__)
     yield from _keys(toml, ("apriori",), apriori)
     yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
+    yield from _keys(toml, ("adjustment",), ADJUSTMENT)
+    yield from _numbers(toml, ("adjustment",), ADJUSTMENT)
     yield from _stage_problems(toml)
 
 

@@ -63,11 +63,12 @@ def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> It
         cell = cells[row]
         hint = " (a decimal comma?)" if re.fullmatch(r"\s*-?\d+,\d+\s*", cell) else ""
         found = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
-        return table.problem(row, name, found, "must be a finite number, decimal point")
+        point = "" if table.in_memory else ", decimal point"
+        return table.problem(row, name, found, f"must be a finite number{point}")
 
     yield from counted(np.flatnonzero(whole & finite & ~good), outside)
     yield from counted(np.flatnonzero(whole & ~finite), none)
-    if len(cells) and max(map(len, cells)) > LONGEST_NUMBER:
+    if not table.in_memory and max(map(len, cells), default=0) > LONGEST_NUMBER:
         long = [row for row, cell in enumerate(cells) if len(cell) > LONGEST_NUMBER and good[row]]
         expected = f"must be a number of at most {LONGEST_NUMBER} characters"
         yield from counted(
@@ -125,7 +126,7 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
 
     def problem(row: int) -> Problem:
         called = ", ".join(quoted(cells[row]) for cells in columns)
-        found = f"{called} stands in line {table.lines[first[row]]} already"
+        found = f"{called} stands in {table.counts} {table.lines[first[row]]} already"
         return table.problem(row, ", ".join(key), found, f"every {' and '.join(key)} once")
 
     yield from counted(np.flatnonzero(again), problem)

@@ -34,6 +34,8 @@ class Toml:
         Checksum of the file.
     problems : tuple of Problem
         Reasons why it could not be read.
+    in_memory : bool
+        Whether the values are from no file.
     """
 
     folder: Path
@@ -42,13 +44,20 @@ class Toml:
     lines: dict[tuple[str, ...], int] = field(default_factory=dict)
     sha256: str = ""
     problems: tuple[Problem, ...] = ()
+    in_memory: bool = False
 
     def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
         """Return a problem of a key, with the line of the key or of its table."""
         known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
         name = ".".join(_shown(key) for key in keys)
-        line = next(known, 1)
-        return Problem(file=self.file, line=line, column=name, found=found, expected=expected)
+        return Problem(
+            file=self.file,
+            line=-1 if self.in_memory else next(known, 1),
+            column=name,
+            found=found,
+            expected=expected,
+            in_memory=self.in_memory,
+        )
 
     def get(self, *keys: str) -> Any:
         """Return a value, None for a missing key."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,9 +18,9 @@ class Table:
     Attributes
     ----------
     file : str
-        Path of the file for the user.
+        Path of the file for the user; of a table in memory its name.
     lines : ndarray of int
-        Line number of every row in the file.
+        Line number of every row in the file; of a table in memory the rows themselves, from 0.
     text : dict
         Cells of every known column of the file.
     numbers : dict
@@ -29,24 +30,38 @@ class Table:
     problems : tuple of Problem
     notes : tuple of str
         Strange but allowed content, one sentence each.
+    in_memory : bool
+        Whether it was read from no file.
     """
 
     file: str
     lines: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    text: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    text: Mapping[str, Sequence[str]] = field(default_factory=dict)
     numbers: dict[str, Array] = field(default_factory=dict)
     sha256: str = ""
     problems: tuple[Problem, ...] = ()
     notes: tuple[str, ...] = ()
+    in_memory: bool = False
 
     def __len__(self) -> int:
         """Count the rows."""
         return len(self.lines)
 
+    @property
+    def counts(self) -> str:
+        """What `lines` counts."""
+        return "row" if self.in_memory else "line"
+
     def problem(self, row: int, column: str, found: str, expected: str) -> Problem:
         """Return a problem of a row."""
-        line = int(self.lines[row]) if len(self) else 1
-        return Problem(file=self.file, line=line, column=column, found=found, expected=expected)
+        return Problem(
+            file=self.file,
+            line=int(self.lines[row]) if len(self) else 1,
+            column=column,
+            found=found,
+            expected=expected,
+            in_memory=self.in_memory,
+        )
 
     def has(self, *columns: str) -> bool:
         """Tell whether the table has all these columns."""
@@ -58,7 +73,9 @@ class Table:
         return replace(
             self,
             lines=self.lines[rows],
-            text={name: tuple(cells[i] for i in rows) for name, cells in self.text.items()},
+            text={
+                name: tuple(cells[i] for i in rows.tolist()) for name, cells in self.text.items()
+            },
             numbers={name: values[keep] for name, values in self.numbers.items()},
         )
 

@@ -10,12 +10,9 @@ PYTHONPATH=tests.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +36,8 @@ from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4sim.optics import head_truth
-from benchmarks import find_head_truth, machine
+from benchmarks import machine, stored
+from benchmarks.chain import find_head_truth
 from support.flights import simulated
 
 OUT = machine.ROOT / "data" / "benchmarks"
@@ -84,7 +82,8 @@ def main() -> None:
         rows["squares"] = [row for part in map(at_side, SIDES) for row in part]
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
-    write(options.out, rows, about)
+    tables = {name: pd.DataFrame(table) for name, table in rows.items()}
+    stored.write(options.out, "closed_chain", tables, about, digits=DIGITS)
 
 
 # --- one flight --------------------------------------------------------------------------------
@@ -244,21 +243,6 @@ def true_heads() -> list[Camera]:
 
 
 # --- written down ------------------------------------------------------------------------------
-
-
-def write(folder: Path, rows: dict[str, list[Row]], about: dict[str, Any]) -> None:
-    """Write the files, and only then put them in the place of older ones."""
-    folder.mkdir(parents=True, exist_ok=True)
-    about = {"date": datetime.now(UTC).date().isoformat(), **about}
-    with tempfile.TemporaryDirectory(dir=folder) as fresh:
-        for name, table in rows.items():
-            path = Path(fresh, f"closed_chain_{name}.csv")
-            pd.DataFrame(table).to_csv(path, index=False, float_format=f"%.{DIGITS}g")
-        text = json.dumps(about, indent=2) + "\n"
-        Path(fresh, "closed_chain.json").write_text(text, encoding="utf-8")
-        for made in sorted(Path(fresh).iterdir()):
-            made.replace(folder / made.name)
-    sys.stderr.write(f"\n{folder / 'closed_chain.json'}\n")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks import matching
+from benchmarks.rendering import matching
 
 
 @pytest.fixture(scope="module")

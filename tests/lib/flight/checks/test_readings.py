@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4lib.flight.readings import height_readings, of_cameras, pixel_readings, readings
+from acx4lib.flight.checks.readings import height_readings, of_cameras, pixel_readings, readings
 from acx4lib.flight.text.table import Table
 from acx4lib.geometry.frames import rotation_from_opk, rotation_from_rph
 from acx4lib.geometry.geodesy import GridSystem

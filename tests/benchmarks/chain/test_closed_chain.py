@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from benchmarks import closed_chain
+from benchmarks.chain import closed_chain
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,7 @@
 """Tie points of one overlap: corners and least-squares matching against SIFT, in one run.
 
-``PYTHONPATH=tests python -m benchmarks.matching [REDUCE]`` simulates two heads of an exposure and
-writes one JSON object a line; `measure` gives the same as a list.
+``PYTHONPATH=tests python -m benchmarks.rendering.matching [REDUCE]`` simulates two heads of an
+exposure and writes one JSON object a line; `measure` gives the same as a list.
 """
 
 from __future__ import annotations

@@ -1,0 +1,150 @@
+"""Worker processes that do not depend on each other.
+
+`concurrent.futures.ProcessPoolExecutor` breaks as a whole when one of its processes is killed, and
+nobody knows which call did it. Here every process has a pipe of its own: a call whose process
+dies fails alone, with how it ended, and the next call gets a new process.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import signal
+import sys
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_SPAWN = multiprocessing.get_context("spawn")
+
+GRACE_S = 10
+"""Time that a process has to clean up when it is told to end, s."""
+
+
+class ProcessDiedError(RuntimeError):
+    """The process of a call ended before the call did."""
+
+
+class Processes(Executor):
+    """An executor with a fixed number of processes, started when they are needed.
+
+    Parameters
+    ----------
+    n : int
+    """
+
+    def __init__(self, n: int) -> None:
+        self._threads = ThreadPoolExecutor(n)
+        self._of_thread = threading.local()
+        self._lock = threading.Lock()
+        self._started: list[_Process] = []
+        self._is_ended = False
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function in the next process that is free; it must be importable by its name."""
+        return self._threads.submit(self._call, fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes when their calls are finished, or without `wait`, at once."""
+        if not wait:
+            self._terminate()
+        self._threads.shutdown(cancel_futures=cancel_futures)
+        for process in self._started:
+            process.close()
+
+    def _terminate(self) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._is_ended = True
+            for process in self._started:
+                process.terminate()
+
+    def _call(self, fn: Callable[..., T], args: Sequence[object], kwargs: Mapping[str, Any]) -> T:
+        process: _Process | None = getattr(self._of_thread, "process", None)
+        if process is None or process.is_dead:
+            process = self._of_thread.process = self._start()
+        result: T = process.call(fn, args, kwargs)
+        return result
+
+    def _start(self) -> _Process:
+        with self._lock:
+            if self._is_ended:
+                msg = "ended before it began"
+                raise ProcessDiedError(msg)
+            self._started.append(_Process())
+            return self._started[-1]
+
+
+class _Process:
+    """A process that serves one call after the other."""
+
+    def __init__(self) -> None:
+        self._pipe, theirs = _SPAWN.Pipe()
+        self._process = _SPAWN.Process(target=_serve, args=(theirs,))
+        self._process.start()
+        theirs.close()  # so that the pipe ends when the process does
+
+    @property
+    def is_dead(self) -> bool:
+        return not self._process.is_alive()
+
+    def call(self, *call: object) -> Any:
+        """Return what a function returns there, or raise what it raises.
+
+        Raises
+        ------
+        ProcessDiedError
+        """
+        try:
+            self._pipe.send_bytes(pickle.dumps(call))
+            answer = self._pipe.recv_bytes()
+        except (EOFError, OSError):
+            self._process.join()
+            raise ProcessDiedError(_ending(self._process.exitcode)) from None
+        succeeded, result = pickle.loads(answer)
+        if succeeded:
+            return result
+        raise result
+
+    def terminate(self) -> None:
+        self._process.terminate()
+
+    def close(self) -> None:
+        """End the process; one that does not is killed."""
+        self._pipe.close()
+        self._process.join(GRACE_S)
+        self._process.kill()
+        self._process.join()
+
+
+def _serve(pipe: Connection) -> None:
+    """Serve calls until the other end of the pipe is closed, by whatever end of the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    while True:
+        try:
+            call = pipe.recv_bytes()
+        except EOFError:
+            return
+        pipe.send_bytes(_answer(call))
+
+
+def _answer(call: bytes) -> bytes:
+    """Return whether a call succeeded, and what it returns or raises."""
+    try:
+        function, args, kwargs = pickle.loads(call)
+        return pickle.dumps((True, function(*args, **kwargs)))
+    except Exception as error:  # the caller's
+        return pickle.dumps((False, error))
+
+
+def _ending(code: int | None) -> str:
+    """Return how a process ended, in words."""
+    if code is None or code >= 0:
+        return f"its process ended with status {code}"
+    return f"its process was ended by signal {signal.Signals(-code).name}"

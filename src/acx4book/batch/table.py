@@ -1,0 +1,107 @@
+"""The table of many flights: a row for each, as text, so that equal results give equal bytes.
+
+What differs from call to call, such as times, stands in a table of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from acx4lib.geometry.parameters import AXES, REPORTED
+from acx4lib.results.own_folder.marks import SCRATCH
+from acx4lib.results.summary_entries import read_summary
+
+METHOD = "single_step"
+"""The method whose parameters and check points are shown."""
+
+VALIDATED = (f"validation/{METHOD}", "validation/given")
+"""Where the check points are, the first that there is; the second of a flight that was not
+calibrated."""
+
+_PARAMETERS = tuple(name for name, _ in REPORTED.values())
+_ADJUSTMENT = ("sigma0_squared", "redundancy", "n_rejected")
+_CHECKED = {"mean": "_m", "rms": "_m", "normalised_rms": ""}
+
+COLUMNS = (
+    *("flight", "status", "reason", "camera"),
+    *_ADJUSTMENT,
+    *(column for name in _PARAMETERS for column in (name, f"sigma_{name}")),
+    "n_check_points",
+    *(f"{what}_{axis}{unit}" for what, unit in _CHECKED.items() for axis in AXES),
+)
+"""Columns of the table of all flights."""
+
+TIME_COLUMNS = ("flight", "seconds", "cpu_s", "peak_mb", "worker")
+"""Columns of the other table: time and processor time of a run, s; the most memory that its
+process has had so far, MB; host and number of this process."""
+
+Row = Mapping[str, str]
+
+
+def row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
+    """Return what some stages left, by the names of `COLUMNS`.
+
+    Parameters
+    ----------
+    results : Path
+    stages : sequence of str
+        Of these alone, since others may be of an earlier run.
+    """
+    row: dict[str, str] = {}
+    summary = read_summary(results / "summary.json", [])
+    if "mounting" in stages:
+        entry = summary.get(f"mounting/{METHOD}", {})
+        row |= {name: _text(entry[name]) for name in _ADJUSTMENT if name in entry}
+        row |= _parameters(results / "parameters.csv")
+    if "validation" in stages:
+        row |= _checked(next((summary[name] for name in VALIDATED if name in summary), {}))
+    return row
+
+
+def read(path: Path) -> dict[str, dict[str, str]]:
+    """Return the rows of a table by flight; none where it is not there."""
+    if not path.is_file():
+        return {}
+    with path.open(newline="", encoding="utf-8") as file:
+        return {row["flight"]: row for row in csv.DictReader(file) if row.get("flight")}
+
+
+def write(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+    """Replace a table by another, whole or not at all; what a row does not have is empty."""
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=SCRATCH) as temporary:
+        new = Path(temporary) / path.name
+        with new.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+        new.replace(path)
+
+
+def _parameters(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield camera, values and sigmas of the method, exactly as they are written there."""
+    with path.open(newline="", encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            if (line["stage"], line["method"]) != ("mounting", METHOD):
+                continue
+            if line["camera"]:
+                yield "camera", line["camera"]
+            yield line["parameter"], line["value"]
+            yield f"sigma_{line['parameter']}", line["sigma"]
+
+
+def _checked(entry: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    """Yield the number of check points, and means and root mean squares of their differences."""
+    if "n_points" in entry:
+        yield "n_check_points", _text(entry["n_points"])
+    points = entry.get("points")
+    for what, unit in _CHECKED.items() if isinstance(points, dict) else ():
+        for axis, value in zip(AXES, points.get(what) or (), strict=False):  # type: ignore[attr-defined]
+            yield f"{what}_{axis}{unit}", _text(value)
+
+
+def _text(value: object) -> str:
+    return "" if value is None else json.dumps(value)

@@ -1,0 +1,118 @@
+"""``acx4 run`` of many flights: what is to be run, where, and the table on the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from acx4book.command import terminal
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from acx4book.batch.jobs import Job, Settings
+    from acx4book.batch.work import Outcome
+
+HEADER = ("flight", "σ0²", "f_mm", "σ", "RMS east", "north", "height m", "status")
+"""Of the table on the screen."""
+
+_SHOWN = (
+    ("sigma0_squared", ".3f"),
+    ("f_mm", ".4f"),
+    ("sigma_f_mm", ".4f"),
+    ("rms_east_m", ".3f"),
+    ("rms_north_m", ".3f"),
+    ("rms_height_m", ".3f"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Where flights are run.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of processes of this computer.
+    cluster : str or None
+        Address of a Dask scheduler; its workers are used instead.
+    """
+
+    jobs: int = 1
+    cluster: str | None = None
+
+    def executor(self) -> AbstractContextManager[Executor]:
+        """Return what runs them, as a context."""
+        from acx4book.batch import executors  # noqa: PLC0415 quick help
+
+        if self.cluster is not None:
+            return executors.on_cluster(self.cluster)
+        return executors.on_processes(self.jobs)
+
+
+def run_many(
+    flights: Sequence[Path], results: Path, *, seeds: str | None, where: Where, settings: Settings
+) -> None:
+    """Run many flights, or many seeds of designs, and show a line for each."""
+    from acx4book.batch import runs  # noqa: PLC0415 quick help
+    from acx4book.batch.jobs import TABLE  # noqa: PLC0415 quick help
+
+    jobs = _jobs(flights, results, seeds, settings)
+    with where.executor() as executor, terminal.counting_bar("flights") as tell:
+        outcomes = runs.run_all(jobs, results, executor, tell)
+    for line in table_of(outcomes):
+        terminal.show(line)
+    failed = {name: one for name, one in outcomes.items() if one.status}
+    there = sum(one.kept for one in outcomes.values())
+    terminal.show(
+        f"{len(outcomes)} flights: {there} there already, {len(failed)} failed; {results / TABLE}"
+    )
+    terminal.say(*(f"{name}: {one.reason}" for name, one in failed.items()))
+    if failed:
+        raise typer.Exit(max(one.status for one in failed.values()))
+
+
+def _jobs(
+    flights: Sequence[Path], results: Path, seeds: str | None, settings: Settings
+) -> list[Job]:
+    from acx4book.batch import jobs  # noqa: PLC0415 quick help
+    from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
+
+    try:
+        if seeds is None:
+            return jobs.of_flights(flights, results, settings)
+        unknown = [str(design) for design in flights if str(design) not in DESIGNS]
+        if unknown:
+            terminal.refuse(
+                f"--seeds are of a simulated design: unknown design {unknown[0]!r}; "
+                f"known: {', '.join(DESIGNS)}"
+            )
+        return jobs.of_seeds([str(d) for d in flights], jobs.seeds_of(seeds), results, settings)
+    except ValueError as error:
+        terminal.refuse(str(error) if seeds is None else f"--seeds: {error}")
+
+
+def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
+    """Return the table for the screen, a line for each flight under a header."""
+    rows = [HEADER, *(_shown(name, one) for name, one in outcomes.items())]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADER))]
+    return [
+        "  ".join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+
+
+def _shown(name: str, outcome: Outcome) -> tuple[str, ...]:
+    numbers = (
+        format(float(outcome.row[key]), form) if outcome.row.get(key) else "-"
+        for key, form in _SHOWN
+    )
+    return (name, *numbers, str(outcome.status))

@@ -1,0 +1,129 @@
+"""The command ``acx4 run``, of one flight or of many."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acx4book.command import many, terminal
+
+if TYPE_CHECKING:
+    from acx4book.batch.jobs import Settings
+
+HELP = """Run the stages on a flight and keep their results.
+
+The folder gets the tables and the executed notebooks. A stage whose block is not in the flight
+is skipped. A stage that is run alone takes what it needs from the results that are there, and
+replaces only its own. The status is 1 where a stage does not
+converge or is not determined by its data.
+
+With --numbers-only the tables are the same, without notebooks: much sooner, and without the
+requirements of acx4lib[book].
+
+Of many flights, or with --seeds, --jobs or --cluster, DIR gets a folder for each, and flights.csv
+with a row for each; no notebooks, unless --with-notebooks. A flight that fails stops no other. What
+is there already, of the same flight, is not run again. The status is the largest of all.
+
+\b
+Examples:
+  acx4 run my_flight --results my_results
+  acx4 run my_flight --results my_results --numbers-only
+  acx4 run my_flight --results my_results --stages mounting,validation
+  acx4 run flights/* --results all_results --jobs 4
+  acx4 run single-head --seeds 1-200 --results monte_carlo --jobs 2
+  acx4 run flights/* --results all_results --cluster tcp://host:8786
+"""
+
+
+def run(  # noqa: PLR0913, PLR0917 every option is an argument
+    flights: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FLIGHT",
+            show_default=False,
+            help="Folders with flight.toml; with --seeds, names of simulated designs.",
+        ),
+    ],
+    results: Annotated[
+        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
+    ],
+    stages: Annotated[
+        str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
+    ] = "heads,synthetic,mounting,validation",
+    notebooks: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
+    ] = None,
+    numbers_only: Annotated[
+        bool | None,
+        typer.Option(
+            "--numbers-only/--with-notebooks",
+            show_default=False,
+            help="Tables and summary alone, the default of many flights, or notebooks too.",
+        ),
+    ] = None,
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A-B", show_default=False, help="Simulate each FLIGHT, a design, so often."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, show_default=False, help="Flights at a time."),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to run on."),
+    ] = None,
+) -> None:
+    """Run the stages of a flight, or of many."""
+    are_many = len(flights) > 1 or (seeds, jobs, cluster) != (None, None, None)
+    if numbers_only and notebooks is not None:
+        terminal.refuse("--notebooks names what --numbers-only leaves out; give one of them")
+    if jobs is not None and cluster is not None:
+        terminal.refuse("--jobs are of this computer, --cluster has its own; give one of them")
+    if numbers_only is None:
+        numbers_only = are_many and notebooks is None
+    if not numbers_only:
+        terminal.need_book("run")
+    settings = _settings(stages, notebooks, numbers_only=numbers_only)
+    if are_many:
+        where = many.Where(jobs=jobs or 1, cluster=cluster)
+        many.run_many(flights, results, seeds=seeds, where=where, settings=settings)
+    else:
+        run_one(flights[0], results, settings)
+
+
+def run_one(flight: Path, results: Path, settings: Settings) -> None:
+    """Run the stages of a flight, and say what deserves notice."""
+    from acx4book.notebooks import runner  # noqa: PLC0415 quick help
+    from acx4book.notebooks.ways import way_of  # noqa: PLC0415 quick help
+
+    with terminal.stage_bars("cells" if settings.notebooks else "stages") as tell:
+        report = runner.run(
+            flight, results, way=way_of(settings.notebooks), stages=settings.stages, tell=tell
+        )
+    terminal.say_if_not_kept()
+    for line in [*report.skipped, *report.left_out, *report.notes]:
+        terminal.show(line)
+    terminal.show(f"results in {results}")
+    if report.not_determined:
+        terminal.say(*report.not_determined)
+        raise typer.Exit(1)
+
+
+def _settings(stages: str, notebooks: Path | None, *, numbers_only: bool) -> Settings:
+    """Return what is run, or refuse it."""
+    from acx4book.batch.jobs import Settings, absolute  # noqa: PLC0415 quick help
+    from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
+    from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
+
+    chosen = tuple(stage.strip() for stage in stages.split(","))
+    for stage in chosen:
+        if stage not in STAGES:
+            terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    folder = None if numbers_only else absolute(notebooks or NOTEBOOKS_PATH)
+    return Settings(stages=chosen, notebooks=folder)

@@ -1,0 +1,91 @@
+"""The way of the notebooks: every stage by its notebook, executed with parameters.
+
+A notebook reads only the copy of the flight's tables in the results, and the pictures. Executed
+notebooks have no date and no place, so two runs of one flight give equal bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from acx4book.notebooks import execute
+from acx4book.notebooks.runner import EXECUTED, FAILED, NOTEBOOKS, NOTEBOOKS_PATH, Step
+from acx4lib.errors import Acx4Error
+from acx4lib.flight.reader import Flight
+from acx4lib.results import provenance
+
+GIVEN = {"flight_path", "pictures_path", "results_path"}
+"""Parameters of the notebooks that a run sets itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notebooks:
+    """Stages run by their notebooks; the notebook of the flight, which only shows it, comes first.
+
+    Attributes
+    ----------
+    path : Path
+        Their folder.
+    parameters : mapping of str to object
+        Values of further parameters, such as ``seed``; each notebook gets those that it has.
+    """
+
+    path: Path = NOTEBOOKS_PATH
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
+        """Return what runs each stage, as `runner.Way` has it.
+
+        Raises
+        ------
+        ValueError
+            A parameter that no notebook has, or that is of another type.
+        FileNotFoundError
+            A notebook is not there.
+        """
+        given = {
+            **self.parameters,
+            "flight_path": str(folder / provenance.KEPT),
+            "pictures_path": str(flight.path),
+        }
+        notebooks = {stage: self._notebook(stage) for stage in ("flight", *stages)}
+        values = {s: execute.with_defaults(path, given) for s, path in notebooks.items()}
+        _check_known(self.parameters, values)
+        return {s: partial(_execute, path, values[s]) for s, path in notebooks.items()}
+
+    def _notebook(self, stage: str) -> Path:
+        notebook = self.path / f"{NOTEBOOKS[stage]}.ipynb"
+        if not notebook.is_file():
+            msg = f"{notebook}: no such notebook"
+            raise FileNotFoundError(msg)
+        return notebook
+
+
+def _check_known(given: Mapping[str, Any], values: Mapping[str, Mapping[str, Any]]) -> None:
+    known = {name for of_one in values.values() for name in of_one} - GIVEN
+    if given.keys() - known:
+        unknown = ", ".join(sorted(given.keys() - known))
+        msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
+        raise ValueError(msg)
+
+
+def _execute(
+    notebook: Path,
+    values: Mapping[str, Any],
+    staging: Path,
+    on_cell: Callable[[int, int], None],
+) -> None:
+    """Execute a notebook in a copy of the results; if it fails, it is left in another folder."""
+    executed = staging / EXECUTED / notebook.name
+    given = {**values, "results_path": str(staging)}
+    try:
+        execute.execute(notebook, executed, parameters=given, on_cell=on_cell)
+    except Acx4Error:
+        execute.scrub(executed, hidden=staging.name)
+        executed.parent.rename(staging / FAILED)
+        raise
+    execute.scrub(executed, hidden=staging.name)

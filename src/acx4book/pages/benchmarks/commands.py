@@ -1,0 +1,107 @@
+"""What a user waits for: whole commands, from start to end, as the speed page opens.
+
+The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.pages.benchmarks import stored
+from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import Markup
+
+IMPORTS = "imports"
+"""What stands for a command where the packages are only imported."""
+
+GROWTH = "run --numbers-only"
+"""The command of which it is said how it grows with the number of images."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Commands:
+    """Measured commands.
+
+    Attributes
+    ----------
+    runs : DataFrame
+        ``commands.csv``: a row for each run of a command on a flight.
+    about : dict
+        ``commands.json``: date, machine, versions.
+    """
+
+    runs: pd.DataFrame
+    about: Mapping[str, Any]
+
+    @property
+    def medians(self) -> pd.DataFrame:
+        """Medians of all runs, a row for each flight and command, in the file's order."""
+        groups = self.runs.groupby(["flight", "command"], sort=False)
+        sizes = dict.fromkeys(("images", "measurements"), "first")
+        return groups.agg({**sizes, **dict.fromkeys(("wall_s", "cpu_s", "tree_mb"), "median")})
+
+
+def read(folder: Path) -> Commands:
+    """Read what ``make bench`` left in a folder."""
+    about, (runs,) = stored.read(folder, "commands")
+    return Commands(runs=runs, about=about)
+
+
+def page(commands: Commands) -> str:
+    """Return the measured seconds and megabytes as MyST text."""
+    about = commands.about
+    machine = (
+        f"Measured on {about['date']} at commit `{about['commit']}`: {about['processor']}, "
+        f"{about['cores']} cores, {about['memory_gb']:g} GB of memory."
+    )
+    return (
+        "\n\n".join(part for part in (machine, _table(commands), _growth(commands)) if part) + "\n"
+    )
+
+
+def _table(commands: Commands) -> str:
+    """Return a row for each command; CPU beyond the imports that every run needs."""
+    medians = commands.medians.reset_index()
+    alone = medians[medians["command"] == IMPORTS].set_index("flight")["cpu_s"]
+    own = medians[medians["command"] != IMPORTS]
+    table = pd.DataFrame(
+        {
+            "Flight": own["flight"].to_numpy(),
+            "Command": [Markup(f"`acx4 {name}`") for name in own["command"]],
+            "Images": own["images"].astype(int).to_numpy(),
+            "Measurements": own["measurements"].astype(int).to_numpy(),
+            "Seconds": own["wall_s"].to_numpy(),
+            "CPU seconds": own["cpu_s"].to_numpy(),
+            "beyond imports": own["cpu_s"].to_numpy() - own["flight"].map(alone).to_numpy(),
+            "MB": own["tree_mb"].to_numpy(),
+        }
+    )
+    formats = {"Images": ",d", "Measurements": ",d", "MB": ",.0f"}
+    formats |= dict.fromkeys(("Seconds", "CPU seconds", "beyond imports"), ".1f")
+    caption = Markup(
+        "Whole commands: the time that passes, CPU time of all processes, the part of it beyond "
+        f"`{commands.about['imports']}`, and the largest memory of all processes together"
+    )
+    return myst_table(table, caption, name="tab-speed-commands", formats=formats)
+
+
+def _growth(commands: Commands) -> str:
+    """Say how time and memory grow from the smaller to the larger of the two largest flights."""
+    medians = commands.medians
+    own = medians[medians.index.get_level_values("command") == GROWTH].sort_values("images")
+    if len(own) < 2:
+        return ""
+    smaller, larger = (own.iloc[i] for i in (-2, -1))
+    times = {key: larger[key] / smaller[key] for key in ("images", "wall_s", "tree_mb")}
+    power = np.log(times["wall_s"]) / np.log(times["images"])
+    return (
+        f"With {times['images']:.1f} times the images `acx4 {GROWTH}` takes {times['wall_s']:.1f} "
+        f"times as long, the power {power:.2f} of their number, and {times['tree_mb']:.1f} times "
+        "the memory."
+    )

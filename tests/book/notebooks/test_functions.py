@@ -1,0 +1,109 @@
+"""Results without notebooks: the same tables, and nothing that draws or runs notebooks."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import acx4sim
+from acx4book.command.acx4 import ONE_THREAD
+from acx4book.command.terminal import BOOK
+from acx4book.notebooks import functions, runner
+from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.functions import Functions
+from acx4lib.errors import AdjustmentError
+from acx4lib.results import folder as results
+from acx4lib.results import provenance
+from acx4lib.results.own_folder import claims
+from acx4lib.stages import mounting
+from support.flights import written
+
+COMMAND = "from acx4book.command.acx4 import main; main()"
+
+
+@pytest.fixture(scope="module")
+def flight_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("simulated") / "flight"
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
+    return path
+
+
+def tables(folder):
+    return {name: (folder / name).read_bytes() for name in (*results.FILES, provenance.FILE)}
+
+
+@pytest.mark.slow
+def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
+    """Also in a folder of a run with notebooks, which are gone with their results."""
+    runner.run(flight_path, tmp_path / "results", way=Notebooks())
+    executed = tables(tmp_path / "results")
+    runner.run(flight_path, tmp_path / "results", way=Functions())
+    assert tables(tmp_path / "results") == executed
+    assert not (tmp_path / "results" / runner.EXECUTED).exists()
+    claims.verify(tmp_path / "results", cure="")
+
+
+@pytest.mark.slow
+def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
+    path = written.write_flight(tmp_path / "flight", blocks=("heads",))
+    for name, way in (("executed", Notebooks()), ("computed", Functions())):
+        report = runner.run(path, tmp_path / name, way=way)
+        assert report.ran == ("heads", "synthetic", "rig")
+    assert tables(tmp_path / "executed") == tables(tmp_path / "computed")
+
+
+def test_nothing_that_draws_or_runs_notebooks_is_loaded(tmp_path, flight_path):
+    code = (
+        "import atexit, sys\n"
+        f"unwanted = {set(BOOK)!r}\n"
+        "atexit.register(lambda: print('loaded', sorted(unwanted & set(sys.modules))))\n" + COMMAND
+    )
+    given = ("run", flight_path, "--results", tmp_path / "results", "--numbers-only")
+    done = subprocess.run(
+        [sys.executable, "-c", code, *given], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "mounting: done",
+        "validation: done",
+        "heads: skipped, the flight has no block heads",
+        "synthetic: skipped, the flight has no block heads",
+        f"results in {tmp_path / 'results'}",
+        "loaded []",
+    ]
+
+
+@pytest.mark.slow
+def test_threads_of_linear_algebra_change_no_bit(tmp_path, flight_path):
+    """Whatever the user's environment asks for."""
+    for n in ("1", "2"):
+        environment = os.environ | dict.fromkeys(ONE_THREAD, n)
+        given = ("run", flight_path, "--results", tmp_path / n, "--numbers-only")
+        subprocess.run([sys.executable, "-c", COMMAND, *given], check=True, env=environment)
+    assert tables(tmp_path / "1") == tables(tmp_path / "2")
+
+
+def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path):
+    folder = tmp_path / "results"
+    runner.run(flight_path, folder, way=Functions())
+    before = tables(folder)
+    runner.run(flight_path, folder, way=Functions(), stages=["validation"])
+    assert tables(folder) == before
+
+
+def test_a_stage_that_fails_leaves_the_results_as_they_were(tmp_path, flight_path, monkeypatch):
+    folder = tmp_path / "results"
+    runner.run(flight_path, folder, way=Functions())
+    before = tables(folder)
+
+    def fail(flight, path):
+        mounting.run(flight, path)
+        msg = "no convergence"
+        raise AdjustmentError(msg)
+
+    monkeypatch.setitem(functions.RUNS, "mounting", fail)
+    with pytest.raises(AdjustmentError, match="no convergence"):
+        runner.run(flight_path, folder, way=Functions())
+    assert tables(folder) == before
+    claims.verify(folder, cure="")
