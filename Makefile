@@ -144,7 +144,7 @@ book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
-	@$(BIN)/jupyter-book build book --toc book/_generated/_toc.yml --quiet -W -n --keep-going > /dev/null
+	@$(BIN)/jupyter-book build book --toc '$(CURDIR)/book/_generated/_toc.yml' --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 
 serve: ## show the built book at localhost:PORT

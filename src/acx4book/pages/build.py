@@ -78,7 +78,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
+        *texts_of_example(book),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
@@ -181,17 +181,11 @@ def texts_of_benchmarks(
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
 
 
-def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:
-    """Return a flight whose blocks are measured by the camera that is mounted, and its run."""
-    if ideal_path is None:
-        return flight_path, results_path
-    return ideal_path / KEPT, ideal_path
-
-
-def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:
-    """Yield the name and the output of the example on the page about the library."""
-    code = example.code((book / "library.md").read_text(encoding="utf-8"))
-    yield "library.txt", example.output(code, flight, results)
+def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
+    """Yield the names and the outputs of the code on the page about the library."""
+    codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
+    for number, printed in enumerate(example.outputs(codes), 1):
+        yield f"library-{number}.txt", printed
 
 
 def figures_of_benchmarks(

@@ -135,9 +135,9 @@ def _control(name: str, tables: Tables, shared: Columns | None) -> Table:
 
 
 def _plain(value: Any) -> Any:
-    """Return settings as flight.toml would hold them: without arrays and numbers of numpy."""
+    """Return settings as flight.toml would hold them: None is left out, as are numpy's types."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(one) for key, one in value.items() if one is not None}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(one) for one in value] if isinstance(value, list | tuple) else value

@@ -130,6 +130,7 @@ WRONG = [
     ({"col_px": COL[:-1]}, f": col_px: {N - 1} values; must be {N}, as image has"),
     ({"col_px": [np.nan, *COL[1:]]}, ", row 0: col_px: 'nan'; must be a finite number"),
     ({"col_px": [None, *COL[1:]]}, ", row 0: col_px: is empty; must be a finite number"),
+    ({"col_px": [10**400, *COL[1:]]}, ", row 0: col_px: '1000"),
     ({"col_px": ["7,5", *COL[1:]]}, ", row 0: col_px: '7,5' (a decimal comma?); must be a finite number"),
     ({"col_px": [True, *COL[1:].tolist()]}, ", row 0: col_px: 'True'; must be a finite number"),
     ({"col_px": [4000.0, *COL[1:]]}, ", row 0: col_px: 4000.0; must lie on the sensor of CAM, from -0.5 to 3999.5"),
@@ -151,6 +152,7 @@ def test_a_wrong_column_is_told_with_table_row_and_cure(columns, says):
     ("settings", "says"),
     [
         (None, "settings: settings: is None; must be a dict"),
+        ({**SETTINGS, "crs": None}, "settings: crs: missing; required"),
         ({**SETTINGS, "cameras": {}}, "settings: cameras: no cameras; must hold one table per camera"),
         ({**SETTINGS, "crs": "EPSG:4326"}, "settings: crs: 'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS in metres"),
         ({**SETTINGS, "hights": 1}, "settings: hights: unknown key (did you mean 'heights'?)"),
