@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
-from acx4book.pages.benchmarks import bias, rendering, rendering_goals, sigma, speed
+from acx4book.pages.benchmarks import bias, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
@@ -78,7 +78,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
+        *texts_of_example(book),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
@@ -170,28 +170,23 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 def texts_of_benchmarks(
     adjusted: speed.Benchmark, errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: speed, rendering, and errors over their standard deviations."""
+    """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
     rendered = rendering_goals.read(BENCHMARKS)
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)
     yield "rendering-limits.md", rendering.limits(rendered)
+    yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
 
 
-def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:
-    """Return a flight whose blocks are measured by the camera that is mounted, and its run."""
-    if ideal_path is None:
-        return flight_path, results_path
-    return ideal_path / KEPT, ideal_path
-
-
-def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:
-    """Yield the name and the output of the example on the page about the library."""
-    code = example.code((book / "library.md").read_text(encoding="utf-8"))
-    yield "library.txt", example.output(code, flight, results)
+def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
+    """Yield the names and the outputs of the code on the page about the library."""
+    codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
+    for number, printed in enumerate(example.outputs(codes), 1):
+        yield f"library-{number}.txt", printed
 
 
 def figures_of_benchmarks(

@@ -35,6 +35,7 @@ COMPONENTS = {
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
     "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "distance": ("distance_m",),
     "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
 }
 """Components of the residuals of every kind; angles are about the body's x, y, z axes."""
@@ -229,6 +230,9 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
     if kind == "control_point":
         point_idx = network.control.point_idx[~network.held_control]
         return _nameless(len(point_idx)), (block.points, point_idx)
+    if kind == "distance":
+        a, b = network.distances.point_idx.T
+        return (block.points, b), (block.points, a)
     if kind in ("lever_arm", "boresight"):
         known = observed_mountings(block.cameras, kind, network.layout.mount)
         return ([camera.name for camera in block.cameras], known), _nameless(len(known))
@@ -258,6 +262,9 @@ def rejected_table(
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
             what = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
+        elif r.kind == "distance":
+            ends = block.distances.point_idx[r.row]
+            point, where, what = block.points[ends[0]], block.points[ends[1]], "distance"
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"

@@ -234,7 +234,7 @@ def _to_take(observed: Observations, w: Array) -> Mask:
     """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
-    row_pose = np.zeros(observed.pose.max(initial=-1) + 1)
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last one of what has no pose
     np.maximum.at(row_pose, observed.pose[posed], w[posed])
     at_pose = row_pose.copy()
     np.maximum.at(at_pose, observed.pose[tied], w[tied])

@@ -150,12 +150,16 @@ def _numbers(cells: NDArray[Any]) -> Array:
     """Return cells as numbers, NaN where one is none; text is none, whatever it says."""
     if cells.dtype.kind in "fiu":
         return cells.astype(float)
-    is_number = (
-        isinstance(one, int | float | np.number) and not isinstance(one, bool) for one in cells
-    )
-    return np.array(
-        [float(one) if good else np.nan for one, good in zip(cells, is_number, strict=True)]
-    )
+    return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return np.nan
+    try:
+        return float(value)
+    except OverflowError:  # an integer of Python may have any number of digits
+        return np.nan
 
 
 def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:
