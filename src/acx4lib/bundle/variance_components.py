@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -14,8 +14,7 @@ from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.least_squares.adjustment import cross_covariance
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.eliminated_points import elimination
 from acx4lib.least_squares.normal_equations import Equations, Group
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
@@ -230,13 +229,23 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index
     owner = np.repeat(np.arange(len(groups)), n_rows)
     if not 0 < len(owner) <= MOST_ROWS:
         return np.zeros((0, 0)), np.zeros(0, dtype=np.intp)
-    network = bundle.network
+    points = bundle.network.observed_points
+    network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
-    points = network.observed_points
     J = np.concatenate([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
-    sigma = np.concatenate([g["sigma"] for g in groups])
-    Q = propagate(J / sigma[:, None], _covariance(bundle, points))
-    return np.eye(len(Q)) - Q, owner
+    J /= np.concatenate([g["sigma"] for g in groups])[:, None]
+    by_columns, by_points = np.split(J, [network.n_columns], axis=1)
+    gain, own = elimination(network, bundle.state, points)
+    by_columns = by_columns - by_points @ gain.reshape(-1, network.n_columns)
+    alone = np.einsum("rki,kij->rkj", by_points.reshape(len(J), -1, 3), own)
+    Q = bundle.solution.inverse.times(by_columns) @ by_columns.T
+    return np.eye(len(J)) - Q - alone.reshape(len(J), -1) @ by_points.T, owner
+
+
+def _seeing(network: Network, points: Index) -> Network:
+    """Return a network with the image measurements of some points alone."""
+    rows = np.isin(network.image_points.point_idx, points)
+    return replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
 
 
 def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Array:
@@ -252,21 +261,6 @@ def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Arr
     J = np.concatenate([by_columns[:, :, :n], by_points], axis=2)
     J = of_halves(J) if e.kind == "distance" else J
     return J[np.ix_(g.rows, g.columns)][np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])]
-
-
-def _covariance(bundle: Bundle, points: Index) -> Array:
-    """Return the joint covariance of the columns and some points, a priori."""
-    solution = bundle.solution
-    cov = solution.cov
-    cross = cross_covariance(bundle.network, bundle.state, solution, points)
-    cross = cross.reshape(-1, len(cov))
-    # two points are correlated through the columns only
-    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    shared = np.linalg.pinv(cov / scale[:, None] / scale, hermitian=True)
-    among = propagate(cross / scale, shared)
-    for i, own in enumerate(solution.cov_points[points]):
-        among[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = own
-    return np.block([[cov, cross.T], [cross, among]])
 
 
 def image_groups(block: Block) -> tuple[str, ...]:
