@@ -14,7 +14,6 @@ from functools import cache
 from typing import TypeVar
 
 import numpy as np
-from scipy import stats
 from threadpoolctl import ThreadpoolController
 
 from acx4lib import expected
@@ -22,6 +21,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
+from acx4lib.least_squares.distributions import chi2_cdf, chi2_sf
 from acx4lib.least_squares.normal_equations import Group, PlainNormals
 from acx4lib.least_squares.problem import Normals, Problem
 
@@ -125,7 +125,8 @@ def two_sided_p(cost: float, redundancy: int) -> float:
     """Return the two-sided probability of a chi-square value; one without redundancy."""
     if redundancy <= 0:
         return 1.0
-    return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
+    below, above = chi2_cdf(cost, redundancy), chi2_sf(cost, redundancy)
+    return 2 * min(below, above)
 
 
 def normals(
