@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import distributions, expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.least_squares import distributions
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units

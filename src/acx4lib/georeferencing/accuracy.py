@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import distributions, expected
 from acx4lib.expected import Array
-from acx4lib.least_squares import distributions
 from acx4lib.least_squares.covariance import sigmas
 
 Triple = tuple[float, float, float]

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import distributions, expected
 from acx4lib.expected import Array, Mask
-from acx4lib.least_squares import distributions
 from acx4lib.least_squares.normal_equations import Group
 
 OUT = 1e4

@@ -214,9 +214,10 @@ Named = tuple[Sequence[str], Index]
 
 def _named(parts: Sequence[Named]) -> pd.Categorical:
     """Return a column of text from the rows of several parts."""
-    first = np.cumsum([0, *(len(names) for names, _ in parts)])
-    code = np.concatenate([k + idx for k, (_, idx) in zip(first, parts, strict=False)])
-    names = np.array([name for names, _ in parts for name in names], dtype=object)
+    lists = {id(names): names for names, _ in parts}  # points stand in several parts
+    first = dict(zip(lists, np.cumsum([0, *map(len, lists.values())]), strict=False))
+    code = np.concatenate([first[id(names)] + idx for names, idx in parts])
+    names = np.array([name for own in lists.values() for name in own], dtype=object)
     alike, known = pd.factorize(names)  # an exposure may have the name of an image
     return pd.Categorical.from_codes(alike[code], pd.Index(known))
 
