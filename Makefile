@@ -90,7 +90,7 @@ check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks with
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
 test: .venv/.stamp-test ## all tests, slow ones included
-	@$(BIN)/pytest -q -n 2
+	@$(BIN)/pytest -q -n 2 --dist worksteal
 
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
@@ -100,6 +100,7 @@ mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of ever
 
 bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.whole
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.many
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 

@@ -20,6 +20,8 @@ from acx4lib.flight.text.schemas import SCHEMAS
 from acx4lib.flight.text.table import Table
 
 CONTROL, DISTANCES = "control_points", "distances"
+PLACE = Path("tables in memory")
+"""In the place of a flight's folder, for messages; nothing is read there."""
 
 Tables = Mapping[str, Columns]
 """The tables of a block, by the names of their files without the ending."""
@@ -66,7 +68,7 @@ def from_tables(
     flight = checked(toml, read)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in read for t in TABLES}
     sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in read if b.distances}
-    return replace(flight, sha256=sums)
+    return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:

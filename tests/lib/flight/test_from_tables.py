@@ -180,6 +180,41 @@ def test_missing_tables_and_misspelt_ones_are_told():
     ]
 
 
+@pytest.mark.parametrize("column", ["point", "col_px", "sigma_px"])
+def test_no_cell_however_odd_is_answered_with_an_error_of_python(column):
+    odd = (
+        None,
+        -np.inf,
+        "",
+        "a\nb",
+        "=1",
+        "x" * 300,
+        b"x",
+        object(),
+        [1, 2],
+        {},
+        pd.NA,
+        pd.NaT,
+        1j,
+        pd.Timestamp(0),
+        10**400,
+    )
+    for value in odd:
+        cells = np.empty(N, dtype=object)
+        cells[:] = TABLES["image_points"].get(column, 0.5)
+        cells[5] = value
+        lines = told(calibration=changed("image_points", **{column: cells}))
+        assert all(
+            line.startswith(f"calibration.image_points, row 5: {column}: ") for line in lines
+        )
+
+
+def test_a_flight_from_tables_says_that_it_has_no_folder():
+    found = from_tables(SETTINGS, control_points=CONTROL, calibration=TABLES)
+    with pytest.raises(FlightError, match=r"^tables in memory: the flight has no block heads$"):
+        found.block("heads")
+
+
 def test_missing_columns_and_rows_are_told():
     without = TABLES["images"].rename(columns={"camera": "Camera"})
     assert told(calibration={**TABLES, "images": without}) == [
