@@ -10,8 +10,8 @@ from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight, table_files
 from acx4lib.results import provenance
+from acx4lib.results.files.summary_entries import read_summary
 from acx4lib.results.own_folder import marks
-from acx4lib.results.summary_entries import read_summary
 from acx4lib.stages import order
 
 

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from acx4lib.geometry.parameters import AXES, REPORTED
+from acx4lib.results.files.summary_entries import read_summary
 from acx4lib.results.own_folder.marks import SCRATCH
-from acx4lib.results.summary_entries import read_summary
 
 METHOD = "single_step"
 """The method whose parameters and check points are shown."""
