@@ -254,8 +254,8 @@ def test_what_two_bands_show_differently_is_no_texture(texture):
 
 def test_a_place_moves_with_the_grey_values_as_its_derivatives_say(texture):
     rng = np.random.default_rng(3)
-    a = (texture + rng.normal(scale=80, size=texture.shape)).astype(np.float32)
-    b = (texture + rng.normal(scale=80, size=texture.shape)).astype(np.float32)
+    a = (texture + rng.normal(scale=20, size=texture.shape)).astype(np.float32)
+    b = (texture + rng.normal(scale=20, size=texture.shape)).astype(np.float32)
     more = ndimage.gaussian_filter(rng.normal(size=b.shape), 2)
     more *= 50 / more.std()
     at = grid()
