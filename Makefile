@@ -90,7 +90,7 @@ check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks with
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
 test: .venv/.stamp-test ## all tests, slow ones included
-	@$(BIN)/pytest -q -n 2
+	@$(BIN)/pytest -q -n 2 --dist worksteal
 
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
@@ -100,6 +100,7 @@ mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of ever
 
 bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.whole
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.many
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 
@@ -139,11 +140,12 @@ notebooks: $(RAN) $(IDEAL:build/results/%=build/stamps/%) ## run the notebooks o
 
 # --- the book ------------------------------------------------------------------------------
 
+# Chapters that depend on no flight are kept in build/chapters, and run only for the book of the study's.
 book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
-	@$(BIN)/jupyter-book build book --quiet -W -n --keep-going > /dev/null
+	@$(BIN)/jupyter-book build book --toc '$(CURDIR)/book/_generated/_toc.yml' --quiet -W -n --keep-going > /dev/null
 	@echo book/_build/html/index.html
 
 serve: ## show the built book at localhost:PORT
@@ -160,6 +162,6 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
 	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* || true
-	@rm -rf build/stamps
+	@rm -rf build/stamps build/chapters
 	@rmdir build/results build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

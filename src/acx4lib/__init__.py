@@ -15,26 +15,27 @@ Conventions, each implemented once, in `geometry`:
 
 The five names of `__all__` are all that most programs need: ``import acx4lib as acx``, then
 ``flight = acx.read("my_flight")``. They, and the rooms, are loaded when they are first used.
+Everything else is reached through its room, as in ``from acx4lib.results import tables``.
 """
 
 from importlib import import_module
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from acx4lib.flight.from_tables import from_tables
     from acx4lib.flight.reader import read
     from acx4lib.georeferencing.direct import georeference
-    from acx4lib.georeferencing.validation import validate
     from acx4lib.production.flight_images import render_flight as render
     from acx4lib.stages.mounting import calibrate
 
-__all__ = ["calibrate", "georeference", "read", "render", "validate"]
+__all__ = ["calibrate", "from_tables", "georeference", "read", "render"]
 
 _STANDS_IN = {
     "calibrate": ("stages.mounting", "calibrate"),
+    "from_tables": ("flight.from_tables", "from_tables"),
     "georeference": ("georeferencing.direct", "georeference"),
     "read": ("flight.reader", "read"),
     "render": ("production.flight_images", "render_flight"),
-    "validate": ("georeferencing.validation", "validate"),
 }
 
 

@@ -5,11 +5,11 @@ library computes: rotations, `earth`, lens. Nothing is shared, so that no sign c
 conventions are those of a flight's folder: body forward, left, up; boresight camera to body;
 distortion a function of the measured point. `designs` are three flights, each a `plan`; `fly` is
 where the aircraft truly is, `observe` what is measured; `gross_errors`, `optics`, `scenery`,
-`pictures` and `files` do the rest. Begin with `designs`, then `files`.
+`pictures` and `files` do the rest. Begin with `designs`, whose `simulate` writes one of them.
 """
 
-from acx4sim.designs import DESIGNS, acx4, acx4_ideal
+from acx4sim.designs import DESIGNS, acx4, acx4_ideal, simulate
 from acx4sim.files.writer import write
 from acx4sim.plan import Options
 
-__all__ = ["DESIGNS", "Options", "acx4", "acx4_ideal", "write"]
+__all__ = ["DESIGNS", "Options", "acx4", "acx4_ideal", "simulate", "write"]

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 from acx4sim.files.flights import SimulatedFlight, simulate_plan
+from acx4sim.files.writer import write
 from acx4sim.optics import head_truth
 from acx4sim.optics.lens import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
@@ -287,3 +289,35 @@ def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlig
 DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
     {"acx4": acx4, "acx4-ideal": acx4_ideal, "single-head": single_head}
 )
+
+
+def simulate(
+    name: str,
+    folder: str | Path,
+    *,
+    seed: int = 1,
+    options: Options = Options(),  # noqa: B008 frozen
+) -> Path:
+    """Write a simulated flight, its truth beside it, and return its folder.
+
+    Parameters
+    ----------
+    name : str
+        One of `DESIGNS`.
+    folder : str or Path
+        New or empty.
+    seed, options
+        As in `acx4`.
+
+    Raises
+    ------
+    ValueError
+        For another name.
+    FileExistsError
+        Where something is there already.
+    """
+    if name not in DESIGNS:
+        msg = f"name must be one of {', '.join(DESIGNS)}, got {name!r}"
+        raise ValueError(msg)
+    write(DESIGNS[name](seed=seed, options=options), folder)
+    return Path(folder)

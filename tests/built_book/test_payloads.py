@@ -33,7 +33,6 @@ from pathlib import Path
 
 from acx4book.pages import build
 
-build.ALWAYS = ("06-errata", "07-report")
 flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
@@ -42,7 +41,7 @@ CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
     *("_executed/07-report", "_executed/08-rig", "scorecard", "reproducibility"),
-    *("frames-and-notation", "bibliography", "your-own-flight", "_executed/05-reference-data"),
+    *("frames-and-notation", "bibliography", "your-own-flight"),
 )
 """The pages that show something of a flight, and those that they refer to."""
 
@@ -99,11 +98,11 @@ def build_book(folder, flown, found):
     for name in ("_executed", "_generated"):
         (book / name).mkdir()
     (book / "intro.md").write_text("# The flight\n\n```{include} _generated/roles.md\n```\n")
-    (book / "_executed" / "05-reference-data.md").write_text("# Left out\n")
     chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
     call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT)
-    call(folder, BIN / "jupyter-book", "build", book, "--quiet", "-W", "--keep-going")
+    toc = book / "_generated" / "_toc.yml"
+    call(folder, BIN / "jupyter-book", "build", book, "--toc", toc, "--quiet", "-W", "--keep-going")
     return book / "_build" / "html"
 
 

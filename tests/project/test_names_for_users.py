@@ -15,7 +15,7 @@ def test_nothing_is_loaded_before_it_is_used():
 
 
 def test_five_functions_are_known_before_they_are_loaded():
-    assert acx.__all__ == ["calibrate", "georeference", "read", "render", "validate"]
+    assert acx.__all__ == ["calibrate", "from_tables", "georeference", "read", "render"]
     assert set(acx.__all__) < set(dir(acx))
     assert all(callable(getattr(acx, name)) for name in acx.__all__)
 

@@ -28,6 +28,7 @@ ROOMS = {
     "10": ["chapters.image_quality", "chapters.synthetic_image"],
     "11": ["reference"],
     "12": ["chapters.synthetic_cost"],
+    "13": ["chapters.bad_starts"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""
 

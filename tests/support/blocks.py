@@ -10,11 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib.bundle.unknowns import layout
+from acx4lib.calibration.estimates import Calibration
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior, inside
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+from acx4lib.geometry.parameters import MOUNT
 from acx4lib.geometry.refraction import refraction_lift
 
 FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
@@ -283,3 +286,58 @@ def numeric_covariance(block, estimate, *, share=0.05, kinds=None):
             effect = (ahead - behind) / (2 * share)
             cov = cov + np.outer(effect, effect)
     return cov
+
+
+# --- two cameras on one body, and a calibration of them ----------------------------------------
+
+
+SECOND = replace(
+    CAMERA,
+    name="SIDE",
+    interior=replace(CAMERA.interior, f=48.0, k1=-3e-6, b1=2e-4),
+    T_b_c=Pose(R=rotation_from_opk(np.radians([12.0, -5.0, 90.0])), r=np.array([0.1, 0.3, 0.2])),
+)
+ESTIMATED = ("f", "xp", "k1", "p2")
+SEEN = np.array([[50.0, -80.0, 930.0], [-120.0, 40.0, 870.0], [0.0, 150.0, 900.0]])
+_STEP = {"f": 1e-3, "xp": 1e-3, "k1": 1e-8, "p2": 1e-7}
+
+
+COLUMN_STEPS = np.tile([_STEP[name] for name in ESTIMATED] + [1e-2] * 3 + [1e-6] * 3, 2)
+
+
+def pair():
+    """Return a block of two cameras: rays of one exposure share its trajectory error."""
+    return simulate(fly(BOTH_WAYS[1:3]), cameras=(CAMERA, SECOND), ties=SEEN)
+
+
+def calibrated(block):
+    """Return both cameras, some interior parameters and the mountings estimated, all correlated."""
+    sigma = np.tile([3e-3, 3e-3, 1e-7, 1e-6] + [0.02] * 3 + [2e-5] * 3, 2)
+    rng = np.random.default_rng(5)
+    mix = np.linalg.qr(rng.normal(size=(20, 20)))[0] * rng.uniform(0.5, 1.5, 20)
+    return Calibration(
+        cameras=block.cameras,
+        layout=layout(2, 0, free=ESTIMATED, free_mount=MOUNT),
+        cov=sigma[:, None] * (mix @ mix.T) * sigma,
+        sigma0_sq=2.0,  # plays no part a priori
+        open_columns=np.zeros(20, dtype=bool),
+    )
+
+
+def moved_calibration(calibration, steps):
+    """The calibration with its columns moved, rotations about the cameras' axes."""
+    padded = np.append(steps, 0.0)
+    cameras = []
+    for k, camera in enumerate(calibration.cameras):
+        by = padded[calibration.layout.mount[k]]
+        interior = camera.interior.to_array() + padded[calibration.layout.interior[k]]
+        T = Pose(R=camera.T_b_c.R @ exp(by[3:]), r=camera.T_b_c.r + by[:3])
+        cameras.append(replace(camera, interior=Interior.from_array(interior), T_b_c=T))
+    return replace(calibration, cameras=tuple(cameras))
+
+
+def moved_trajectory(block, steps):
+    steps = steps.reshape(-1, 6)
+    T = block.trajectory.T_m_b
+    T = Pose(R=T.R @ exp(steps[:, 3:]), r=T.r + steps[:, :3])
+    return replace(block, trajectory=replace(block.trajectory, T_m_b=T))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor, Future, as_completed, wait
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -12,6 +12,9 @@ from acx4lib.production.workers import connected
 
 J = TypeVar("J")
 T = TypeVar("T")
+
+GIVEN_UP = "KilledWorker"
+"""Dask's error of a call that was with several workers when they died."""
 
 
 @contextmanager
@@ -53,6 +56,9 @@ def finished(
 ) -> Iterator[tuple[J, Future[T]]]:
     """Yield every job with its finished call, in the order in which they finish.
 
+    When a worker of a cluster dies, Dask blames what waited there as well. What it gives up is
+    therefore called again at the end, one at a time.
+
     Parameters
     ----------
     executor : Executor
@@ -61,8 +67,17 @@ def finished(
     jobs : iterable
     """
     calls = {executor.submit(function, job): job for job in jobs}
-    for call in as_completed(calls):
-        yield calls[call], call
+    given_up: list[J] = []
+    for call in as_completed(list(calls)):
+        job = calls.pop(call)  # a cluster keeps a result only while somebody may want it
+        if type(call.exception()).__name__ == GIVEN_UP:
+            given_up.append(job)
+        else:
+            yield job, call
+    for job in given_up:
+        call = executor.submit(function, job)
+        wait([call])
+        yield job, call
 
 
 @contextmanager

@@ -18,8 +18,6 @@ SIMULATED = "simulated"
 
 RESERVED = (TABLE, TIMES, SIMULATED)
 
-LARGEST_SEED = 2**63 - 1
-
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -63,8 +61,8 @@ class Job:
 def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> list[Job]:
     """Return a job for each flight, with its results in a folder below another.
 
-    It has the name of the flight's folder, or where two of these are alike, of as many folders
-    above as tell them apart: ``north-flight`` and ``south-flight``.
+    It has the name of the flight's folder. Where two of these are alike, as many folders above are
+    put before it as tell them apart: ``north-flight`` and ``south-flight``.
 
     Raises
     ------
@@ -127,17 +125,31 @@ def absolute(path: Path) -> Path:
 
 def _told_apart(paths: Sequence[Path]) -> list[str]:
     """Return names that differ, of as few folders as possible."""
-    n = 1
-    names = [path.name for path in paths]
-    while len(set(names)) < len(names):
-        n += 1
-        names = ["-".join(path.parts[-n:]).replace("/", "") for path in paths]
+    names = [_name(path, 1) for path in paths]
+    for n in range(2, 1 + max(len(path.parts) for path in paths)):
+        alike = {name for name in names if names.count(name) > 1}
+        names = [
+            _name(path, n) if name in alike else name
+            for name, path in zip(names, paths, strict=True)
+        ]
     for name, path in zip(names, paths, strict=True):
-        fault = name_fault(name) if name else ("it has no name", "must be a flight's folder")
-        if fault:
-            msg = f"{path}: {fault[0]}; {fault[1]}"
-            raise ValueError(msg)
-        if name in RESERVED or name.startswith("."):
-            msg = f"{path}: results cannot be called {name}; rename the flight's folder"
+        if fault := _fault(name, names):
+            msg = f"{path}: {fault}"
             raise ValueError(msg)
     return names
+
+
+def _name(path: Path, n: int) -> str:
+    """Return the last folders of a path as one name."""
+    return "-".join(part for part in path.parts[-n:] if part != path.anchor)
+
+
+def _fault(name: str, names: Sequence[str]) -> str:
+    """Return what is wrong with a name, and what to do; empty for a good one."""
+    cure = "rename the flight's folder"
+    if not name or name.startswith(".") or name in RESERVED:
+        return f"a folder of results cannot be called {name!r}; {cure}"
+    if names.count(name) > 1:
+        return f"another flight would be called {name}, too; {cure}"
+    fault = name_fault(name)
+    return f"{fault[0]}; {cure}" if fault else ""

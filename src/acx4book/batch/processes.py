@@ -8,6 +8,7 @@ dies fails alone, with how it ended, and the next call gets a new process.
 from __future__ import annotations
 
 import multiprocessing
+import pickle
 import signal
 import sys
 import threading
@@ -100,11 +101,12 @@ class _Process:
         ProcessDiedError
         """
         try:
-            self._pipe.send(call)
-            succeeded, result = self._pipe.recv()
+            self._pipe.send_bytes(pickle.dumps(call))
+            answer = self._pipe.recv_bytes()
         except (EOFError, OSError):
             self._process.join()
             raise ProcessDiedError(_ending(self._process.exitcode)) from None
+        succeeded, result = pickle.loads(answer)
         if succeeded:
             return result
         raise result
@@ -126,14 +128,19 @@ def _serve(pipe: Connection) -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     while True:
         try:
-            function, args, kwargs = pipe.recv()
+            call = pipe.recv_bytes()
         except EOFError:
             return
-        try:
-            said = True, function(*args, **kwargs)
-        except Exception as error:  # the caller's
-            said = False, error
-        pipe.send(said)
+        pipe.send_bytes(_answer(call))
+
+
+def _answer(call: bytes) -> bytes:
+    """Return whether a call succeeded, and what it returns or raises."""
+    try:
+        function, args, kwargs = pickle.loads(call)
+        return pickle.dumps((True, function(*args, **kwargs)))
+    except Exception as error:  # the caller's
+        return pickle.dumps((False, error))
 
 
 def _ending(code: int | None) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -22,6 +23,10 @@ from acx4book.command import render, run, terminal
 from acx4book.command.endings import TERMINATED, status_of
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
+
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+"""Linear algebra on one thread: with more, sums in another order differ in the last bits, and
+matrices this small take longer."""
 
 app = typer.Typer(
     add_completion=False,
@@ -39,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         Replaces the arguments of the command line.
     """
+    os.environ |= ONE_THREAD
     terminal.prepare_streams()
     logging.getLogger("papermill").addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up

@@ -94,7 +94,7 @@ def _jobs(
             )
         return jobs.of_seeds([str(d) for d in flights], jobs.seeds_of(seeds), results, settings)
     except ValueError as error:
-        terminal.refuse(str(error))
+        terminal.refuse(str(error) if seeds is None else f"--seeds: {error}")
 
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:

@@ -41,7 +41,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     flights: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FLIGHT...",
+            metavar="FLIGHT",
             show_default=False,
             help="Folders with flight.toml; with --seeds, names of simulated designs.",
         ),

@@ -29,10 +29,7 @@ Flight = Annotated[
 """The first argument of most commands."""
 
 
-BOOK = (
-    *("IPython", "ipykernel", "jupyter_client", "markdown_it", "matplotlib"),
-    *("nbclient", "nbformat", "papermill"),
-)
+BOOK = ("IPython", "markdown_it", "matplotlib", "nbformat", "papermill")
 """Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + signal.SIGPIPE

@@ -27,6 +27,7 @@ from IPython.core.displaypub import DisplayPublisher
 from IPython.core.interactiveshell import InteractiveShell
 from papermill.engines import Engine, NotebookExecutionManager, papermill_engines
 from papermill.exceptions import PapermillExecutionError
+from threadpoolctl import threadpool_limits
 from traitlets import Type
 from traitlets.config import Config
 
@@ -113,17 +114,18 @@ def _run(
     """Execute a notebook in this process, which does nothing else."""
     _alone(home)
     try:
-        papermill.execute_notebook(
-            notebook,
-            executed,
-            parameters=parameters,
-            engine_name=ENGINE,
-            kernel_name="python3",
-            language="python",
-            progress_bar=False,
-            autosave_cell_every=SAVED_EVERY,
-            on_cell=parent.send,
-        )
+        with threadpool_limits(1, user_api="blas"):
+            papermill.execute_notebook(
+                notebook,
+                executed,
+                parameters=parameters,
+                engine_name=ENGINE,
+                kernel_name="python3",
+                language="python",
+                progress_bar=False,
+                autosave_cell_every=SAVED_EVERY,
+                on_cell=parent.send,
+            )
         error = None
     except PapermillExecutionError as failed:
         error = failed.ename, failed.evalue

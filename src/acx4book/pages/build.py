@@ -1,8 +1,9 @@
 """A run brought into the book: ``_executed`` and ``_generated`` filled.
 
 The executed notebooks of the stages are copied, with the code of every cell that shows something
-folded; a stage that the flight does not have gets a page that says so. The notebooks that need no
-stage are run here. What the other pages include is written: texts and figures.
+folded; a stage that the flight does not have gets a page that says so. The notebooks that show the
+results of a run are run here; those of `independent` come from where they are kept, or do not come.
+What the other pages include is written: texts and figures.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from matplotlib.figure import Figure
 
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
-from acx4book.pages import api, example, frames, provenance, simulation
-from acx4book.pages.benchmarks import bias, rendering, rendering_goals, sigma, speed
+from acx4book.pages import api, example, frames, independent, provenance, simulation
+from acx4book.pages.benchmarks import bias, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
@@ -31,17 +32,8 @@ from acx4sim.files.writer import truth_path
 BENCHMARKS = Path("data", "benchmarks")
 """What long runs left, below the current folder: that of the working copy."""
 
-ALWAYS = (
-    "05-reference-data",
-    "06-errata",
-    "07-report",
-    "09-weights",
-    "10-synthetic-quality",
-    "11-surround-rig",
-    "12-synthetic-cost",
-)
-"""Notebooks that are run for the book and not by ``acx4 run``."""
-
+OF_RESULTS = ("06-errata", "07-report")
+"""Notebooks that show a run's results and are not run by ``acx4 run``."""
 
 OF_IDEAL = ("mounting", "validation")
 """Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
@@ -65,7 +57,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         Folder of the book; the current folder is the working copy that it belongs to.
     ideal_path : Path, optional
         Run of the design acx4-ideal, of which stages mounting and validation are done; only where
-        the flight is the one that ships.
+        the flight is the one that ships. Then the chapters that depend on no flight are run, too.
 
     Raises
     ------
@@ -78,11 +70,15 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
     write_notebooks(results_path, executed, ideal_path)
+    left_out = independent.bring(executed, run=ideal_path is not None)
+    for name in independent.CHAPTERS.keys() - left_out:
+        fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb")
+    independent.leave_out(book, left_out)
     adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book, *_mounted(flight_path, results_path, ideal_path)),
+        *texts_of_example(book),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
@@ -96,7 +92,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
 
 
 def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None = None) -> None:
-    """Write a page for every notebook: those of a run, and those of `ALWAYS`, run here.
+    """Write a page for every notebook: those of a run, and those of `OF_RESULTS`, run here.
 
     Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
     """
@@ -110,7 +106,7 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
             heading = title(runner.NOTEBOOKS_PATH / done.name)
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
             (executed / f"{name}.md").write_text(text, encoding="utf-8")
-    for name in ALWAYS:
+    for name in OF_RESULTS:
         source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
         values = execute.with_defaults(source, {"results_path": str(results_path)})
         execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
@@ -174,28 +170,23 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 def texts_of_benchmarks(
     adjusted: speed.Benchmark, errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: speed, rendering, and errors over their standard deviations."""
+    """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
     rendered = rendering_goals.read(BENCHMARKS)
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)
     yield "rendering-limits.md", rendering.limits(rendered)
+    yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
 
 
-def _mounted(flight_path: Path, results_path: Path, ideal_path: Path | None) -> tuple[Path, Path]:
-    """Return a flight whose blocks are measured by the camera that is mounted, and its run."""
-    if ideal_path is None:
-        return flight_path, results_path
-    return ideal_path / KEPT, ideal_path
-
-
-def texts_of_example(book: Path, flight: Path, results: Path) -> Iterator[tuple[str, str]]:
-    """Yield the name and the output of the example on the page about the library."""
-    code = example.code((book / "library.md").read_text(encoding="utf-8"))
-    yield "library.txt", example.output(code, flight, results)
+def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
+    """Yield the names and the outputs of the code on the page about the library."""
+    codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
+    for number, printed in enumerate(example.outputs(codes), 1):
+        yield f"library-{number}.txt", printed
 
 
 def figures_of_benchmarks(

@@ -1,4 +1,4 @@
-"""The example on the page about the library: its code is run, and its output shown."""
+"""The code of the page about the library, run from top to bottom, and what it prints."""
 
 from __future__ import annotations
 
@@ -6,32 +6,22 @@ import contextlib
 import io
 import re
 import tempfile
-from pathlib import Path
+from collections.abc import Iterator
 
-from acx4lib.errors import Acx4Error
-
-
-def code(page: str) -> str:
-    """Return the first Python code of a page."""
-    found = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)
-    return found[1] if found else ""
+FENCE = re.compile(r"^```python\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 
 
-def output(text: str, flight: Path, results: Path) -> str:
-    """Run the code where the flight is called my_flight and its results my_results.
+def snippets(page: str) -> list[str]:
+    """Return the Python code of a page, piece by piece."""
+    return FENCE.findall(page)
 
-    Returns
-    -------
-    str
-        What it prints; in the end why it stops, where the flight lacks what the code asks for.
-    """
-    said = io.StringIO()
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "my_flight").symlink_to(flight.resolve())
-        (Path(folder) / "my_results").symlink_to(results.resolve())
-        with contextlib.chdir(folder), contextlib.redirect_stdout(said):
-            try:
-                exec(compile(text, "example", "exec"), {})
-            except (Acx4Error, ValueError) as error:
-                print(error, file=said)
-    return said.getvalue()
+
+def outputs(codes: list[str]) -> Iterator[str]:
+    """Run pieces of code one after the other, in an empty folder; yield what each prints."""
+    names: dict[str, object] = {"__name__": "example"}
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for number, code in enumerate(codes, 1):
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said):
+                exec(compile(code, f"<piece {number} of the page>", "exec"), names)
+            yield said.getvalue()

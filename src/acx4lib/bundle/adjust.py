@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.rejections import Rejection
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
+from acx4lib.bundle.observations import whole
 from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
@@ -107,4 +109,11 @@ def _adjusted(network: Network, start: State) -> Bundle:
         where = suspects(network, start) or suspects(network, state)
         msg = f"the adjustment went astray{where}"
         raise AdjustmentError(msg)
+    n = len(network.distances)  # adjusted as two halves and an unknown that joins them
+    solution = replace(
+        solution,
+        n_observations=solution.n_observations - n,
+        n_unknowns=solution.n_unknowns - n,
+        groups=tuple(whole(group) for group in solution.groups),
+    )
     return Bundle(network=network, state=state, solution=solution)

@@ -6,6 +6,7 @@ uses differ only in which of the two is free, held or observed; `uses` sets them
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,28 +16,30 @@ from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
     control_equations,
+    distance_equations,
     mounting_equations,
+    of_halves,
     position_equations,
     position_errors,
 )
-from acx4lib.bundle.unknowns import Layout
+from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.collinearity import (
     Measurement,
     image_derivatives,
     image_residuals,
     mounted_jacobian,
 )
-from acx4lib.geometry.frames import Pose, exp
-from acx4lib.geometry.parameters import AXES, MOUNT, POSE
+from acx4lib.geometry.distances import Distances
+from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 from acx4lib.least_squares.problem import Normals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
+    from acx4lib.bundle.compiled.joined import Joined, by_points, numbered
     from acx4lib.bundle.compiled.normals import NetworkNormals
     from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
@@ -44,34 +47,6 @@ try:
     COMPILED = True
 except ImportError:  # without numba it is slower, with the same results
     COMPILED = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class State:
-    """All unknowns of a bundle.
-
-    Attributes
-    ----------
-    interiors : tuple of Interior
-        One per camera.
-    T_b_c : Pose
-        Mountings, one per camera.
-    T_m_b : Pose
-        One per pose.
-    x_m : ndarray, shape (n_points, 3)
-        m.
-    shift : ndarray, shape (3,)
-        Common error of all observed positions along the grid's axes, m.
-    drift : ndarray, shape (n_drifts, 3)
-        Change of their error along each strip, m per unit of `Strips`' time.
-    """
-
-    interiors: tuple[Interior, ...]
-    T_b_c: Pose
-    T_m_b: Pose
-    x_m: Array
-    shift: Array = field(default_factory=lambda: np.zeros(3))
-    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +68,8 @@ class Network:
     control : SurveyedPoints
         The control points used; an infinite sigma excludes a component.
     observed : PoseObservations
+    distances : Distances
+        Those used; both ends are measured, or error-free.
     start : State
     refraction : str
         ``"none"`` or ``"standard"``.
@@ -111,6 +88,7 @@ class Network:
     control: SurveyedPoints
     observed: PoseObservations
     start: State
+    distances: Distances = field(default_factory=Distances)
     refraction: str = "none"
     distortion_at: str = "adjusted"
     left_out: dict[str, int] = field(default_factory=dict)
@@ -138,48 +116,39 @@ class Network:
         """Which control points are given free of error."""
         return np.all(self.control.sigma_m == 0, axis=1)
 
+    @property
+    def observed_points(self) -> Index:
+        """Points that are observed besides their rays, sorted."""
+        control = self.control.point_idx[~self.held_control]
+        return np.union1d(control, self.distances.point_idx.ravel())
+
     def column_names(self) -> list[str]:
         """Return a name for every column, such as ``camera/parameter`` or ``pose/parameter``."""
-        names = [""] * self.n_columns
-        owners = [camera.name for camera in self.block.cameras]
-        strips = [f"strip {name}" for name in self.observed.strips.names]
-        for part, rows, labels in (
-            (self.layout.interior, owners, INTERIOR),
-            (self.layout.mount, owners, MOUNT),
-            (self.layout.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
-            (self.layout.drift, strips, [f"drift_{axis}" for axis in AXES]),
-            (self.layout.pose, self.pose_names, POSE),
-        ):
-            for columns, owner in zip(part, rows, strict=True):
-                for column, label in zip(columns, labels, strict=True):
-                    if column >= 0:
-                        names[column] = f"{owner}/{label}"
-        return names
+        points, ends = self.block.points, self.distances.point_idx
+        return named(
+            self.layout,
+            cameras=[camera.name for camera in self.block.cameras],
+            strips=[f"strip {name}" for name in self.observed.strips.names],
+            poses=self.pose_names,
+            distances=[f"{points[a]}-{points[b]}" for a, b in ends],
+        )
 
     def moved(self, state: State, dx: Array, dp: Array) -> State:
         """Return the state after a step; rotations are about the turned axes."""
-        padded = np.append(dx, 0.0)
-        interior = np.array([i.to_array() for i in state.interiors])
-        # a very large step must not make a focal length negative; damping then shortens it
-        interior = interior + padded[self.layout.interior]
-        interior[:, 0] = np.maximum(interior[:, 0], 1e-3)
-        mount, pose = padded[self.layout.mount], padded[self.layout.pose]
-        return State(
-            interiors=tuple(Interior.from_array(row) for row in interior),
-            T_b_c=_moved_pose(state.T_b_c, mount),
-            T_m_b=_moved_pose(state.T_m_b, pose),
-            x_m=state.x_m + dp,
-            shift=state.shift + padded[self.layout.shift],
-            drift=state.drift + padded[self.layout.drift],
-        )
+        return moved(self.layout, state, dx, dp)
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points, control, positions, attitudes and mountings."""
-        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
+        """Return v and sigma of image points and `_other_equations`, distances not in halves."""
+        others = [
+            (of_halves(e.v), np.sqrt(of_halves(e.sigma**2)))
+            if e.kind == "distance"
+            else (e.v, e.sigma)
+            for e in _other_equations(self, state)
+        ]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions, attitudes and mountings."""
+        """Linearise image points, control points, positions, attitudes, distances, mountings."""
         return [_image_equations(self, state), *_other_equations(self, state)]
 
     def normals(self, state: State, damping: float = 0.0) -> Normals:
@@ -199,7 +168,7 @@ class Network:
         return pack(
             measured(self.block, self.image_points),
             free_points=self.free_points,
-            also=self.control.point_idx[~self.held_control],
+            also=self.observed_points,
             pose_of_image=self.pose_idx,
             n_poses=len(self.pose_names),
         )
@@ -212,10 +181,21 @@ class Network:
         return out
 
     def with_sigma(
-        self, *, image_points: ImagePoints, control: SurveyedPoints, observed: PoseObservations
+        self,
+        *,
+        image_points: ImagePoints,
+        control: SurveyedPoints,
+        observed: PoseObservations,
+        distances: Distances,
     ) -> Network:
         """Return the network with its observations, of which only the sigma are others."""
-        out = replace(self, image_points=image_points, control=control, observed=observed)
+        out = replace(
+            self,
+            image_points=image_points,
+            control=control,
+            observed=observed,
+            distances=distances,
+        )
         if COMPILED:  # the order in which rays are processed stays
             vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
         return out
@@ -228,12 +208,9 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         control_equations(network.control[~network.held_control], state.x_m),
         position_equations(observed, state.T_m_b, errors, columns),
         attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
+        distance_equations(network.distances, state.x_m, columns.joint),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
-
-
-def _moved_pose(T: Pose, step: Array) -> Pose:
-    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
 
 
 # --- observations ----------------------------------------------------------------------------
@@ -315,8 +292,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
     place = np.empty(len(packed.pose), dtype=np.intp)
     place[packed.pose] = np.arange(len(packed.pose))
     others = _other_equations(network, state)
-    control, B = others[0], network.control[~network.held_control].R_g_m
-    weighted = B / control.sigma[:, :, None] ** 2
+    V, h = by_points(network.observed_points, others)
     return NetworkNormals(
         packed=packed,
         scene=Scene(
@@ -325,8 +301,8 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             camera=camera,
             interior=np.array([interior.to_array() for interior in state.interiors]),
             x_m=state.x_m[packed.rays.point],
-            V=np.swapaxes(B, 1, 2) @ weighted,
-            h=np.einsum("mdi,md->mi", weighted, control.v),
+            V=V,
+            h=h,
             refraction=network.refraction == "standard",
             adjusted=network.distortion_at == "adjusted",
             damping=damping,
@@ -345,4 +321,29 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
         sigma_px=network.image_points.sigma_px,
         n_points=network.n_points,
         others=others,
+        joined=_joined(network, state, others, damping),
+    )
+
+
+def _joined(
+    network: Network, state: State, others: Sequence[Equations], damping: float
+) -> Joined | None:
+    """Return the free points at the ends of distances with all that observes them."""
+    ends = np.unique(network.distances.point_idx)
+    points = ends[network.free_points[ends]]
+    if len(points) == 0:
+        return None
+    rows = np.flatnonzero(np.isin(network.image_points.point_idx, points))
+    own = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
+    seen = (_image_equations(own, state), *(e for e in others if e.B is not None))
+    parts = [numbered(e, points) for e in seen]
+    return Joined(
+        points=points,
+        rows=rows,
+        halves=parts[-1][1],
+        n_halves=2 * len(network.distances),
+        equations=[part for part, _ in parts],
+        joints=network.layout.joint,
+        n_columns=network.n_columns,
+        damping=damping,
     )

@@ -15,7 +15,9 @@ from scipy import stats
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
 
@@ -114,13 +116,16 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         control it is infinite, or zero where only the observation's own point changes.
     """
     network, solution = bundle.network, bundle.solution
+    require_own_datum(solution)
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)
     found = gains(equations, solution.inverse, network.free_points, columns)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
-    for gain, group in zip(found, solution.groups, strict=True):
+    for by_part, group in zip(found, solution.groups, strict=True):
+        # an error of a distance is shared by its halves
+        gain = of_halves(by_part) / 2 if group.kind == "distance" else by_part
         bias = reliability(group).detectable
         finite = np.where(np.isfinite(bias), bias, np.where(group.used, group.sigma, 0.0))
         effect = gain * finite[:, :, None] / sigma

@@ -1,16 +1,17 @@
-"""The columns of a bundle's unknowns besides points."""
+"""The unknowns of a bundle, and the columns of those that are no points."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Index
-from acx4lib.geometry.camera import INTERIOR
-from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT, POSE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,6 +30,8 @@ class Layout:
         Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
     drift : ndarray, shape (n_drifts, 3)
         Columns of the drifts of GNSS positions.
+    joint : ndarray, shape (n_distances,)
+        Columns that join the two halves of each distance, the last ones.
     """
 
     interior: Index
@@ -36,12 +39,103 @@ class Layout:
     pose: Index
     shift: Index = field(default_factory=lambda: np.full(3, -1))
     drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
+    joint: Index = field(default_factory=lambda: np.full(0, -1))
 
     @property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
-        parts = (self.interior, self.mount, self.shift, self.drift, self.pose)
+        parts = (self.interior, self.mount, self.shift, self.drift, self.pose, self.joint)
         return int(sum(np.sum(part >= 0) for part in parts))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """All unknowns of a bundle.
+
+    Attributes
+    ----------
+    interiors : tuple of Interior
+        One per camera.
+    T_b_c : Pose
+        Mountings, one per camera.
+    T_m_b : Pose
+        One per pose.
+    x_m : ndarray, shape (n_points, 3)
+        m.
+    shift : ndarray, shape (3,)
+        Common error of all observed positions along the grid's axes, m.
+    drift : ndarray, shape (n_drifts, 3)
+        Change of their error along each strip, m per unit of `Strips`' time.
+    """
+
+    interiors: tuple[Interior, ...]
+    T_b_c: Pose
+    T_m_b: Pose
+    x_m: Array
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+def moved(columns: Layout, state: State, dx: Array, dp: Array) -> State:
+    """Return the state after a step; rotations are about the turned axes.
+
+    Parameters
+    ----------
+    columns : Layout
+    state : State
+    dx : ndarray, shape (n_columns,)
+    dp : ndarray, shape (n_points, 3)
+        m.
+    """
+    padded = np.append(dx, 0.0)
+    interior = np.array([i.to_array() for i in state.interiors])
+    # a very large step must not make a focal length negative; damping then shortens it
+    interior = interior + padded[columns.interior]
+    interior[:, 0] = np.maximum(interior[:, 0], 1e-3)
+    return State(
+        interiors=tuple(Interior.from_array(row) for row in interior),
+        T_b_c=_moved_pose(state.T_b_c, padded[columns.mount]),
+        T_m_b=_moved_pose(state.T_m_b, padded[columns.pose]),
+        x_m=state.x_m + dp,
+        shift=state.shift + padded[columns.shift],
+        drift=state.drift + padded[columns.drift],
+    )
+
+
+def _moved_pose(T: Pose, step: Array) -> Pose:
+    return Pose(R=T.R @ exp(step[:, 3:]), r=T.r + step[:, :3])
+
+
+def named(
+    columns: Layout,
+    *,
+    cameras: Sequence[str],
+    strips: Sequence[str],
+    poses: Sequence[str],
+    distances: Sequence[str],
+) -> list[str]:
+    """Return a name for every column: its owner, a slash, the parameter.
+
+    Parameters
+    ----------
+    columns : Layout
+    cameras, strips, poses, distances : sequence of str
+        Names of the owners.
+    """
+    names = [""] * columns.n_columns
+    for part, owners, labels in (
+        (columns.interior, cameras, INTERIOR),
+        (columns.mount, cameras, MOUNT),
+        (columns.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
+        (columns.drift, strips, [f"drift_{axis}" for axis in AXES]),
+        (columns.pose, poses, POSE),
+        (columns.joint[:, None], distances, ["joint"]),
+    ):
+        for own, owner in zip(part, owners, strict=True):
+            for column, label in zip(own, labels, strict=True):
+                if column >= 0:
+                    names[column] = f"{owner}/{label}"
+    return names
 
 
 def layout(
@@ -111,7 +205,14 @@ def holding(columns: Layout, held: Index) -> Layout:
         pose=new[columns.pose],
         shift=new[columns.shift],
         drift=new[columns.drift],
+        joint=new[columns.joint],
     )
+
+
+def joining(columns: Layout, n_distances: int) -> Layout:
+    """Return a layout that joins so many distances."""
+    without = replace(columns, joint=columns.joint[:0])
+    return replace(without, joint=without.n_columns + np.arange(n_distances))
 
 
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.network import Network, State, camera_poses
-from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved
+from acx4lib.bundle.network import Network, camera_poses
+from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved, usable
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered, start_points
-from acx4lib.bundle.unknowns import Layout, free_shift, holding, layout
+from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, joining, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
@@ -294,13 +294,17 @@ def _chosen(network: Network, state: State) -> Network:
     rows = used[~(too_flat | once)[point_idx[used]]]
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[control.point_idx] = control.x_m
+    control = control[np.isin(control.point_idx, point_idx[rows])]
+    distances = block.distances[usable(block.distances, point_idx[rows])]
     flat = f"whose rays meet at less than {np.degrees(block.smallest_angle):g} degrees"
     reasons = (("measured once", once), (flat, too_flat))
     return replace(
         network,
         image_points=block.image_points[rows],
         rows=rows,
-        control=control[np.isin(control.point_idx, point_idx[rows])],
+        control=control,
+        distances=distances,
+        layout=joining(network.layout, len(distances)),
         start=replace(state, x_m=x_m),
         left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )

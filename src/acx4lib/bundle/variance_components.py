@@ -11,6 +11,7 @@ from scipy import stats
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.least_squares.adjustment import cross_covariance
@@ -23,6 +24,7 @@ PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("GNSS", "gnss", (0, 1, 2)),
     ("roll, pitch", "attitude", (0, 1)),
     ("heading", "attitude", (2,)),
+    ("distances", "distance", (0,)),
 )
 """Groups besides the image points: name, kind of observation, its components.
 
@@ -220,7 +222,7 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
 
 
 def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index]:
-    """Return W of control and trajectory, made symmetric, and every row's group.
+    """Return W of all but image points, made symmetric, and every row's group.
 
     Empty where W would be very large; h is then the redundancy alone.
     """
@@ -230,7 +232,7 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index
         return np.zeros((0, 0)), np.zeros(0, dtype=np.intp)
     network = bundle.network
     equations = {e.kind: e for e in network.equations(bundle.state)}
-    points = np.unique(network.control.point_idx[~network.held_control])
+    points = network.observed_points
     J = np.concatenate([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
     sigma = np.concatenate([g["sigma"] for g in groups])
     Q = propagate(J / sigma[:, None], _covariance(bundle, points))
@@ -248,7 +250,8 @@ def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Arr
         at = 3 * np.searchsorted(points, e.point)[:, None] + np.arange(3)
         by_points[np.arange(m)[:, None, None], np.arange(d)[:, None], at[:, None]] = e.B
     J = np.concatenate([by_columns[:, :, :n], by_points], axis=2)
-    return J[np.ix_(g.rows, g.columns)][np.isfinite(e.sigma[np.ix_(g.rows, g.columns)])]
+    J = of_halves(J) if e.kind == "distance" else J
+    return J[np.ix_(g.rows, g.columns)][np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])]
 
 
 def _covariance(bundle: Bundle, points: Index) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.local_frame import LocalFrame
@@ -220,8 +221,8 @@ class Block:
     name : str
         ``heads``, ``calibration``, ``validation`` or any other.
     smallest_angle : float
-        Radians; tie points whose rays meet at less are left out, and so are such pairs of rays
-        in a validation.
+        Radians; tie points whose rays meet at less are left out, as are pairs in a validation.
+    distances : Distances
     """
 
     cameras: tuple[Camera, ...]
@@ -234,6 +235,7 @@ class Block:
     frame: MappingFrame = field(default_factory=LocalFrame)
     name: str = "calibration"
     smallest_angle: float = SMALLEST_ANGLE
+    distances: Distances = field(default_factory=Distances)
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)
@@ -251,6 +253,7 @@ class Block:
             ("image_points.point_idx", self.image_points.point_idx, len(self.points)),
             ("control.point_idx", self.control.point_idx, len(self.points)),
             ("check.point_idx", self.check.point_idx, len(self.points)),
+            ("distances.point_idx", self.distances.point_idx.ravel(), len(self.points)),
         ):
             expected.places(name, idx, n)
         _check_surveyed(self)
@@ -267,7 +270,7 @@ class Block:
 
 
 _PARTS: dict[str, type] = {"images": Images, "image_points": ImagePoints, "trajectory": Trajectory}
-_PARTS |= {"control": SurveyedPoints, "check": SurveyedPoints}
+_PARTS |= {"control": SurveyedPoints, "check": SurveyedPoints, "distances": Distances}
 
 
 def _check_surveyed(block: Block) -> None:

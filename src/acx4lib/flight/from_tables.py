@@ -16,9 +16,12 @@ from acx4lib.flight.problems import Problem, did_you_mean, lines_of
 from acx4lib.flight.reader import Flight, checked
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.in_memory import Columns, table_in_memory
+from acx4lib.flight.text.schemas import SCHEMAS
 from acx4lib.flight.text.table import Table
 
 CONTROL = "control_points"
+PLACE = Path("tables in memory")
+"""In the place of a flight's folder, for messages; nothing is read there."""
 
 Tables = Mapping[str, Columns]
 """The tables of a block, by the names of their files without the ending."""
@@ -64,7 +67,7 @@ def from_tables(
     read = [_block(name, tables, control_points) for name, tables in present.items()]
     flight = checked(toml, read)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in read for t in TABLES}
-    return replace(flight, sha256=sums)
+    return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
@@ -102,7 +105,8 @@ def _problem(table: str, column: str, found: str, expected: str) -> Problem:
 
 def _block(name: str, tables: Tables, control_points: Columns | None) -> BlockTables:
     images, image_points, trajectory = (
-        table_in_memory(tables[table], f"{name}.{table}", f"{table}.csv") for table in TABLES
+        table_in_memory(tables[table], f"{name}.{table}", SCHEMAS[f"{table}.csv"])
+        for table in TABLES
     )
     return BlockTables(
         name=name,
@@ -121,13 +125,13 @@ def _control(name: str, tables: Tables, shared: Columns | None) -> Table:
     if columns is None:
         columns = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
     label = CONTROL if own is None else f"{name}.{CONTROL}"
-    return table_in_memory(columns, label, f"{CONTROL}.csv")
+    return table_in_memory(columns, label, SCHEMAS[f"{CONTROL}.csv"])
 
 
 def _plain(value: Any) -> Any:
-    """Return settings as flight.toml would hold them: without arrays and numbers of numpy."""
+    """Return settings as flight.toml would hold them: None is left out, as are numpy's types."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(one) for key, one in value.items() if one is not None}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(one) for one in value] if isinstance(value, list | tuple) else value

@@ -45,7 +45,7 @@ class Flight(Setup):
     Attributes
     ----------
     path : Path
-        Its folder.
+        Its folder; a name that says so, where it was made of tables in memory.
     pictures : Path
         Folder with its pictures: the same as `path`, unless the flight is a copy kept by a run.
     sha256 : dict of str to str

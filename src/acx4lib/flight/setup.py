@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -144,6 +145,29 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
         T_b_c=Pose(R=rotation_from_opk(opk), r=lever),
         prior=_prior(table),
     )
+
+
+def camera_table(camera: Camera) -> dict[str, Any]:
+    """Return the table of a camera in flight.toml, the inverse of `camera_of`.
+
+    Its mounting counts as declared there, with the sigma that the camera's prior has of it.
+    """
+    sizes = (camera.width_px, camera.height_px, 1000.0 * camera.pixel_mm, camera.interior.f)
+    lens = (getattr(camera.interior, key.removesuffix("_mm")) for key in LENS)
+    mount, lever = np.degrees(camera.T_b_c.opk).tolist(), camera.T_b_c.r.tolist()
+    table = dict(zip((*SIZE, *LENS, *MOUNT, *LEVER), (*sizes, *lens, *mount, *lever), strict=True))
+    lever_sigma, mount_sigma = np.array(camera.prior.sigma).reshape(2, 3)
+    for key, sigma in zip(SIGMAS, (lever_sigma, np.degrees(mount_sigma)), strict=True):
+        if np.isfinite(sigma).all():
+            table[key] = sigma.tolist()
+    return table
+
+
+def camera_toml(camera: Camera) -> str:
+    """Return the lines of flight.toml that declare a camera."""
+    name = json.dumps(camera.name, ensure_ascii=False)
+    lines = (f"{key} = {value}" for key, value in camera_table(camera).items())
+    return "\n".join([f"[cameras.{name}]", *lines, ""])
 
 
 def _prior(table: dict[str, Any]) -> Prior:

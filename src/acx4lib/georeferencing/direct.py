@@ -237,7 +237,7 @@ def intersect_rays(
         if not np.any(np.abs(step) > 1e-9):
             break
     gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
-    sources = _sources(
+    sources = error_sources(
         block, georeferenced, selected, gain, by_interior=by_interior, by_pose=by_pose
     )
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
@@ -253,7 +253,7 @@ def _summed(values: Array, selected: Rays) -> Array:
     return out
 
 
-def _sources(
+def error_sources(
     block: Block,
     georeferenced: Georeferenced,
     selected: Rays,

@@ -57,6 +57,9 @@ class Solution:
     cov_points : ndarray, shape (n_points, 3, 3)
         A priori covariances; zero for points that are held.
     groups : tuple of Group
+    datum : str
+        What the covariances refer to: ``"observed"``, or held unknowns, or ``"inner"``
+        constraints on points.
     """
 
     cost: float
@@ -66,6 +69,7 @@ class Solution:
     inverse: Inverse
     cov_points: Array
     groups: tuple[Group, ...]
+    datum: str = "observed"
 
     @property
     def cov(self) -> Array:
@@ -291,7 +295,13 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
     Returns
     -------
     ndarray, shape (k, 3, n_columns)
+
+    Raises
+    ------
+    ValueError
+        In the datum of inner constraints, where points depend on more than their observations.
     """
+    require_own_datum(solution)
     equations = problem.equations(state)
     V, _ = point_normals(problem.free_points, equations)
     out = np.zeros((len(points), 3, problem.n_columns))
@@ -300,3 +310,13 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
         gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
         out[here] = -solution.inverse.times(gain)
     return out
+
+
+def require_own_datum(solution: Solution) -> None:
+    """Raise a ValueError for a solution in the datum of inner constraints."""
+    if solution.datum == "inner":
+        msg = (
+            "solution: expected one in the datum of its observations or held unknowns, got one of "
+            "inner constraints; take that with minimal constraints, whose residuals are the same"
+        )
+        raise ValueError(msg)

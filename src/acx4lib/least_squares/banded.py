@@ -291,9 +291,10 @@ class BandedInverse:
 
     def times(self, J: Array) -> Array:
         """Return J times the covariance; the whole inverse is not needed for it."""
-        out = np.empty((J.size // len(self.order), len(self.order)))
-        out[:, self.order] = self.factored.solve(J.reshape(out.shape)[:, self.order].T).T
-        return out.reshape(J.shape)
+        ordered = np.zeros((len(self.order), J.size // len(self._place)))
+        ordered[self._place] = J.reshape(-1, len(self._place)).T
+        out: Array = self.factored.solve(ordered)[self._place].T.reshape(J.shape)
+        return out
 
 
 def too_large() -> AdjustmentError:

@@ -35,6 +35,7 @@ COMPONENTS = {
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
     "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "distance": ("distance_m",),
     "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
 }
 """Components of the residuals of every kind; angles are about the body's x, y, z axes."""
@@ -210,6 +211,9 @@ def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
     if kind == "control_point":
         names = points[network.control.point_idx[~network.held_control]]
         return np.full(len(names), "", dtype=object), names
+    if kind == "distance":
+        a, b = points[network.distances.point_idx].T
+        return b, a
     if kind in ("lever_arm", "boresight"):
         cameras = network.block.cameras
         known = observed_mountings(cameras, kind, network.layout.mount)
@@ -237,6 +241,9 @@ def rejected_table(
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
             what = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
+        elif r.kind == "distance":
+            ends = block.distances.point_idx[r.row]
+            point, where, what = block.points[ends[0]], block.points[ends[1]], "distance"
         else:
             where = pose_names[r.row]
             what = "position" if r.kind == "gnss" else "attitude"

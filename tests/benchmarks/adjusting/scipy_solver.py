@@ -10,7 +10,8 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import least_squares
 
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import State
 from acx4lib.geometry.frames import log_jacobian
 from benchmarks.adjusting import problem_file
 from benchmarks.measure import memory_mb, report, timed

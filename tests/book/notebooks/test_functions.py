@@ -1,11 +1,13 @@
 """Results without notebooks: the same tables, and nothing that draws or runs notebooks."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 
 import acx4sim
+from acx4book.command.acx4 import ONE_THREAD
 from acx4book.command.terminal import BOOK
 from acx4book.notebooks import functions, runner
 from acx4book.notebooks.executed import Notebooks
@@ -70,6 +72,16 @@ def test_nothing_that_draws_or_runs_notebooks_is_loaded(tmp_path, flight_path):
         f"results in {tmp_path / 'results'}",
         "loaded []",
     ]
+
+
+@pytest.mark.slow
+def test_threads_of_linear_algebra_change_no_bit(tmp_path, flight_path):
+    """Whatever the user's environment asks for."""
+    for n in ("1", "2"):
+        environment = os.environ | dict.fromkeys(ONE_THREAD, n)
+        given = ("run", flight_path, "--results", tmp_path / n, "--numbers-only")
+        subprocess.run([sys.executable, "-c", COMMAND, *given], check=True, env=environment)
+    assert tables(tmp_path / "1") == tables(tmp_path / "2")
 
 
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path):

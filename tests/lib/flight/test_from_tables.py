@@ -130,6 +130,7 @@ WRONG = [
     ({"col_px": COL[:-1]}, f": col_px: {N - 1} values; must be {N}, as image has"),
     ({"col_px": [np.nan, *COL[1:]]}, ", row 0: col_px: 'nan'; must be a finite number"),
     ({"col_px": [None, *COL[1:]]}, ", row 0: col_px: is empty; must be a finite number"),
+    ({"col_px": [10**400, *COL[1:]]}, ", row 0: col_px: '1000"),
     ({"col_px": ["7,5", *COL[1:]]}, ", row 0: col_px: '7,5' (a decimal comma?); must be a finite number"),
     ({"col_px": [True, *COL[1:].tolist()]}, ", row 0: col_px: 'True'; must be a finite number"),
     ({"col_px": [4000.0, *COL[1:]]}, ", row 0: col_px: 4000.0; must lie on the sensor of CAM, from -0.5 to 3999.5"),
@@ -151,6 +152,7 @@ def test_a_wrong_column_is_told_with_table_row_and_cure(columns, says):
     ("settings", "says"),
     [
         (None, "settings: settings: is None; must be a dict"),
+        ({**SETTINGS, "crs": None}, "settings: crs: missing; required"),
         ({**SETTINGS, "cameras": {}}, "settings: cameras: no cameras; must hold one table per camera"),
         ({**SETTINGS, "crs": "EPSG:4326"}, "settings: crs: 'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS in metres"),
         ({**SETTINGS, "hights": 1}, "settings: hights: unknown key (did you mean 'heights'?)"),
@@ -176,6 +178,41 @@ def test_missing_tables_and_misspelt_ones_are_told():
     assert told(calibration={**TABLES, "trajectory": [1, 2]}) == [
         "calibration.trajectory: table: is a list; must be a DataFrame, or a dict of arrays"
     ]
+
+
+@pytest.mark.parametrize("column", ["point", "col_px", "sigma_px"])
+def test_no_cell_however_odd_is_answered_with_an_error_of_python(column):
+    odd = (
+        None,
+        -np.inf,
+        "",
+        "a\nb",
+        "=1",
+        "x" * 300,
+        b"x",
+        object(),
+        [1, 2],
+        {},
+        pd.NA,
+        pd.NaT,
+        1j,
+        pd.Timestamp(0),
+        10**400,
+    )
+    for value in odd:
+        cells = np.empty(N, dtype=object)
+        cells[:] = TABLES["image_points"].get(column, 0.5)
+        cells[5] = value
+        lines = told(calibration=changed("image_points", **{column: cells}))
+        assert all(
+            line.startswith(f"calibration.image_points, row 5: {column}: ") for line in lines
+        )
+
+
+def test_a_flight_from_tables_says_that_it_has_no_folder():
+    found = from_tables(SETTINGS, control_points=CONTROL, calibration=TABLES)
+    with pytest.raises(FlightError, match=r"^tables in memory: the flight has no block heads$"):
+        found.block("heads")
 
 
 def test_missing_columns_and_rows_are_told():

@@ -15,3 +15,14 @@ def block():
 @pytest.fixture(scope="package")
 def cameras(block):
     return given(block.cameras)
+
+
+@pytest.fixture(scope="package")
+def rig():
+    """Two cameras on one body."""
+    return blocks.pair()
+
+
+@pytest.fixture(scope="package")
+def calibration(rig):
+    return blocks.calibrated(rig)

@@ -6,49 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.estimates import Calibration, given
-from acx4lib.geometry.camera import Interior
-from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
-from acx4lib.geometry.parameters import MOUNT
+from acx4lib.geometry.frames import log
 from acx4lib.georeferencing import direct
 from acx4lib.georeferencing.direct import Rays, georeference, intersect_rays
 from support import blocks
+from support.blocks import COLUMN_STEPS, SECOND, moved_calibration, moved_trajectory
+from support.blocks import SEEN as POINTS
 from support.helpers import numeric_jacobian
-
-SECOND = replace(
-    blocks.CAMERA,
-    name="SIDE",
-    interior=replace(blocks.CAMERA.interior, f=48.0, k1=-3e-6, b1=2e-4),
-    T_b_c=Pose(R=rotation_from_opk(np.radians([12.0, -5.0, 90.0])), r=np.array([0.1, 0.3, 0.2])),
-)
-FREE = ("f", "xp", "k1", "p2")
-POINTS = np.array([[50.0, -80.0, 930.0], [-120.0, 40.0, 870.0], [0.0, 150.0, 900.0]])
-STEP = {"f": 1e-3, "xp": 1e-3, "k1": 1e-8, "p2": 1e-7}
-
-
-@pytest.fixture(scope="module")
-def rig():
-    """Two cameras on one body: rays of one exposure share its trajectory error."""
-    return blocks.simulate(
-        blocks.fly(blocks.BOTH_WAYS[1:3]), cameras=(blocks.CAMERA, SECOND), ties=POINTS
-    )
-
-
-@pytest.fixture(scope="module")
-def calibration(rig):
-    """Both cameras, some interior parameters and the mountings estimated, all correlated."""
-    columns = layout(2, 0, free=FREE, free_mount=MOUNT)
-    sigma = np.tile([3e-3, 3e-3, 1e-7, 1e-6] + [0.02] * 3 + [2e-5] * 3, 2)
-    rng = np.random.default_rng(5)
-    mix = np.linalg.qr(rng.normal(size=(20, 20)))[0] * rng.uniform(0.5, 1.5, 20)
-    return Calibration(
-        cameras=rig.cameras,
-        layout=columns,
-        cov=sigma[:, None] * (mix @ mix.T) * sigma,
-        sigma0_sq=2.0,  # plays no part a priori
-        open_columns=np.zeros(20, dtype=bool),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -61,28 +26,6 @@ def all_rays(rig):
         colrow=points.colrow[order],
         sigma_px=np.linspace(0.3, 0.8, len(order)),
     )
-
-
-def moved_calibration(calibration, steps):
-    """The calibration with its columns moved, rotations about the cameras' axes."""
-    padded = np.append(steps, 0.0)
-    cameras = []
-    for k, camera in enumerate(calibration.cameras):
-        by = padded[calibration.layout.mount[k]]
-        interior = camera.interior.to_array() + padded[calibration.layout.interior[k]]
-        T = Pose(R=camera.T_b_c.R @ exp(by[3:]), r=camera.T_b_c.r + by[:3])
-        cameras.append(replace(camera, interior=Interior.from_array(interior), T_b_c=T))
-    return replace(calibration, cameras=tuple(cameras))
-
-
-COLUMN_STEPS = np.tile([STEP[name] for name in FREE] + [1e-2] * 3 + [1e-6] * 3, 2)
-
-
-def moved_trajectory(block, steps):
-    steps = steps.reshape(-1, 6)
-    T = block.trajectory.T_m_b
-    T = Pose(R=T.R @ exp(steps[:, 3:]), r=T.r + steps[:, :3])
-    return replace(block, trajectory=replace(block.trajectory, T_m_b=T))
 
 
 # --- poses -----------------------------------------------------------------------------------

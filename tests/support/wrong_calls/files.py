@@ -70,6 +70,10 @@ def files() -> list[Wrong]:
 def invented() -> list[Wrong]:
     options = acx4sim.Options
     return [
+        Wrong(
+            lambda: acx4sim.simulate("acx5", NOWHERE),
+            "name must be one of acx4, acx4-ideal, single-head, got 'acx5'",
+        ),
         Wrong(lambda: acx4sim.acx4(seed=-1), "seed must be zero or positive, got -1"),
         Wrong(lambda: acx4sim.acx4(seed=1.5), "seed must be a whole number, got 1.5"),
         Wrong(lambda: acx4sim.acx4(seed="1"), "seed must be a whole number, got '1'"),

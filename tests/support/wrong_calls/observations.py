@@ -9,6 +9,7 @@ import numpy as np
 from acx4lib.bundle.gross_errors import rejections
 from acx4lib.calibration import mounting
 from acx4lib.flight import block
+from acx4lib.geometry import camera
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct
 from acx4lib.tie_points import refinement
@@ -329,7 +330,7 @@ def blocks_and_parts() -> list[Wrong]:
             lambda: block.select_images(None, np.ones(5, bool)), "block: expected a Block, got None"
         ),
         Wrong(
-            lambda: block.mountings(CAMERA), "cameras: expected a sequence of Camera, got a Camera"
+            lambda: camera.mountings(CAMERA), "cameras: expected a sequence of Camera, got a Camera"
         ),
-        Wrong(lambda: block.mountings([]), "cameras: expected one Camera at least, got none"),
+        Wrong(lambda: camera.mountings([]), "cameras: expected one Camera at least, got none"),
     ]

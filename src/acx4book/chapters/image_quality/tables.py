@@ -18,6 +18,7 @@ from acx4book.chapters.image_quality.examined import (
 )
 from acx4book.chapters.image_quality.known_exposure import KnownExposure
 from acx4book.chapters.synthetic_image.tables import WAYS
+from acx4book.chapters.synthetic_image.wrong_heads import FrameErrors
 from acx4book.paper import printed
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.adjust import Bundle
@@ -305,3 +306,24 @@ def draw_sentence(draws: pd.DataFrame) -> str:
 def _share(medians: Mapping[Hashable, float], before: str, after: str) -> str:
     """Return by how much squared errors shrink from one step to another, in words."""
     return f"{100 * (1 - (medians[after] / medians[before]) ** 2):.0f} %"
+
+
+def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
+    """Return what the ways to refine make of wrong heads, as `wrong_heads.repaired` returns it."""
+    names = WAYS | {"before": "nothing"}
+    return pd.DataFrame(
+        [
+            {"Errors": errors, "Refined by": names[way], **_in_pixels(one)}
+            for errors, ways in found.items()
+            for way, one in ways.items()
+        ]
+    )
+
+
+def _in_pixels(found: FrameErrors) -> dict[str, str]:
+    return {
+        "Overlaps, RMS (px)": f"{np.median(found.overlap_rms_px):.3f}",
+        "at most (px)": f"{np.median(found.overlap_largest_px):.3f}",
+        "Frame, RMS (px)": f"{np.median(found.frame_rms_px):.3f}",
+        "at most in the frame (px)": f"{np.median(found.frame_largest_px):.3f}",
+    }

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
 from acx4book.chapters.synthetic_image.parallax import flight_parallax
-from acx4book.chapters.synthetic_image.wrong_heads import FrameErrors
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import Markup
@@ -187,27 +186,6 @@ def turns(refinement: Refinement) -> pd.DataFrame:
             for k, head in enumerate(before.heads)
         ]
     )
-
-
-def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
-    """Return what the ways to refine make of wrong heads, as `wrong_heads.repaired` returns it."""
-    names = WAYS | {"before": "nothing"}
-    return pd.DataFrame(
-        [
-            {"Errors": errors, "Refined by": names[way], **_in_pixels(one)}
-            for errors, ways in found.items()
-            for way, one in ways.items()
-        ]
-    )
-
-
-def _in_pixels(found: FrameErrors) -> dict[str, str]:
-    return {
-        "Overlaps, RMS (px)": f"{np.median(found.overlap_rms_px):.3f}",
-        "at most (px)": f"{np.median(found.overlap_largest_px):.3f}",
-        "Frame, RMS (px)": f"{np.median(found.frame_rms_px):.3f}",
-        "at most in the frame (px)": f"{np.median(found.frame_largest_px):.3f}",
-    }
 
 
 def parallax(flight: Flight) -> pd.DataFrame:

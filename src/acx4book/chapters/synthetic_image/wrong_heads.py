@@ -11,17 +11,15 @@ import numpy as np
 from acx4book.paper import printed
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
-from acx4lib.stages.synthetic import SyntheticStage
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points.differences import frame_differences, tie_differences
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
 
-TURNED_DEG, TIE_PX, TRIALS = 0.01, 0.1, 4
-"""Of `repaired`: errors of the heads' angles, noise of tie points, number of draws."""
+TURNED_DEG, TIE_PX = 0.01, 0.1
+"""Of `repaired`: errors of the heads' angles, noise of tie points."""
 
 
 def transposed(orientation: RelativeOrientation) -> RelativeOrientation:
@@ -200,33 +198,33 @@ def _frame_errors(
 
 
 def repaired(
-    flight: Flight, stage: SyntheticStage, *, seed: int
+    truth: RelativeOrientation, synthetic: Camera, *, seed: int, trials: int = 4
 ) -> dict[str, dict[str, FrameErrors]]:
     """Return what the ways to refine make of heads that are wrong by known amounts.
 
     Parameters
     ----------
-    flight : Flight
-    stage : SyntheticStage
-        Its heads are taken for the truth.
+    truth : RelativeOrientation
+        Heads with the names of the paper's.
+    synthetic : Camera
     seed : int
+    trials : int
+        Number of draws.
 
     Returns
     -------
     dict of str to dict
         By the errors that the heads were given, and by the ways of `every_refinement`.
     """
-    synthetic, truth = stage.synthetic, stage.orientation
     rng = np.random.default_rng(seed)
     wrong = {
         f"heads turned by {TURNED_DEG:g}°": [
-            with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(TRIALS)
-        ]
+            with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(trials)
+        ],
+        "interiors wrong by Table 1's σ": [
+            with_wrong_interiors(truth, rng=rng) for _ in range(trials)
+        ],
     }
-    if printed.applies(flight):
-        wrong["interiors wrong by Table 1's σ"] = [
-            with_wrong_interiors(truth, rng=rng) for _ in range(TRIALS)
-        ]
     ties, exact = (
         simulated_ties(truth, synthetic, rng=rng, sigma_px=sigma) for sigma in (TIE_PX, 0.0)
     )

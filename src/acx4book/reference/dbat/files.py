@@ -76,9 +76,28 @@ def _rows(path: Path) -> list[list[str]]:
     ]
 
 
+def _table(path: Path, columns: tuple[str, ...], cure: str = "") -> Array:
+    """Return a file of numbers; ValueError with the line and the column where one is missing."""
+    rows = _rows(path)
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(columns):
+            lacks = ", ".join(columns[len(row) :]) or f"only {len(columns)} columns"
+            found = f"row {number} has {len(row)} of {len(columns)} columns"
+            msg = f"{path}: {found} ({', '.join(columns)}); expected {lacks}{cure}"
+            raise ValueError(msg)
+    return np.array(rows, dtype=float).reshape(-1, len(columns))
+
+
 def read_image_points(path: Path) -> Measurements:
-    """Read "image, point, x, y, sigma"."""
-    table = np.array(_rows(path), dtype=float)
+    """Read "image, point, x, y, sigma".
+
+    Raises
+    ------
+    ValueError
+        Where a row has another number of columns, as one without sigma.
+    """
+    cure = ": write the sigma of every measurement, px, as the last column"
+    table = _table(path, ("image", "point", "x", "y", "sigma"), cure)
     return Measurements(
         image=table[:, 0].astype(np.intp),
         point=table[:, 1].astype(np.intp),
@@ -89,7 +108,7 @@ def read_image_points(path: Path) -> Measurements:
 
 def read_marked_points(path: Path, *, sigma_px: float) -> Measurements:
     """Read "point, image, x, y"; all measurements get the same sigma."""
-    table = np.array(_rows(path), dtype=float)
+    table = _table(path, ("point", "image", "x", "y"))
     return Measurements(
         image=table[:, 1].astype(np.intp),
         point=table[:, 0].astype(np.intp),

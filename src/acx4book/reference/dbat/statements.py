@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+
 import numpy as np
 from scipy import stats
 
-from acx4book.reference.dbat import files
+from acx4book.reference.dbat import files, printed
 from acx4book.reference.dbat.blocks import Project
 from acx4book.reference.dbat.comparison import Angle, Statements, say
+from acx4book.reference.dbat.printed import Line
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import opk_jacobian
 
@@ -160,17 +164,43 @@ HEADINGS = {
 }
 """Heading and unit of every interior parameter."""
 
-MODEL = "Backward (Photogrammetry) model 3"
+ASPECT = (HEADINGS["as"][0], "Value")
+BACKWARD = re.compile(r"Backward \(Photogrammetry\) model (\d)")
+ALIKE, WITHOUT_ASPECT = ("1", "2", "3", "5"), ("4",)
+"""Backward models of DBAT that are ours: 1 and 2 have no aspect, 3 and 5 scale x before the lens,
+and skew, which is held at zero, after it. Model 4 scales after the lens: ours without an aspect."""
+
+
+def lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
+    """Return the lens model that a report names, as it stands there.
+
+    Raises
+    ------
+    ValueError
+        Where the library has no such lens.
+    """
+    named = [place[-1] for place in lines if place[:-1] == (LAST, "Lens distortion models")]
+    found = BACKWARD.fullmatch(named[0]) if len(named) == 1 else None
+    aspect = [float(line.numbers[0]) for place, line in lines.items() if place[-2:] == ASPECT]
+    known = (*ALIKE, *(() if any(aspect) else WITHOUT_ASPECT))
+    if found is None or found[1] not in known:
+        msg = (
+            f"lens distortion model {', '.join(named) or 'not named'}: expected a backward model, "
+            f"{', '.join(ALIKE)}, or {WITHOUT_ASPECT[0]} where as is zero"
+        )
+        raise ValueError(msg)
+    return named[0]
 
 
 def _camera(project: Project) -> Statements:
     values, cov = interior(project)
+    model = lens_model(printed.read(project.report))
     camera = (LAST, "Cameras", "Camera1 (simple)")
     names = " ".join(files.INTERIOR_NAMES)
     out: Statements = {
-        (LAST, "Lens distortion models", MODEL): say(""),
+        (LAST, "Lens distortion models", model): say(""),
         (LAST, "Cameras", "Calibration"): say(f"yes ({names})" if project.free else "no"),
-        (*camera, "Lens distortion model", MODEL): say(""),
+        (*camera, "Lens distortion model", model): say(""),
         (*camera, "sk - skew", "Value"): say("{}", 0.0),
     }
     high = _high(cov, files.INTERIOR_NAMES)

@@ -14,6 +14,7 @@ from acx4lib.bundle.compiled.covariances import CameraCovariances
 from acx4lib.bundle.compiled.elimination import CameraNormals
 from acx4lib.bundle.compiled.packing import pose_band
 from acx4lib.bundle.compiled.rays import INTERIOR, RESIDUAL
+from acx4lib.bundle.compiled.small_products import aligned
 from acx4lib.compiling import compiled
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.banded import Bordered, BorderedCovariance
@@ -231,17 +232,17 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
     U_pose = np.ascontiguousarray(U[..., N_INTERIOR:])
     mount_rows = corner[camera][:, N_INTERIOR:]
     U = U + np.einsum("iab,iblm->ilam", B, mount_rows, optimize=True)
-    Q = np.zeros((n_images, 2 * band - 1, 6, 8))
+    Q = aligned(n_images, 2 * band - 1, 6, 8)
     _camera_pairs(cov.P, A, B, U_pose, np.ascontiguousarray(U[..., N_INTERIOR:]), pose, camera, Q)
-    F = np.zeros((n_images, n_cameras, 6, 16))
+    F = aligned(n_images, n_cameras, 6, 16)
     F[..., INTERIOR:RESIDUAL] = U[..., :N_INTERIOR]
-    F_T = np.zeros((n_images, n_cameras, 9, 8))
+    F_T = aligned(n_images, n_cameras, 9, 8)
     F_T[..., :6] = np.swapaxes(U[..., :N_INTERIOR], 2, 3)
-    H = np.zeros((n_cameras, n_cameras, 9, 16))
+    H = aligned(n_cameras, n_cameras, 9, 16)
     inner = np.transpose(corner[:, :N_INTERIOR, :, :N_INTERIOR], (0, 2, 1, 3))
     H[..., INTERIOR:RESIDUAL] = inner
     each = np.arange(n_images)
-    K = np.zeros((n_images, 16, 16))
+    K = aligned(n_images, 16, 16)
     K[:, :6, :6] = Q[:, band - 1, :, :6]
     K[:, :6, INTERIOR:RESIDUAL] = U[each, camera][..., :N_INTERIOR]
     K[:, INTERIOR:RESIDUAL, :6] = np.swapaxes(K[:, :6, INTERIOR:RESIDUAL], 1, 2)

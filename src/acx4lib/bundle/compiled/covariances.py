@@ -12,13 +12,13 @@ import numpy as np
 from acx4lib.bundle.compiled.elimination import (
     Room,
     add_point_by_ray,
+    dot_16,
     factor,
     point_by_ray,
-    room_for,
     small,
 )
-from acx4lib.bundle.compiled.rays import Scene, SortedRays, linearise
-from acx4lib.compiling import compiled, inlined
+from acx4lib.bundle.compiled.rays import POINT, RESIDUAL, WIDTH, Scene, SortedRays, linearise
+from acx4lib.compiling import uncounted, uncounted_inlined
 from acx4lib.expected import Array
 
 # products with V^-1 times a point's derivatives
@@ -27,9 +27,8 @@ _take_off_by_pose = small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
 _take_off_by_interior = small(3, 9, 8, left=(16, 1), right=8, out=16, add=-1)
 _take_off_interior_by_pose = small(3, 6, 16, left=(16, 1), right=16, out=16, add=-1)
 _take_off_interior = small(3, 9, 16, left=(16, 1), right=16, out=16, add=-1)
-_add_rows = small(3, 3, 16, left=(3, 1), right=16, out=16, add=1)
-_row_times_square = small(1, 16, 16, left=(16, 1), right=16, out=16)
-_add_point_times_rays = small(1, 3, 16, left=(3, 1), right=16, out=16, add=1)
+_ray_times_square = small(2, 16, 16, left=(WIDTH, 1), right=16, out=16)
+_add_ray_by_point = small(3, 2, 8, left=(2, 1), right=WIDTH, out=8, add=1)
 
 
 class CameraCovariances(NamedTuple):
@@ -59,9 +58,9 @@ class CameraCovariances(NamedTuple):
 # --- one point -------------------------------------------------------------------------------
 
 
-@inlined
-def _point_covariance(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) -> None:
-    """Fill C with a point's covariance, X and X_sums with those of point and cameras."""
+@uncounted_inlined
+def _with_cameras(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) -> None:
+    """Fill X and X_sums with the covariances of a point with the poses and the interiors."""
     T, G, X, X_sums = room.T, room.Y, room.X, room.X_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
     middle, n_cameras = cov.Q.shape[1] // 2, cov.H.shape[0]
@@ -69,7 +68,7 @@ def _point_covariance(rays: SortedRays, p: int, room: Room, cov: CameraCovarianc
     for c in range(n_cameras):
         _gain(room.Y_sums, c * 48, room.V_inv, 0, room.sums, c * 48)
     for k in range(n):
-        point_by_ray(T, 0, room.B, k * 6, room.J, k * 32)
+        point_by_ray(T, 0, room.seen.J, k * 48 + POINT, room.seen.J, k * 48)
         _gain(G, k * 48, room.V_inv, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
@@ -85,10 +84,9 @@ def _point_covariance(rays: SortedRays, p: int, room: Room, cov: CameraCovarianc
         for d in range(n_cameras):
             block = (d * n_cameras + c) * 144
             _take_off_interior(X_sums, c * 48, room.Y_sums, d * 48 + 6, cov.H, block)
-    _take_off_products(room, n, n_cameras)
 
 
-@inlined
+@uncounted_inlined
 def _square(W: Array, out: Array) -> None:
     """Fill in W W^T for an upper triangular W."""
     for a in range(3):
@@ -98,21 +96,25 @@ def _square(W: Array, out: Array) -> None:
                 out[a, b] += W[a, c] * W[b, c]
 
 
-@inlined
-def _take_off_products(room: Room, n: int, n_cameras: int) -> None:
-    """Fill C with V^-1 minus the sum of X G^T over rays and cameras."""
-    G, X, C = room.Y, room.X, room.C
+@uncounted_inlined
+def _with_rays(rays: SortedRays, scene: Scene, p: int, room: Room) -> None:
+    """Fill P with the covariances of a point with its rays, and C with its own."""
+    J, X, X_sums, P, S, V_inv = room.seen.J, room.X, room.X_sums, room.P, room.S, room.V_inv
+    S[:] = 0.0
+    for k in range(rays.start[p + 1] - rays.start[p]):
+        camera = scene.camera[rays.image[rays.start[p] + k]]
+        for a in range(3):
+            for row in range(2):
+                at = k * 48 + row * WIDTH
+                by_pose = dot_16(X, k * 48 + a * 16, J, at)
+                P[k, a, row] = by_pose + dot_16(X_sums, camera * 48 + a * 16, J, at)
+        _add_ray_by_point(S, 0, P, k * 6, J, k * 48 + POINT)
     for a in range(3):
         for b in range(a, 3):
             total = 0.0
-            for k in range(n):
-                for c in range(8):  # the last two columns of X are zero
-                    total += X[k, a, c] * G[k, b, c]
-            for d in range(n_cameras):
-                for c in range(6, 15):
-                    total += room.X_sums[d, a, c] * room.Y_sums[d, b, c]
-            C[a, b] = room.V_inv[a, b] - total
-            C[b, a] = C[a, b]
+            for c in range(3):
+                total += S[a, c] * V_inv[c, b]
+            room.C[a, b] = room.C[b, a] = V_inv[a, b] - total
 
 
 # --- the pass --------------------------------------------------------------------------------
@@ -134,9 +136,15 @@ class Tests(NamedTuple):
     redundancy: Array
 
 
-@compiled
+@uncounted
 def precision(
-    rays: SortedRays, scene: Scene, first: int, last: int, cov: CameraCovariances, out: Tests
+    rays: SortedRays,
+    scene: Scene,
+    first: int,
+    last: int,
+    room: Room,
+    cov: CameraCovariances,
+    out: Tests,
 ) -> None:
     """Fill in the covariances of some points and the redundancy numbers of their rays.
 
@@ -145,41 +153,39 @@ def precision(
     rays, scene
     first, last : int
         The range of points.
+    room : Room
     cov : CameraCovariances
     out : Tests
     """
-    room = room_for(rays, first, last, cov.H.shape[0])
-    J, B, C = room.J, room.B, room.C
-    identity, z, twice = np.eye(3), np.zeros(16), np.zeros(3)
+    J, C, P, z = room.seen.J, room.C, room.P, room.z
     for p in range(first, last):
         start, n, at = rays.start[p], rays.start[p + 1] - rays.start[p], rays.point[p]
         room.sums[:] = 0.0
         room.X[:n] = 0.0
         room.X_sums[:] = 0.0
         C[:] = 0.0
+        P[:n] = 0.0
+        linearise(rays, scene, p, room.seen)
         for k in range(n):
-            linearise(rays, scene, p, start + k, J, B, k)
             camera = scene.camera[rays.image[start + k]]
-            add_point_by_ray(room.sums, camera * 48, B, k * 6, J, k * 32)
+            add_point_by_ray(room.sums, camera * 48, J, k * 48 + POINT, J, k * 48)
         if rays.free[p]:
             if factor(rays, scene, p, room):
-                _point_covariance(rays, p, room, cov)
+                _with_cameras(rays, p, room, cov)
+                _with_rays(rays, scene, p, room)
             else:
                 C[:] = np.inf
-            out.cov_points[at] = C
+            for a in range(3):
+                for b in range(3):
+                    out.cov_points[at, a, b] = C[a, b]
         for k in range(n):
-            i, at = rays.image[start + k], rays.row[start + k]
-            _add_rows(room.X, k * 48, identity, 0, room.X_sums, scene.camera[i] * 48)
+            at = rays.row[start + k]
+            _ray_times_square(z, 0, J, k * 48, cov.K, rays.image[start + k] * 256)
             for row in range(2):
-                out.v[at, row] = J[k, row, 15]
-                J[k, row, 15] = 0.0
-                _row_times_square(z, 0, J, k * 32 + row * 16, cov.K, i * 256)
-                total = 0.0
+                total = dot_16(z, row * 16, J, k * 48 + row * WIDTH)
                 for a in range(3):
-                    twice[a] = 2 * B[k, row, a]
+                    total += 2 * J[k, row, POINT + a] * P[k, a, row]
                     for b in range(3):
-                        total += B[k, row, a] * C[a, b] * B[k, row, b]
-                _add_point_times_rays(z, 0, twice, 0, room.X, k * 48)
-                for c in range(16):
-                    total += z[c] * J[k, row, c]
+                        total += J[k, row, POINT + a] * C[a, b] * J[k, row, POINT + b]
+                out.v[at, row] = J[k, row, RESIDUAL]
                 out.redundancy[at, row] = 1 - total

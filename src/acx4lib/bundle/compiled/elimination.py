@@ -12,31 +12,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from acx4lib.bundle.compiled.rays import Scene, SortedRays, linearise
-from acx4lib.bundle.compiled.small_products import SmallProduct
-from acx4lib.compiling import compiled, inlined
+from acx4lib.bundle.compiled.rays import POINT, WIDTH, Scene, Seen, SortedRays, linearise
+from acx4lib.bundle.compiled.small_products import SmallProduct, aligned, dot
+from acx4lib.compiling import uncounted, uncounted_inlined
 from acx4lib.expected import Array
 
 
 def small(*shape: int, **strides: Any) -> Callable[..., None]:
     """Return a compiled product of matrices of rows, inner, width: see `SmallProduct`.
 
-    Its callers give the position in an array at which a matrix begins: 32 k for J[k], shape
-    (2, 16); 6 k for B[k], (2, 3); 48 k for T and Y, (3, 16); 256 k for M and I, (16, 16); 96 k
-    for E, (6, 16); 48 k for S, (6, 8).
+    Its callers give the position in an array at which a matrix begins: 48 k for J[k], shape
+    (2, 24), and 16 more for B[k], which is a part of it; 48 k for T and Y, (3, 16); 256 k for M
+    and I, (16, 16); 96 k for E, (6, 16); 48 k for S, (6, 8).
     """
     rows, inner, width = shape
     return SmallProduct(rows=rows, inner=inner, width=width, **strides).compiled()
 
 
-# all have rows of 16 numbers, and a transposed matrix on the left
-_add_squares = small(16, 2, 16, left=(1, 16), right=16, out=16, add=1, upper=True)
-point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16)
-add_point_by_ray = small(3, 2, 16, left=(1, 3), right=16, out=16, add=1)
+# all have a transposed matrix on the left
+_add_squares = small(16, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1, upper=True)
+point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16)
+add_point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
 _whitened = small(3, 3, 16, left=(1, 3), right=16, out=16)
 _take_off_pair = small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
 _take_off_border = small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
 _take_off_corner = small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+dot_16 = dot(16)
 
 
 class CameraNormals(NamedTuple):
@@ -63,10 +64,10 @@ class CameraNormals(NamedTuple):
 def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
     """Return normal equations that are all zero."""
     return CameraNormals(
-        M=np.zeros((n_images, 16, 16)),
-        S=np.zeros((n_images, band, 6, 8)),
-        E=np.zeros((n_images, n_cameras, 6, 16)),
-        I=np.zeros((n_cameras, n_cameras, 16, 16)),
+        M=aligned(n_images, 16, 16),
+        S=aligned(n_images, band, 6, 8),
+        E=aligned(n_images, n_cameras, 6, 16),
+        I=aligned(n_cameras, n_cameras, 16, 16),
     )
 
 
@@ -76,79 +77,91 @@ def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
 class Room(NamedTuple):
     """Working arrays for the rays of one point.
 
+    It is made outside compiled passes, which therefore count no references.
+
     Attributes
     ----------
-    J, B : ndarray, shapes (n, 2, 16) and (n, 2, 3)
-        Derivatives of its rays by camera and by point.
+    seen : Seen
+        Its rays, linearised: derivatives by the camera, J, and by the point, B.
     T : ndarray, shape (3, 16)
         B^T J of a ray.
     Y, X : ndarray, shape (n, 3, 16)
         Products of T, one for each ray.
     sums, Y_sums, X_sums : ndarray, shape (n_cameras, 3, 16)
         T, Y and X summed over the rays of each camera.
-    V, W, V_inv, C : ndarray, shape (3, 3)
-        Normal matrix, transposed inverse of its Cholesky factor, inverse, covariance.
+    W, V_inv, C : ndarray, shape (3, 3)
+        Of the normal matrix, the transposed inverse of its Cholesky factor, and the inverse;
+        the covariance.
+    P : ndarray, shape (n, 3, 2)
+        Covariance of the point with each of its rays.
+    S : ndarray, shape (3, 8)
+        P B, summed over the rays, in the first three columns.
+    z, s : ndarray, shapes (2, 16) and (3,)
+        Of a ray, and of the point.
     """
 
-    J: Array
-    B: Array
+    seen: Seen
     T: Array
     Y: Array
     X: Array
     sums: Array
     Y_sums: Array
     X_sums: Array
-    V: Array
     W: Array
     V_inv: Array
     C: Array
+    P: Array
+    S: Array
+    z: Array
+    s: Array
 
 
-@compiled
 def room_for(rays: SortedRays, first: int, last: int, n_cameras: int) -> Room:
     """Return working arrays for the point with the most rays."""
-    n = 1
-    for p in range(first, last):
-        n = max(n, rays.start[p + 1] - rays.start[p])
+    n = int(np.diff(rays.start[first : last + 1]).max(initial=1))
     return Room(
-        np.zeros((n, 2, 16)),
-        np.zeros((n, 2, 3)),
-        np.zeros((3, 16)),
-        np.zeros((n, 3, 16)),
-        np.zeros((n, 3, 16)),
-        np.zeros((n_cameras, 3, 16)),
-        np.zeros((n_cameras, 3, 16)),
-        np.zeros((n_cameras, 3, 16)),
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
+        seen=Seen(J=aligned(n, 2, WIDTH), G=aligned(n, 2, WIDTH), U=aligned(n, 2, 2)),
+        T=aligned(3, 16),
+        Y=aligned(n, 3, 16),
+        X=aligned(n, 3, 16),
+        sums=aligned(n_cameras, 3, 16),
+        Y_sums=aligned(n_cameras, 3, 16),
+        X_sums=aligned(n_cameras, 3, 16),
+        W=aligned(3, 3),
+        V_inv=aligned(3, 3),
+        C=aligned(3, 3),
+        P=aligned(n, 3, 2),
+        S=aligned(3, 8),
+        z=aligned(2, 16),
+        s=aligned(3),
     )
 
 
-@inlined
+@uncounted_inlined
 def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
-    """Fill V and W with a point's damped normal matrix V = L L^T and L^-T; False if open."""
-    B, V, W, also = room.B, room.V, room.W, rays.also[p]
-    for a in range(3):
-        for b in range(a, 3):
-            V[a, b] = scene.V[also, a, b] if also >= 0 else 0.0
+    """Fill W with L^-T of a point's damped normal matrix L L^T; False if that is open."""
+    J, W, also, grown = room.seen.J, room.W, rays.also[p], 1 + scene.damping
+    v00 = v01 = v02 = v11 = v12 = v22 = 0.0
     for k in range(rays.start[p + 1] - rays.start[p]):
-        for a in range(3):
-            for b in range(a, 3):
-                V[a, b] += B[k, 0, a] * B[k, 0, b] + B[k, 1, a] * B[k, 1, b]
-    for a in range(3):
-        V[a, a] *= 1 + scene.damping
-    if not V[0, 0] > 0:
+        for row in range(2):
+            x, y, z = J[k, row, POINT], J[k, row, POINT + 1], J[k, row, POINT + 2]
+            v00, v01, v02 = v00 + x * x, v01 + x * y, v02 + x * z
+            v11, v12, v22 = v11 + y * y, v12 + y * z, v22 + z * z
+    if also >= 0:
+        V = scene.V
+        v00, v01, v02 = v00 + V[also, 0, 0], v01 + V[also, 0, 1], v02 + V[also, 0, 2]
+        v11, v12, v22 = v11 + V[also, 1, 1], v12 + V[also, 1, 2], v22 + V[also, 2, 2]
+    v00, v11, v22 = v00 * grown, v11 * grown, v22 * grown
+    if not v00 > 0:
         return False
-    a = 1 / np.sqrt(V[0, 0])
-    l10, l20 = V[0, 1] * a, V[0, 2] * a
-    d1 = V[1, 1] - l10 * l10
+    a = 1 / np.sqrt(v00)
+    l10, l20 = v01 * a, v02 * a
+    d1 = v11 - l10 * l10
     if not d1 > 0:
         return False
     b = 1 / np.sqrt(d1)
-    l21 = (V[1, 2] - l20 * l10) * b
-    d2 = V[2, 2] - l20 * l20 - l21 * l21
+    l21 = (v12 - l20 * l10) * b
+    d2 = v22 - l20 * l20 - l21 * l21
     if not d2 > 0:
         return False
     c = 1 / np.sqrt(d2)
@@ -158,16 +171,16 @@ def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
     return True
 
 
-@inlined
+@uncounted_inlined
 def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> float:
     """Subtract a point's part from the normal equations; return its own decrease of the cost."""
-    J, B, T, Y, Y_sums = room.J, room.B, room.T, room.Y, room.Y_sums
+    J, T, Y, Y_sums = room.seen.J, room.T, room.Y, room.Y_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
     band, n_cameras = out.S.shape[1], out.I.shape[0]
     for c in range(n_cameras):
         _whitened(Y_sums, c * 48, room.W, 0, room.sums, c * 48)
     for k in range(n):
-        point_by_ray(T, 0, B, k * 6, J, k * 32)
+        point_by_ray(T, 0, J, k * 48 + POINT, J, k * 48)
         _whitened(Y, k * 48, room.W, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
@@ -193,9 +206,9 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
 # --- passes ----------------------------------------------------------------------------------
 
 
-@compiled
+@uncounted
 def accumulate(
-    rays: SortedRays, scene: Scene, first: int, last: int, out: CameraNormals
+    rays: SortedRays, scene: Scene, first: int, last: int, room: Room, out: CameraNormals
 ) -> tuple[bool, float]:
     """Add the normal equations of some points' rays, with the points eliminated.
 
@@ -204,6 +217,7 @@ def accumulate(
     rays, scene
     first, last : int
         The range of points.
+    room : Room
     out : CameraNormals
         The sums to which they are added.
 
@@ -214,17 +228,16 @@ def accumulate(
     decrement : float
         Decrease of the cost, to first order, if only the points moved.
     """
-    room, decrement = room_for(rays, first, last, out.I.shape[0]), 0.0
-    J, B, sums = room.J, room.B, room.sums
+    J, sums, decrement = room.seen.J, room.sums, 0.0
     for p in range(first, last):
         start = rays.start[p]
         sums[:] = 0.0
+        if not linearise(rays, scene, p, room.seen):
+            return False, 0.0
         for k in range(rays.start[p + 1] - start):
-            if not linearise(rays, scene, p, start + k, J, B, k):
-                return False, 0.0
             i = rays.image[start + k]
-            _add_squares(out.M, i * 256, J, k * 32, J, k * 32)
-            add_point_by_ray(sums, scene.camera[i] * 48, B, k * 6, J, k * 32)
+            _add_squares(out.M, i * 256, J, k * 48, J, k * 48)
+            add_point_by_ray(sums, scene.camera[i] * 48, J, k * 48 + POINT, J, k * 48)
         if rays.free[p] and factor(rays, scene, p, room):
             if rays.also[p] >= 0:
                 for a in range(3):
@@ -233,9 +246,9 @@ def accumulate(
     return True, decrement
 
 
-@compiled
+@uncounted
 def move_points(
-    rays: SortedRays, scene: Scene, first: int, last: int, step: Array, out: Array
+    rays: SortedRays, scene: Scene, first: int, last: int, room: Room, step: Array, out: Array
 ) -> None:
     """Fill in the steps of some points that follow from the steps of the cameras.
 
@@ -244,28 +257,25 @@ def move_points(
     rays, scene
     first, last : int
         The range of points.
+    room : Room
     step : ndarray, shape (n_images, 16)
         Steps of camera pose and interior orientation, and a one.
     out : ndarray, shape (n, 3)
         All points of the block.
     """
-    room, s = room_for(rays, first, last, 1), np.zeros(3)
-    J, B, W = room.J, room.B, room.W
+    J, W, s = room.seen.J, room.W, room.s
     for p in range(first, last):
         if not rays.free[p]:
             continue
         also, start, at = rays.also[p], rays.start[p], rays.point[p]
         for c in range(3):
             s[c] = scene.h[also, c] if also >= 0 else 0.0
+        linearise(rays, scene, p, room.seen)
         for k in range(rays.start[p + 1] - start):
-            linearise(rays, scene, p, start + k, J, B, k)
             i = rays.image[start + k]
-            a = b = 0.0
-            for c in range(16):
-                a += J[k, 0, c] * step[i, c]
-                b += J[k, 1, c] * step[i, c]
+            a, b = dot_16(J, k * 48, step, i * 16), dot_16(J, k * 48 + WIDTH, step, i * 16)
             for c in range(3):
-                s[c] += B[k, 0, c] * a + B[k, 1, c] * b
+                s[c] += J[k, 0, POINT + c] * a + J[k, 1, POINT + c] * b
         if factor(rays, scene, p, room):
             a, b = W[0, 0] * s[0], W[0, 1] * s[0] + W[1, 1] * s[1]
             c = W[0, 2] * s[0] + W[1, 2] * s[1] + W[2, 2] * s[2]

@@ -24,7 +24,8 @@ from acx4lib.bundle.compiled.chain_rule import (
     reduced_normals,
 )
 from acx4lib.bundle.compiled.covariances import Tests
-from acx4lib.bundle.compiled.elimination import CameraNormals, camera_normals
+from acx4lib.bundle.compiled.elimination import CameraNormals, Room, camera_normals, room_for
+from acx4lib.bundle.compiled.joined import Joined
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index
@@ -82,6 +83,8 @@ class NetworkNormals:
         Number of points of the block, measured or not.
     others : sequence of Equations
         The observations that are no image points; a unit depends on one pose at most.
+    joined : Joined, optional
+        Points that some of these join to others.
     """
 
     packed: Packed
@@ -93,8 +96,12 @@ class NetworkNormals:
     sigma_px: Array
     n_points: int
     others: Sequence[Equations]
+    joined: Joined | None = None
 
     # --- assembled ---------------------------------------------------------------------------
+
+    def _room(self, first: int, last: int) -> Room:
+        return room_for(self.packed.rays, first, last, self.hanging.n_cameras)
 
     @cached_property
     def _images(self) -> tuple[Bordered, float, float]:
@@ -106,7 +113,8 @@ class NetworkNormals:
         ]
 
         def work(first: int, last: int, total: CameraNormals) -> tuple[bool, float]:
-            return elimination.accumulate(packed.rays, self.scene, first, last, total)
+            room = self._room(first, last)
+            return elimination.accumulate(packed.rays, self.scene, first, last, room, total)
 
         done = _in_parts(packed, work, totals)
         while len(totals) > 1:
@@ -134,7 +142,8 @@ class NetworkNormals:
     @cached_property
     def _order(self) -> Index:
         """The unknown to which each column of the bordered system belongs, -1 for a held one."""
-        return np.concatenate([np.arange(self._n_border), self.pose_columns.ravel()])
+        border = np.setdiff1d(np.arange(self.n_columns), self.pose_columns)
+        return np.concatenate([border, self.pose_columns.ravel()])
 
     @cached_property
     def _system(self) -> Bordered:
@@ -156,6 +165,8 @@ class NetworkNormals:
         for e in self.others:
             if e.A.shape[2]:
                 _add(system, e, place)
+        if self.joined:
+            self.joined.reduce(system, place)
         held = order[m:] < 0
         if held.any():
             cut_off(system, held)
@@ -181,11 +192,12 @@ class NetworkNormals:
 
     @cached_property
     def _ordered_step(self) -> Array:
+        """The step of columns, in the order of the bordered system."""
         return -self._solver.solve(self._system.g)
 
-    @cached_property
+    @property
     def promised(self) -> float:
-        """The decrease of cost that the step predicts."""
+        """Decrease of the cost that the step predicts."""
         return self._images[2] - float(self._system.g @ self._ordered_step)
 
     def step(self) -> tuple[Array, Array]:
@@ -194,13 +206,23 @@ class NetworkNormals:
         dx = self._ordered_step[places(self._order)]
         border, poses = gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
         along = camera_steps(self.hanging, border, poses)
-        dp = np.zeros((self.n_points, 3))
+        dp, scene = np.zeros((self.n_points, 3)), self._pulled(dx)
 
         def work(first: int, last: int) -> None:
-            elimination.move_points(packed.rays, self.scene, first, last, along, dp)
+            room = self._room(first, last)
+            elimination.move_points(packed.rays, scene, first, last, room, along, dp)
 
         _in_parts(packed, work)
         return dx, dp
+
+    def _pulled(self, dx: Array) -> Scene:
+        """Return the scene with what the steps of joining unknowns add to the points' sides."""
+        if self.joined is None:
+            return self.scene
+        h, number = self.scene.h.copy(), np.full(self.n_points, -1)
+        number[self.packed.rays.point] = self.packed.rays.also
+        h[number[self.joined.points]] += self.joined.pulled(dx)
+        return self.scene._replace(h=h)
 
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
@@ -222,10 +244,12 @@ class NetworkNormals:
         )
 
         def work(first: int, last: int) -> None:
-            covariances.precision(packed.rays, self.scene, first, last, cov, tests)
+            room = self._room(first, last)
+            covariances.precision(packed.rays, self.scene, first, last, room, cov, tests)
 
         _in_parts(packed, work)
-        groups = [_tested(e, inverse, tests.cov_points) for e in self.others]
+        coupled = self.joined.test(inverse, tests) if self.joined else np.zeros((0, 1))
+        groups = [_tested(e, inverse, tests.cov_points, coupled) for e in self.others]
         return Precision(
             inverse=inverse,
             cov_points=tests.cov_points,
@@ -269,12 +293,14 @@ def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
     return BorderedCovariance(P=part.P, C=C, D=D)
 
 
-def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
-    """Return the group of observations that depend on points only or on columns only."""
+def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -> Group:
+    """Return the group of observations of points or columns; if of both, with their coupling."""
     explained = np.zeros_like(e.v)
     if e.B is not None and e.point is not None:
         explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
     if e.A.shape[2]:
         cov = held_at_zero(inverse, e.columns[:, :, None], e.columns[:, None, :])
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
+    if e.B is not None and e.A.shape[2]:
+        explained += coupled
     return Group.of(e, explained)

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from acx4lib.compiling import inlined
+from acx4lib.bundle.compiled.small_products import SmallProduct
+from acx4lib.compiling import uncounted_inlined
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import MOST_STEPS, NEAR_MM
 from acx4lib.geometry.refraction import DENSITY, LAPSE, REFRACTIVITY
 
-INTERIOR, RESIDUAL = 6, 15
-"""Positions, in a ray's row, of the first interior parameter and of the residual."""
+INTERIOR, RESIDUAL, POINT, WIDTH = 6, 15, 16, 24
+"""In a ray's row: positions of the first interior parameter, of the residual and of the first
+derivative by the point; and its length, which is a multiple of eight."""
 
 
 class SortedRays(NamedTuple):
@@ -86,7 +88,25 @@ class Scene(NamedTuple):
     damping: float
 
 
-@inlined
+class Seen(NamedTuple):
+    """The rays of one point, linearised.
+
+    Attributes
+    ----------
+    J : ndarray, shape (n, 2, WIDTH)
+        Rows of the measured image, in standard deviations.
+    G : ndarray, shape (n, 2, WIDTH)
+        Rows of the corrected image, mm.
+    U : ndarray, shape (n, 2, 2)
+        d(measured point, in standard deviations) / d(corrected point, mm): J is U G.
+    """
+
+    J: Array
+    G: Array
+    U: Array
+
+
+@uncounted_inlined
 def _appears_at(scene: Scene, i: int, p: int) -> float:
     """Return the apparent height of a point, by `refraction.refraction_lift`."""
     height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
@@ -98,25 +118,48 @@ def _appears_at(scene: Scene, i: int, p: int) -> float:
     return z - K * (dx * dx + dy * dy + dz * dz) / dz
 
 
-@inlined
-def _by_point(interior: Array, camera: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return d(x)/dx, d(y)/dy and d(x)/dy = d(y)/dx of a corrected point, `camera.correct`."""
+@uncounted_inlined
+def _corrected(interior: Array, camera: int, x: float, y: float) -> tuple[float, ...]:
+    """Return a point corrected, and d(x)/dx, d(y)/dy and d(x)/dy = d(y)/dx: `camera.correct`."""
     k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
     p1, p2, r2 = interior[camera, 6], interior[camera, 7], x * x + y * y
     left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
     return (
+        x * left - p1 * (r2 + 2 * x * x) - 2 * p2 * x * y,
+        y * left - p2 * (r2 + 2 * y * y) - 2 * p1 * x * y,
         left - x * x * slope - 6 * p1 * x - 2 * p2 * y,
         left - y * y * slope - 6 * p2 * y - 2 * p1 * x,
         -x * y * slope - 2 * p1 * y - 2 * p2 * x,
     )
 
 
-@inlined
-def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array, k: int) -> bool:
-    """Fill J[k], B[k] with ray q's derivatives by camera and point p; False if p is behind it."""
-    i = rays.image[q]
-    R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c  # no slices: references are counted
+@uncounted_inlined
+def _adjusted(
+    interior: Array, camera: int, x: float, y: float, x_ideal: float, y_ideal: float
+) -> tuple[float, float, bool]:
+    """Return where the corrected point is the ideal one, and whether that was reached.
+
+    The steps are those of `collinearity`.
+    """
+    s = 1 / (1 + interior[camera, 8])
+    for _ in range(MOST_STEPS):
+        x_c, y_c, xx, yy, xy = _corrected(interior, camera, x, y)
+        ex, ey, det = x_ideal - x_c, y_ideal - y_c, xx * yy - xy * xy
+        if not (det > 0 and xx + yy > 0):
+            break
+        vx, vy = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
+        x, y = x + vx, y + vy
+        if vx * vx * s * s + vy * vy < NEAR_MM * NEAR_MM:
+            return x, y, True
+    return x, y, False
+
+
+@uncounted_inlined
+def _look(rays: SortedRays, scene: Scene, p: int, q: int, seen: Seen, k: int) -> bool:
+    """Fill G[k] and U[k] for ray q to point p; False if the point is behind the camera."""
+    i, G, U = rays.image[q], seen.G, seen.U
+    R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c
     z_m = _appears_at(scene, i, p) if scene.refraction else x_m[p, 2]
     dx, dy, dz = x_m[p, 0] - r_m_c[i, 0], x_m[p, 1] - r_m_c[i, 1], z_m - r_m_c[i, 2]
     r00, r01, r02 = R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]
@@ -129,57 +172,56 @@ def linearise(rays: SortedRays, scene: Scene, p: int, q: int, J: Array, B: Array
     u = (r00 * dx + r10 * dy + r20 * dz) * down
     v = (r01 * dx + r11 * dy + r21 * dz) * down
     camera, interior, w = scene.camera[i], scene.interior, rays.weight[q]
-    f, xp, yp = interior[camera, 0], interior[camera, 1], interior[camera, 2]
-    stretch = 1 + interior[camera, 8]
-    x, y = rays.xy[q, 0] * stretch - xp, rays.xy[q, 1] - yp
-    xx, yy, xy = _by_point(interior, camera, x, y)
-    k1, k2, k3 = interior[camera, 3], interior[camera, 4], interior[camera, 5]
-    p1, p2, r2 = interior[camera, 6], interior[camera, 7], x * x + y * y
-    left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
-    ex = -f * u - x * left + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y
-    ey = -f * v - y * left + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
-    s, a, b, c, d = 1 / stretch, w, 0.0, 0.0, w  # of d(residual) / d(ideal point) / sigma
-    v0, v1, x_0, y_0, reached = w * ex, w * ey, x, y, False
-    for _ in range(MOST_STEPS if scene.adjusted else 0):  # `collinearity` has the same steps
-        det = xx * yy - xy * xy
-        if not (det > 0 and xx + yy > 0):
-            break
-        vx, vy = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
-        x, y = x + vx, y + vy
-        xx, yy, xy = _by_point(interior, camera, x, y)
-        if vx * vx * s * s + vy * vy < NEAR_MM * NEAR_MM:
-            reached = True
-            break
-        r2 = x * x + y * y
-        left = 1 - r2 * (k1 + r2 * (k2 + r2 * k3))
-        ex = -f * u - x * left + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y
-        ey = -f * v - y * left + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
+    f, xp, s = interior[camera, 0], interior[camera, 1], 1 / (1 + interior[camera, 8])
+    x_0, y_0 = rays.xy[q, 0] * (1 + interior[camera, 8]) - xp, rays.xy[q, 1] - interior[camera, 2]
+    x, y, reached = x_0, y_0, False
+    if scene.adjusted:
+        x, y, reached = _adjusted(interior, camera, x_0, y_0, -f * u, -f * v)
+        if not reached:  # no image there: the correction at the measured point
+            x, y = x_0, y_0
+    x_c, y_c, xx, yy, xy = _corrected(interior, camera, x, y)
     if reached:
-        v0, v1 = w * s * (x - x_0), w * (y - y_0)
         det = w / (xx * yy - xy * xy)
-        a, b, c, d = yy * det * s, -xy * det * s, -xy * det, xx * det
-    elif scene.adjusted:  # no image there: the correction at the measured point
-        x, y = x_0, y_0
-        xx, yy, xy = _by_point(interior, camera, x, y)
-    r2 = x * x + y * y
-    # these are applied to ray and point
-    au, cu, ax, cx = a * u + b * v, c * u + d * v, a * x + b * y, c * x + d * y
-    by_xp_0, by_xp_1 = a * xx + b * xy, c * xx + d * xy
-    m, r4, x_raw = -f * down, r2 * r2, (x + xp) * s
-    J[k, 0, 0], J[k, 0, 1], J[k, 0, 2] = -m * a, -m * b, m * au
-    J[k, 1, 0], J[k, 1, 1], J[k, 1, 2] = -m * c, -m * d, m * cu
-    J[k, 0, 3], J[k, 0, 4], J[k, 0, 5] = -f * (b + v * au), f * (a + u * au), f * (b * u - a * v)
-    J[k, 1, 3], J[k, 1, 4], J[k, 1, 5] = -f * (d + v * cu), f * (c + u * cu), f * (d * u - c * v)
-    J[k, 0, 6], J[k, 0, 7], J[k, 0, 8] = -au, by_xp_0, a * xy + b * yy
-    J[k, 1, 6], J[k, 1, 7], J[k, 1, 8] = -cu, by_xp_1, c * xy + d * yy
-    J[k, 0, 9], J[k, 0, 10], J[k, 0, 11] = ax * r2, ax * r4, ax * r4 * r2
-    J[k, 1, 9], J[k, 1, 10], J[k, 1, 11] = cx * r2, cx * r4, cx * r4 * r2
-    J[k, 0, 12], J[k, 0, 13] = a * r2 + 2 * x * ax, b * r2 + 2 * y * ax
-    J[k, 1, 12], J[k, 1, 13] = c * r2 + 2 * x * cx, d * r2 + 2 * y * cx
-    J[k, 0, 14], J[k, 0, 15] = -by_xp_0 * x_raw, v0
-    J[k, 1, 14], J[k, 1, 15] = -by_xp_1 * x_raw, v1
-    a, b, c, d, au, cu = m * a, m * b, m * c, m * d, m * au, m * cu
-    B[k, 0, 0], B[k, 1, 0] = a * r00 + b * r01 - au * r02, c * r00 + d * r01 - cu * r02
-    B[k, 0, 1], B[k, 1, 1] = a * r10 + b * r11 - au * r12, c * r10 + d * r11 - cu * r12
-    B[k, 0, 2], B[k, 1, 2] = a * r20 + b * r21 - au * r22, c * r20 + d * r21 - cu * r22
+        U[k, 0, 0], U[k, 0, 1] = yy * det * s, -xy * det * s
+        U[k, 1, 0], U[k, 1, 1] = -xy * det, xx * det
+        G[k, 0, 15], G[k, 1, 15] = (
+            xx * (x - x_0) + xy * (y - y_0),
+            xy * (x - x_0) + yy * (y - y_0),
+        )
+    else:
+        U[k, 0, 0], U[k, 0, 1], U[k, 1, 0], U[k, 1, 1] = w, 0.0, 0.0, w
+        G[k, 0, 15], G[k, 1, 15] = -f * u - x_c, -f * v - y_c
+    m, x_i, r2 = -f * down, (x + xp) * s, x * x + y * y
+    r4 = r2 * r2
+    G[k, 0, 0], G[k, 0, 1], G[k, 0, 2] = -m, 0.0, m * u
+    G[k, 1, 0], G[k, 1, 1], G[k, 1, 2] = 0.0, -m, m * v
+    G[k, 0, 3], G[k, 0, 4], G[k, 0, 5] = -f * u * v, f * (1 + u * u), -f * v
+    G[k, 1, 3], G[k, 1, 4], G[k, 1, 5] = -f * (1 + v * v), f * u * v, f * u
+    G[k, 0, 6], G[k, 0, 7], G[k, 0, 8] = -u, xx, xy
+    G[k, 1, 6], G[k, 1, 7], G[k, 1, 8] = -v, xy, yy
+    G[k, 0, 9], G[k, 0, 10], G[k, 0, 11] = x * r2, x * r4, x * r4 * r2
+    G[k, 1, 9], G[k, 1, 10], G[k, 1, 11] = y * r2, y * r4, y * r4 * r2
+    G[k, 0, 12], G[k, 0, 13], G[k, 0, 14] = r2 + 2 * x * x, 2 * x * y, -xx * x_i
+    G[k, 1, 12], G[k, 1, 13], G[k, 1, 14] = 2 * x * y, r2 + 2 * y * y, -xy * x_i
+    G[k, 0, 16], G[k, 1, 16] = m * (r00 - u * r02), m * (r01 - v * r02)
+    G[k, 0, 17], G[k, 1, 17] = m * (r10 - u * r12), m * (r11 - v * r12)
+    G[k, 0, 18], G[k, 1, 18] = m * (r20 - u * r22), m * (r21 - v * r22)
+    return True
+
+
+_measured_from_corrected = SmallProduct(
+    rows=2, inner=2, width=WIDTH, left=(2, 1), right=WIDTH, out=WIDTH
+).compiled()
+
+
+@uncounted_inlined
+def linearise(rays: SortedRays, scene: Scene, p: int, seen: Seen) -> bool:
+    """Fill in the rows of point p's rays; False if it is behind a camera."""
+    start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
+    for k in range(n):
+        if not _look(rays, scene, p, start + k, seen, k):
+            return False
+    # apart, since numbers written one by one take a while until eight can be read at once
+    for k in range(n):
+        _measured_from_corrected(seen.J, k * 2 * WIDTH, seen.U, k * 4, seen.G, k * 2 * WIDTH)
     return True

@@ -9,9 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+
+from acx4lib.expected import Array
 
 LANES = 8
 
@@ -20,6 +24,14 @@ _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _UNSET = ir.Constant(_VECTOR, ir.Undefined)
 _FIRST_LANE = ir.Constant(ir.VectorType(_LANE, LANES), [0] * LANES)
 _FAST = ("reassoc", "contract", "nsz")
+
+
+def aligned(*shape: int) -> Array:
+    """Return zeros from a line of the processor's cache on, so that no eight lie in two lines."""
+    n = int(np.prod(shape))
+    longer = np.zeros(n + LANES)
+    first = -(longer.ctypes.data // longer.itemsize) % LANES
+    return longer[first : first + n].reshape(shape)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +85,7 @@ class SmallProduct:
             signature = types.void(out, index, left, index, right, index)
 
             def generate(context: Any, builder: ir.IRBuilder, typed: Any, values: Any) -> Any:
-                starts = []
-                for k in (0, 2, 4):
-                    array = context.make_array(typed.args[k])(context, builder, values[k])
-                    starts.append(builder.gep(array.data, [values[k + 1]]))
-                shape._write(builder, *starts)
+                shape._write(builder, *_starts(context, builder, typed, values))
                 return context.get_dummy_value()
 
             return signature, generate
@@ -107,6 +115,52 @@ class SmallProduct:
                     part = builder.fmul(factors[k], rights[k, c], flags=_FAST)
                     total = builder.fadd(total, part, flags=_FAST)
                 _store(builder, total, place)
+
+
+def dot(width: int) -> Callable[..., float]:
+    """Return a compiled ``dot(left, left_at, right, right_at)`` of as many numbers.
+
+    Parameters
+    ----------
+    width : int
+        A multiple of eight. Everything else is as in `SmallProduct`.
+    """
+
+    @intrinsic
+    def product(
+        _typing: Any,
+        left: Any,
+        left_at: Any,  # noqa: ARG001
+        right: Any,
+        right_at: Any,  # noqa: ARG001
+    ) -> Any:
+        index = types.int64
+        signature = types.double(left, index, right, index)
+
+        def generate(context: Any, builder: ir.IRBuilder, typed: Any, values: Any) -> Any:
+            starts = _starts(context, builder, typed, values)
+            total = ir.Constant(_VECTOR, [0.0] * LANES)
+            for c in range(0, width, LANES):
+                pair = (_load(builder, _plus(builder, start, c)) for start in starts)
+                total = builder.fadd(total, builder.fmul(*pair, flags=_FAST), flags=_FAST)
+            kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _VECTOR])
+            name = f"llvm.vector.reduce.fadd.v{LANES}f64"
+            reduce = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call] # untyped
+                builder.module, kind, name
+            )
+            return builder.call(reduce, [ir.Constant(_DOUBLE, 0.0), total], fastmath=_FAST)
+
+        return signature, generate
+
+    return product
+
+
+def _starts(context: Any, builder: ir.IRBuilder, typed: Any, values: Any) -> list[Any]:
+    """Return the addresses at which matrices begin, from arrays and positions in turn."""
+    return [
+        builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+        for kind, array, at in zip(typed.args[::2], values[::2], values[1::2], strict=True)
+    ]
 
 
 def _plus(builder: ir.IRBuilder, start: Any, offset: int) -> Any:

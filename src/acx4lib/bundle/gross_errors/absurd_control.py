@@ -14,9 +14,10 @@ import numpy as np
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import too_many
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.ray_misfits import ASTRAY, control_misfits
 from acx4lib.bundle.start.start_values import turned_alike
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block

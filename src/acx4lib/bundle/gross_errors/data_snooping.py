@@ -25,8 +25,9 @@ from acx4lib.bundle.gross_errors.single_tests import (
     judge,
     observations,
 )
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.robust import SUSPECT, reweighted, robust_phase, sizes, spread
+from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
@@ -233,7 +234,7 @@ def _to_take(observed: Observations, w: Array) -> Mask:
     """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
-    row_pose = np.zeros(observed.pose.max(initial=-1) + 1)
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last one of what has no pose
     np.maximum.at(row_pose, observed.pose[posed], w[posed])
     at_pose = row_pose.copy()
     np.maximum.at(at_pose, observed.pose[tied], w[tied])

@@ -12,21 +12,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.bundle.observations import usable
 from acx4lib.expected import Index
 from acx4lib.flight.block import Block
 
 ROWS = (10, 3)
-"""Attitudes (by component), GNSS positions or control points: more than one in ten, at least 3."""
+"""Attitudes (by component), positions, control points, distances: more than 1 in 10, at least 3."""
 
 OF_IMAGE, OF_CAMERA = (3, 10), (5, 10)
 """Rays of one image: more than one in three; of one camera: more than one in five; at least 10."""
 
-NAMES = {"attitude": "attitudes", "gnss": "GNSS positions", "control_point": "control points"}
+NAMES = {
+    "attitude": "attitudes",
+    "gnss": "GNSS positions",
+    "control_point": "control points",
+    "distance": "distances",
+}
 
 COMPONENTS = {
     "attitude": ("roll", "pitch", "heading"),
     "gnss": ("east", "north", "height"),
     "control_point": ("east", "north", "height"),
+    "distance": (),
 }
 
 
@@ -141,10 +148,10 @@ def _is_of(block: Block, one: Rejection, group: Stopped, rayless: Set[int]) -> b
 
 
 def _of_rows(block: Block, rejected: Sequence[Rejection], kind: str) -> Stopped | None:
-    """Return the trajectory rows or control points, if too many of them would be rejected."""
+    """Return the trajectory rows, control points or distances, if too many would be rejected."""
     own = {(r.row, r.largest) for r in rejected if r.kind == kind}
     n_rows, n = len({row for row, _ in own}), _number(block, kind)
-    by_component = [sum(largest == k for _, largest in own) for k in range(3)]
+    by_component = [sum(largest == k for _, largest in own) for k in range(len(COMPONENTS[kind]))]
     components = tuple(
         name
         for name, count in zip(COMPONENTS[kind], by_component, strict=True)
@@ -159,6 +166,8 @@ def _number(block: Block, kind: str) -> int:
     if kind == "control_point":
         known = np.isfinite(block.control.sigma_m).any(axis=1)
         return int(np.sum(known & (block.rays[block.control.point_idx] > 0)))
+    if kind == "distance":
+        return len(usable(block.distances, block.image_points.point_idx))
     trajectory = block.trajectory
     sigma = trajectory.sigma_position if kind == "gnss" else trajectory.sigma_attitude
     used = np.unique(block.images.exposure_idx)

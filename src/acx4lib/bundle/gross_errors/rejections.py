@@ -13,7 +13,7 @@ from acx4lib.flight.block import Block
 CRITICAL = 3.9
 """Critical value of a w-test: alpha = 0.01 % per component."""
 
-KINDS = ("image_point", "control_point", "gnss", "attitude")
+KINDS = ("image_point", "control_point", "gnss", "attitude", "distance")
 """Kinds of observations that may be rejected, in the order of a network's groups."""
 
 
@@ -26,7 +26,7 @@ class Rejection:
     kind : str
         One of `KINDS`.
     row : int
-        Index into the block's image points, control points or exposures.
+        Index into the block's image points, control points, exposures or distances.
     component : int
         Component of a control point; -1 for the whole observation.
     statistic : float
@@ -60,7 +60,7 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     Returns
     -------
     Block
-        Image points are dropped; control components and trajectory rows get an infinite sigma.
+        What is taken out has an infinite sigma.
 
     Raises
     ------
@@ -84,6 +84,8 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     sigma_px[rows["image_point"]] = np.inf
     for row, component in zip(rows["control_point"], components, strict=True):
         sigma_m[row, component] = np.inf
+    sigma_of_distances = block.distances.sigma_m.copy()
+    sigma_of_distances[rows["distance"]] = np.inf
     position[rows["gnss"]] = np.inf
     attitude[rows["attitude"]] = np.inf
     return replace(
@@ -91,10 +93,11 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
         image_points=replace(points, sigma_px=sigma_px),
         control=replace(control, sigma_m=sigma_m),
         trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
+        distances=replace(block.distances, sigma_m=sigma_of_distances),
     )
 
 
-def _numbers_of_rows(block: Block) -> tuple[int, int, int, int]:
+def _numbers_of_rows(block: Block) -> tuple[int, ...]:
     """Return a block's number of observations of each of the `KINDS`."""
     n = len(block.trajectory)
-    return len(block.image_points), len(block.control), n, n
+    return len(block.image_points), len(block.control), n, n, len(block.distances)

@@ -13,6 +13,7 @@ from scipy import stats
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import usable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.normal_equations import Group
 from acx4lib.least_squares.w_test import CONTROLLED, statistics
@@ -22,7 +23,7 @@ T = TypeVar("T", bound=np.generic)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
-    """The tested observations: image points, components of control points, positions, attitudes.
+    """The tested observations, in the order of `KINDS`; of control points each component.
 
     Attributes
     ----------
@@ -48,6 +49,8 @@ def observations(network: Network) -> Observations:
     points, poses = network.image_points, np.arange(len(network.pose_names))
     none = np.full(len(network.rows), -1)
     unmeasured = np.full(len(poses), -1)
+    distances = usable(network.block.distances, points.point_idx)
+    of_none = np.full(len(distances), -1)
     parts = [
         (network.rows, none, points.point_idx, network.pose_idx[points.image_idx]),
         (
@@ -58,6 +61,7 @@ def observations(network: Network) -> Observations:
         ),
         (poses, unmeasured, unmeasured, poses),
         (poses, unmeasured, unmeasured, poses),
+        (distances, of_none, of_none, of_none),
     ]
     row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
@@ -67,9 +71,9 @@ def observations(network: Network) -> Observations:
 def by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
     """Return values of the observations as columns, to be broadcast to the network's groups."""
     n, k = len(network.rows), int(np.sum(~network.held_control))
-    ends = np.cumsum([n, 3 * k, len(network.pose_names)])
-    image, control, position, attitude = np.split(values, ends)
-    return [image[:, None], control.reshape(-1, 3), position[:, None], attitude[:, None]]
+    n_poses = len(network.pose_names)
+    image, control, *others = np.split(values, np.cumsum([n, 3 * k, n_poses, n_poses]))
+    return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in others)]
 
 
 def flat(values: Sequence[NDArray[T]]) -> NDArray[T]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import ImagePoints
 from acx4lib.geometry.camera import Camera

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index
 
 Residuals = tuple[Array, Array]  # v and sigma of a group
@@ -167,7 +168,8 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
         Declared mountings keep their sigma.
     """
     points, control, observed = network.image_points, network.control, network.observed
-    on_image, on_control, on_position, on_attitude = factors[:4]
+    distances = network.distances
+    on_image, on_control, on_position, on_attitude, on_distance = factors[:5]
     sigma_m = control.sigma_m.copy()
     sigma_m[~network.held_control] *= on_control
     return network.with_sigma(
@@ -178,6 +180,7 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
             sigma_position=observed.sigma_position * on_position,
             sigma_attitude=observed.sigma_attitude * on_attitude,
         ),
+        distances=replace(distances, sigma_m=distances.sigma_m * on_distance[:, 0]),
     )
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.network import Network, State, camera_poses
+from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.start.ray_misfits import (
     Seen,
     camera_rays,
@@ -19,6 +19,7 @@ from acx4lib.bundle.start.ray_misfits import (
     towards,
     with_surveyed,
 )
+from acx4lib.bundle.unknowns import State
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.frames import Pose, transform

@@ -14,7 +14,7 @@ from acx4lib.expected import Array, given
 from acx4lib.flight.problems import Problem, counted, quoted
 from acx4lib.flight.text.cells import cell_problems
 from acx4lib.flight.text.headers import extra_notes, header_problems
-from acx4lib.flight.text.schemas import SCHEMAS, Schema
+from acx4lib.flight.text.schemas import Schema
 from acx4lib.flight.text.table import Table
 
 PICTURES = ("file",)
@@ -58,7 +58,7 @@ class Written(Sequence[str]):
         return "" if _is_missing(value) else str(value)
 
 
-def table_in_memory(columns: Columns, name: str, kind: str) -> Table:
+def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     """Return a table made from columns; what is wrong is in its `problems`.
 
     Parameters
@@ -67,10 +67,9 @@ def table_in_memory(columns: Columns, name: str, kind: str) -> Table:
         Names may be text or whole numbers. A standard deviation may be infinite: not known.
     name : str
         What messages call it.
-    kind : str
-        One of `SCHEMAS`: the same columns as that file's, but for `PICTURES`.
+    schema : Schema
+        Of the file that it stands for, without `PICTURES`.
     """
-    schema = SCHEMAS[kind]
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
     table = Table(file=name, in_memory=True)
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
@@ -151,12 +150,16 @@ def _numbers(cells: NDArray[Any]) -> Array:
     """Return cells as numbers, NaN where one is none; text is none, whatever it says."""
     if cells.dtype.kind in "fiu":
         return cells.astype(float)
-    is_number = (
-        isinstance(one, int | float | np.number) and not isinstance(one, bool) for one in cells
-    )
-    return np.array(
-        [float(one) if good else np.nan for one, good in zip(cells, is_number, strict=True)]
-    )
+    return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return np.nan
+    try:
+        return float(value)
+    except OverflowError:  # an integer of Python may have any number of digits
+        return np.nan
 
 
 def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:

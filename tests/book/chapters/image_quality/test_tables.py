@@ -23,7 +23,7 @@ from acx4book.chapters.image_quality.figures import (
 )
 from acx4book.chapters.image_quality.known_exposure import heads_response
 from acx4book.chapters.image_quality.seams import overlap_picture, seam_profile
-from acx4book.chapters.synthetic_image.wrong_heads import every_refinement
+from acx4book.chapters.synthetic_image.wrong_heads import every_refinement, repaired
 from acx4book.paper import printed
 from support.figures import drawn, quivers
 from support.pictures.known import known
@@ -153,3 +153,16 @@ def test_the_papers_two_pixels_are_drawn_beside_the_distortion(examined, draws, 
     diamonds = [line.get_ydata()[0] for line in left.lines if line.get_marker() == "D"]
     assert sorted(diamonds) == [-2, 2]
     assert len(right.get_yticks()) == 4
+
+
+@pytest.mark.slow
+def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(exposure):
+    """With 0.01 degrees: 0.01 px in the overlaps, 0.02 px in the frame; a shift leaves 3 px."""
+    found = repaired(exposure.orientation, exposure.synthetic, seed=1, trials=1)
+    table = tables.repaired(found)
+    turned = table[table["Errors"].str.startswith("heads turned")].set_index("Refined by")
+    turned = turned.drop(columns="Errors").astype(float)
+    rotations, shift = (turned.loc[tables.NAMES[way]] for way in ("rotations", "mean shift"))
+    assert rotations["Overlaps, RMS (px)"] < 0.01
+    assert rotations["at most in the frame (px)"] < 0.02
+    assert shift["at most in the frame (px)"] > 1.0

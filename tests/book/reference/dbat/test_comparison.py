@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acx4book.reference import data
 from acx4book.reference.dbat import blocks, comparison, files, printed, statements
 from acx4book.reference.dbat.table import results
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
@@ -138,3 +139,46 @@ def test_covariance_of_the_converted_interior_is_propagated():
     # the principal point is xp over one plus b1, and a constant
     assert got[1, 1] == pytest.approx(4e-6 / 1.1**2 + 9e-6 * 0.8**2 / 1.1**4)
     assert got[1, 3] == pytest.approx(-9e-6 * 0.8 / 1.1**2)
+
+
+# --- other files -----------------------------------------------------------------------------
+
+
+def test_image_points_without_sigma_are_told(tmp_path):
+    file = tmp_path / "points.txt"
+    file.write_text("# image, point, x, y\n1, 2, 1429.1, 1456.4\n")
+    with pytest.raises(
+        ValueError, match=r"points\.txt: row 1 has 4 of 5 columns .* expected sigma"
+    ):
+        files.read_image_points(file)
+
+
+def test_marked_points_with_a_column_too_many_are_told(tmp_path):
+    file = tmp_path / "points.txt"
+    file.write_text("2, 1, 1429.1, 1456.4\n3, 1, 1429.1, 1456.4, 0.1\n")
+    with pytest.raises(ValueError, match=r"row 2 has 5 of 4 columns .* expected only 4 columns"):
+        files.read_marked_points(file, sigma_px=1.0)
+
+
+def of_model(tmp_path, name, model):
+    text = data.path(f"{name}/reference_report.txt").read_text()
+    report = tmp_path / "report.txt"
+    report.write_text(text.replace("Backward (Photogrammetry) model 3", model))
+    return printed.read(report)
+
+
+@needs("dbat-sxb")
+@pytest.mark.parametrize("model", "12345")
+def test_every_backward_model_is_ours_without_an_aspect(tmp_path, model):
+    name = f"Backward (Photogrammetry) model {model}"
+    assert statements.lens_model(of_model(tmp_path, "dbat-sxb", name)) == name
+
+
+@needs("dbat-camcal")
+@pytest.mark.parametrize(
+    "name", ["Backward (Photogrammetry) model 4", "Forward (Computer Vision) model 1"]
+)
+def test_another_lens_than_ours_is_told(tmp_path, name):
+    """The project camcal estimates an aspect, which model 4 applies after the lens."""
+    with pytest.raises(ValueError, match=f"^lens distortion model {re.escape(name)}: expected a"):
+        statements.lens_model(of_model(tmp_path, "dbat-camcal", name))

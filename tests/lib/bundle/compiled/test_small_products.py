@@ -39,6 +39,25 @@ def test_strides_take_the_transpose_of_the_left_matrix(rng):
     assert_allclose(out, left[:, :6].T @ right, rtol=1e-14, atol=1e-14)
 
 
+def test_a_dot_product_begins_where_it_is_told(rng):
+    product, a, b = small_products.dot(16), rng.normal(size=40), rng.normal(size=(2, 16))
+
+    @numba.njit
+    def call(a, b):
+        return product(a, 3, b, 16)
+
+    assert_allclose(call(a, b), a[3:19] @ b[1], rtol=1e-14)
+
+
+def test_what_is_aligned_begins_where_a_line_of_the_cache_does():
+    for shape in ((3,), (5, 2, 24), (1, 3, 3)):
+        made = small_products.aligned(*shape)
+        assert made.shape == shape
+        assert not made.any()
+        assert made.ctypes.data % 64 == 0
+        assert made.flags.c_contiguous
+
+
 def test_the_lower_triangle_of_a_symmetric_product_may_be_left_out(rng):
     call = compiled(rows=16, inner=2, width=16, left=(1, 16), right=16, out=16, add=1, upper=True)
     J, out = rng.normal(size=(2, 16)), np.zeros((16, 16))

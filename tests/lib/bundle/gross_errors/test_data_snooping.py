@@ -185,7 +185,7 @@ def test_rejections_come_with_the_largest_first_and_exceed_their_limit(noisy_blo
 def test_nothing_that_is_left_fails_its_test(noisy_block):
     spoilt, _ = spoilt_in_many_places(noisy_block, np.random.default_rng(1))
     _, fit = rejections(spoilt)
-    assert all(np.nanmax(np.abs(group.w)) < 3.9 for group in fit.solution.groups)
+    assert all(np.nanmax(np.abs(group.w), initial=0.0) < 3.9 for group in fit.solution.groups)
 
 
 def test_of_two_rays_that_do_not_meet_one_is_rejected_and_the_point_left_out(noisy_block):

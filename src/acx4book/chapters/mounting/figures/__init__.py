@@ -1,1 +1,1 @@
-"""Figures of the mounting: estimates image by image, weak places, adjustments from bad starts."""
+"""Figures of the mounting: estimates image by image, and weak places."""

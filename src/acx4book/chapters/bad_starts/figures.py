@@ -7,23 +7,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from acx4book.chapters.mounting.bad_starts import PHASES, FromBadStarts
+from acx4book.chapters.bad_starts.trials import PHASES, FromBadStarts
 from acx4book.typesetting import style
 
 
-def from_bad_starts(starts: FromBadStarts | None) -> Figure:
+def from_bad_starts(starts: FromBadStarts) -> Figure:
     """Draw how far rays pass their points from phase to phase, and how the ends differ.
 
     Parameters
     ----------
-    starts : FromBadStarts or None
+    starts : FromBadStarts
 
     Returns
     -------
     Figure
     """
-    if starts is None:
-        return style.nothing("The single step does not converge from its own start values.")
     n = len(starts.apart)
     with style.applied():
         fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.0), width_ratios=(2.2, 1.0))

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4book.chapters.weights import simulated
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.ray_misfits import misfits
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered
 from acx4lib.calibration.estimates import from_bundle, parameters
-from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose, exp
 
@@ -39,7 +39,20 @@ class FromBadStarts:
     apart: Array
 
 
-def from_bad_starts(mounting: Mounting | None, *, seeds: Iterable[int]) -> FromBadStarts | None:
+def single_step(design: str, seed: int) -> Bundle:
+    """Return a simulated flight, adjusted from its own start values.
+
+    Parameters
+    ----------
+    design : str
+        Of `acx4sim.DESIGNS`.
+    seed : int
+    """
+    flown = simulated.fly(design, seed)
+    return adjust(simulated.single(flown.block, flown.flight.estimate_mounting))
+
+
+def from_bad_starts(bundle: Bundle, *, seeds: Iterable[int]) -> FromBadStarts:
     """Adjust a network from start values with errors as large as users have them.
 
     Focal length, boresight, attitudes and points are off by the same amounts at every seed, one
@@ -47,13 +60,10 @@ def from_bad_starts(mounting: Mounting | None, *, seeds: Iterable[int]) -> FromB
 
     Parameters
     ----------
-    mounting : Mounting or None
-        Adjusted from its own start values; None where that did not succeed.
+    bundle : Bundle
+        Adjusted from its own start values.
     seeds : iterable of int
     """
-    if mounting is None:
-        return None
-    bundle = mounting.bundle
     misfit_deg, apart = [], []
     for seed in seeds:
         network = _badly_started(bundle.network, np.random.default_rng(seed))

@@ -1,0 +1,256 @@
+"""Free networks: adjusted without any datum, then given that of inner constraints on points.
+
+Image points alone leave seven motions of the whole block open: three shifts, three turns, a
+scale. Distances, held poses, a few control coordinates or positions leave fewer of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import distance_equations, of_halves
+from acx4lib.bundle.unknowns import State, holding
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.frames import Pose, skew, transform
+from acx4lib.least_squares.datum import Motions, with_inner_constraints
+
+FELT = 1e-6
+"""Change of an observation, as a share of the change of the block, that no motion may exceed."""
+
+ROUNDS, STILL = 20, 1e-13
+"""Largest number of steps to the datum of inner constraints; share of the block's size that ends
+them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FreeNetwork:
+    """A free network, adjusted.
+
+    Attributes
+    ----------
+    minimal : Bundle
+        With as many unknowns held as motions are open. Reliability and variance components,
+        which do not depend on the datum, are computed from it.
+    inner : Bundle
+        The same with all its images and points in the datum of inner constraints.
+    n_open : int
+        The datum defect: number of motions that the observations leave open.
+    """
+
+    minimal: Bundle
+    inner: Bundle
+    n_open: int
+
+
+def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
+    """Adjust a network whose observations do not fix its datum.
+
+    Parameters
+    ----------
+    network : Network
+        Of `uses.free_orientation`, without refraction.
+    points : ndarray of bool, shape (n_points,), optional
+        The points of the inner constraints: those of them that take part; by default all.
+
+    Returns
+    -------
+    FreeNetwork
+        The chosen points lie as near to their approximate coordinates, `Network.start`, as the
+        open motions allow. Sigma are relative to this datum: their sum of squares over the chosen
+        points is the smallest of all datums. Residuals, variance of unit weight, and interior
+        orientation with its sigma are those of every datum.
+
+    Raises
+    ------
+    AdjustmentError
+        Where the network does not converge, or the points do not fix what is open.
+    ValueError
+        For another kind of network, or points that are no such mask.
+
+    Notes
+    -----
+    The network is adjusted with minimal constraints, moved by a similarity transformation, and
+    its covariance S-transformed (`least_squares.datum`).
+    """
+    _require_free_orientation(network)
+    chosen = network.free_points
+    if points is not None:
+        expected.mask("points", points, network.n_points)
+        chosen = chosen & points
+    move = _Similarity.of(network)
+    held = _held_columns(network, move)
+    minimal = adjust(replace(network, layout=holding(network.layout, held)))
+    if len(held) == 0:
+        return FreeNetwork(minimal=minimal, inner=minimal, n_open=0)
+    state = _brought_back(minimal, move, chosen)
+    minimal = adjust(replace(minimal.network, start=state))
+    place = np.full(network.n_columns, -1)
+    kept = np.setdiff1d(np.arange(network.n_columns), held)
+    place[kept] = np.arange(len(kept))
+    solution = with_inner_constraints(
+        (minimal.network, minimal.state, minimal.solution),
+        _motions(network, minimal.state, move),
+        place,
+        chosen,
+    )
+    inner = replace(minimal, network=network, solution=solution)
+    return FreeNetwork(minimal=minimal, inner=inner, n_open=len(held))
+
+
+def datum_defect(network: Network) -> int:
+    """Return the number of motions of the whole block that its observations leave open.
+
+    Seven where there are image points only, six with a distance; none with three control points.
+
+    Parameters
+    ----------
+    network : Network
+        Of `uses.free_orientation`, without refraction.
+
+    Raises
+    ------
+    ValueError
+        For another kind of network.
+    """
+    _require_free_orientation(network)
+    return _Similarity.of(network).open.shape[1]
+
+
+def _require_free_orientation(network: Network) -> None:
+    expected.instance("network", network, Network)
+    T_b_c, mount = network.start.T_b_c, network.layout.mount
+    if np.any(mount >= 0) or np.any(T_b_c.r) or np.any(np.eye(3) != T_b_c.R):
+        msg = "network: expected one of free_orientation, got one of mounted cameras"
+        raise ValueError(msg)
+    if network.refraction != "none":
+        msg = "network: expected one without refraction, which knows the vertical and the height"
+        raise ValueError(msg)
+
+
+# --- motions ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Similarity:
+    """Similarity transformations: three shifts, three turns and a scale about a middle.
+
+    Their seven parameters are metres by which the edge of the block moves.
+
+    Attributes
+    ----------
+    middle : ndarray, shape (3,)
+    size : float
+        m.
+    open : ndarray, shape (7, d)
+        The d combinations that no observation notices.
+    """
+
+    middle: Array
+    size: float
+    open: Array
+
+    @classmethod
+    def of(cls, network: Network) -> _Similarity:
+        """Return those of a block, and what its observations at the start leave open."""
+        x_m = network.start.x_m[network.free_points]
+        middle = x_m.mean(axis=0)
+        size = float(np.linalg.norm(x_m - middle, axis=1).max(initial=1.0))
+        move = cls(middle=middle, size=size, open=np.eye(7))
+        noticed = np.concatenate(list(_noticed(network, move)))
+        noticed /= np.linalg.norm(noticed, axis=1, keepdims=True)
+        _, s, Vt = np.linalg.svd(noticed)
+        return replace(move, open=Vt[int(np.sum(s > FELT * s.max(initial=0.0))) :].T)
+
+    def of_points(self, x_m: Array) -> Array:
+        """Return d(points) / d(the seven), shape (n, 3, 7)."""
+        p = (x_m - self.middle) / self.size
+        shift = np.broadcast_to(np.eye(3), (len(p), 3, 3))
+        return np.concatenate([shift, -skew(p), p[:, :, None]], axis=2)
+
+    def of_poses(self, T: Pose) -> Array:
+        """Return d(poses) / d(the seven), shape (n, 6, 7); rotations are about the own axes."""
+        turned = np.zeros((len(T), 3, 7))
+        turned[:, :, 3:6] = np.swapaxes(T.R, 1, 2) / self.size
+        return np.concatenate([self.of_points(T.r), turned], axis=1)
+
+    def applied(self, state: State, q: Array) -> State:
+        """Return the state moved by a finite transformation, q shape (7,)."""
+        generator = np.zeros((4, 4))
+        generator[:3, :3] = skew(q[3:6]) + q[6] * np.eye(3)
+        generator[:3, 3] = q[:3]
+        moved = linalg.expm(generator / self.size)
+        M, shift = moved[:3, :3], self.middle + self.size * moved[:3, 3]
+        T, R = state.T_m_b, M / np.cbrt(np.linalg.det(M))
+        return replace(
+            state,
+            T_m_b=Pose(R=R @ T.R, r=transform(M, T.r - self.middle) + shift),
+            x_m=transform(M, state.x_m - self.middle) + shift,
+        )
+
+
+def _noticed(network: Network, move: _Similarity) -> Iterator[Array]:
+    """Yield the derivatives by the seven of all that is observed but image points, or held."""
+    state, poses = network.start, network.layout.pose
+    G_poses, G_points = move.of_poses(state.T_m_b), move.of_points(state.x_m)
+    yield np.zeros((0, 7))
+    yield G_poses[poses < 0]
+    yield G_points[network.control.point_idx[network.held_control]].reshape(-1, 7)
+    by_column = np.zeros((network.n_columns + 1, 7))
+    by_column[poses[poses >= 0]] = G_poses[poses >= 0]
+    for e in network.equations(state)[1:]:
+        felt = e.A @ by_column[e.columns[e.unit]]
+        if e.B is not None and e.point is not None:
+            felt = felt + e.B @ G_points[e.point]
+        if e.kind == "distance":
+            yield of_halves(felt)[:, 0]
+            continue
+        felt = felt[np.isfinite(e.sigma)]
+        yield felt[np.linalg.norm(felt, axis=1) > FELT**2]
+
+
+def _motions(network: Network, state: State, move: _Similarity) -> Motions:
+    """Return the derivatives of all unknowns by the motions that are open."""
+    columns, poses = np.zeros((network.n_columns, 7)), network.layout.pose
+    columns[poses[poses >= 0]] = move.of_poses(state.T_m_b)[poses >= 0]
+    halves = distance_equations(network.distances, state.x_m, network.layout.joint)
+    first = slice(0, len(network.distances))
+    ends = move.of_points(state.x_m[network.distances.point_idx[:, 0]])
+    columns[network.layout.joint] = (np.asarray(halves.B)[first] @ ends)[:, 0]
+    points = move.of_points(np.where(network.free_points[:, None], state.x_m, move.middle))
+    points[~network.free_points] = 0.0
+    return Motions(columns=columns @ move.open, points=points @ move.open)
+
+
+def _held_columns(network: Network, move: _Similarity) -> Index:
+    """Return as many columns of poses as motions are open, which fix these motions best."""
+    poses = network.layout.pose
+    turns = np.zeros_like(poses, dtype=bool)
+    turns[:, 3:] = True
+    by_open = _motions(network, network.start, move).columns
+    by_open[poses[turns & (poses >= 0)]] *= move.size
+    _, _, order = linalg.qr(by_open.T, mode="economic", pivoting=True)
+    return np.sort(order[: move.open.shape[1]])
+
+
+def _brought_back(minimal: Bundle, move: _Similarity, chosen: Mask) -> State:
+    """Return the state moved until the chosen points are nearest to where they began."""
+    state, x_m = minimal.state, minimal.network.start.x_m[chosen]
+    for _ in range(ROUNDS):
+        G = (move.of_points(state.x_m[chosen]) @ move.open).reshape(-1, move.open.shape[1])
+        q, _, rank, _ = np.linalg.lstsq(G, (x_m - state.x_m[chosen]).ravel(), rcond=FELT)
+        if rank < len(q):
+            n, what = int(chosen.sum()), "three that do not lie on one line"
+            msg = f"{n} points do not fix the {len(q)} motions that are open: {what} are needed"
+            raise AdjustmentError(msg)
+        state = move.applied(state, move.open @ q)
+        if np.abs(q).max() < STILL * move.size:
+            break
+    return state

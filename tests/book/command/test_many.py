@@ -1,0 +1,155 @@
+"""`acx4 run` of many flights as its user meets it: table, statuses, what an interrupt leaves."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import acx4sim
+from acx4book.batch import runs, table
+from acx4book.batch.work import Outcome
+from acx4book.command import many
+from acx4book.command.acx4 import main
+from acx4book.notebooks import runner
+from support.flights import sized
+from support.helpers import hears_interrupts
+from support.small_notebooks import write
+
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("many")
+    paths = [folder / f"flight{seed}" for seed in (1, 2, 3)]
+    for seed, path in enumerate(paths, 1):
+        acx4sim.write(sized.clean("single-head", "geodetic", "small", seed=seed), path)
+    return paths
+
+
+@pytest.fixture
+def acx4(capsys):
+    """Run the command; return status, lines of standard output and of standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as end:
+            main(["run", *(str(argument) for argument in arguments)])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return end.value.code, captured.out.splitlines(), captured.err.splitlines()
+
+    return run
+
+
+def test_flights_are_lines_of_a_table_and_the_status_is_the_largest(acx4, flights, tmp_path):
+    folder = tmp_path / "all"
+    given = (*flights[:2], tmp_path / "nowhere", "--results", folder, "--jobs", 2)
+    status, out, err = acx4(*given)
+    assert status == 2
+    assert sorted(out[:2]) == ["flight1: done", "flight2: done"]
+    assert out[2].split() == [
+        "flight",
+        "σ0²",
+        "f_mm",
+        "σ",
+        "RMS",
+        "east",
+        "north",
+        "height",
+        "m",
+        "status",
+    ]
+    assert [line.split()[0] for line in out[3:6]] == ["flight1", "flight2", "nowhere"]
+    assert [line.split()[-1] for line in out[3:6]] == ["0", "0", "2"]
+    assert out[6:] == [f"3 flights: 0 there already, 1 failed; {folder / runs.TABLE}"]
+    assert err == [
+        f"nowhere: {tmp_path / 'nowhere'}:1: folder: is no folder; "
+        "must be the folder of a flight, with a flight.toml"
+    ]
+    status, out, err = acx4(*flights[:2], "--results", folder, "--jobs", 2)
+    assert (status, err) == (0, [])
+    assert out[-1] == f"2 flights: 2 there already, 0 failed; {folder / runs.TABLE}"
+
+
+def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
+    row = {"sigma0_squared": "1.02153", "f_mm": "50.12667", "sigma_f_mm": "0.00153"}
+    lines = many.table_of({"a": Outcome(row=row), "b": Outcome(status=1)})
+    assert lines[1].split() == ["a", "1.022", "50.1267", "0.0015", "-", "-", "-", "0"]
+    assert lines[2].split() == ["b", *"------", "1"]
+    assert len({len(line) for line in lines}) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (
+            ["acx5", "--seeds", "1"],
+            "--seeds are of a simulated design: unknown design 'acx5'; known:",
+        ),
+        (["single-head", "--seeds", "3-1"], "--seeds: '3-1' names no seeds; give whole numbers"),
+        (["a", "b", "--jobs", "2", "--cluster", "tcp://x:1"], "--jobs are of this computer"),
+        (["a", "a"], "is given twice"),
+        (["a", "b", "--stages", "rig"], "unknown stage 'rig'; known: heads,"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_before_anything_is_written(acx4, tmp_path, arguments, says):
+    status, out, err = acx4(*arguments, "--results", tmp_path / "all")
+    assert (status, out) == (2, [])
+    assert len(err) == 1
+    assert says in err[0]
+    assert not (tmp_path / "all").exists()
+
+
+def test_a_cluster_without_dask_is_a_sentence(acx4, flights, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    status, out, err = acx4(flights[0], "--cluster", "tcp://x:1", "--results", tmp_path / "all")
+    assert (status, out) == (2, [])
+    assert err == ["--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"]
+
+
+@pytest.mark.slow
+def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
+    for name in runner.NOTEBOOKS.values():
+        write(tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1")
+    folder = tmp_path / "all"
+    given = (flights[0], "--results", folder, "--jobs", 1, "--notebooks", tmp_path / "own")
+    assert acx4(*given)[0] == 0
+    executed = folder / "flight1" / runner.EXECUTED
+    assert {path.stem for path in executed.iterdir()} == {
+        runner.NOTEBOOKS["flight"],
+        runner.NOTEBOOKS["mounting"],
+    }
+    assert acx4(*given)[1][-1].startswith("1 flights: 1 there already")
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_the_processes_and_leaves_whole_what_is_finished(flights, tmp_path):
+    folder = tmp_path / "all"
+    command = [*COMMAND, "run", *flights, "--results", folder, "--jobs", "1"]
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **{**how, "preexec_fn": hears_interrupts}) as run:
+        owner = writing(folder / "flight2")
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=120)
+    assert (run.returncode, out, err) == (130, "flight1: done\n", "interrupted\n")
+    with pytest.raises(ProcessLookupError):
+        os.kill(owner, 0)
+    assert list(table.read(folder / runs.TABLE)) == ["flight1"]
+    done = subprocess.run(command, check=False, **how)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "3 flights: 1 there already, 0 failed" in done.stdout
+
+
+def writing(folder):
+    """Wait until a process is writing into a folder, and return its number."""
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        try:
+            return json.loads((folder / ".acx4.lock").read_text())["process"]
+        except (OSError, ValueError):
+            time.sleep(0.001)
+    raise TimeoutError
