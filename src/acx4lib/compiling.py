@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numba.core.config
 from numba import njit
 from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -117,10 +118,17 @@ _DAMAGED = (
 class _Files(FunctionCache):
     """Compiled code on disk; a file that cannot be read or written counts as missing."""
 
+    counts = True
+    """Whether the code counts references."""
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the code kept for a signature; None where there is none that can be used."""
+        # numba would first import all that it can compile with, which takes longer than many an
+        # adjustment; machine code needs no more than what counts references, if it does
+        if self.counts:
+            rtsys.initialize(target_context)
         try:
-            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except _DAMAGED:
             with suppress(OSError):
                 self.flush()  # type: ignore[no-untyped-call] # numba has no types
@@ -138,7 +146,8 @@ def _kept(function: F, **how: Any) -> F:
     _CONFIG.CACHE_DIR = str(_FOLDER)  # numba reads it when it looks for files
     try:
         if _FOLDER:
-            dispatcher._cache = _Files(function)  # type: ignore[no-untyped-call] # as above
+            dispatcher._cache = files = _Files(function)  # type: ignore[no-untyped-call] # as above
+            files.counts = how.get("_nrt", True)
     except RuntimeError:  # the folder was writable a moment ago
         pass
     finally:

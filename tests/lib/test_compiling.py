@@ -1,6 +1,9 @@
 """Compiled code is kept only as long as everything that it is compiled from."""
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +51,25 @@ def test_decorating_leaves_the_configuration_as_it_was():
 
     assert twice(3.0) == 6.0
     assert before == compiling._CONFIG.CACHE_DIR
+
+
+def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
+    """Importing that takes longer than the adjustment of a small block."""
+    script = (
+        "import sys; import numpy as np; from acx4lib.bundle.compiled import packing; "
+        "one = np.zeros(1, dtype=np.int64); starts, _, _ = packing._sorted(one, one, 1, 1); "
+        "print(starts.tolist(), 'numba.np.linalg' in sys.modules)"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for has_all in (True, False):  # the first process compiles
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment,
+        )
+        assert done.stdout.split("]") == ["[0, 1", f" {has_all}\n"]
 
 
 def test_what_is_not_a_number_is_found_in_a_sum():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +84,7 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
 def index_of(names: Iterable[str], known: Sequence[str]) -> Index:
     """Return the indices of names among known ones, -1 for an unknown name."""
     where = {name: i for i, name in enumerate(known)}
-    return np.array([where.get(name, -1) for name in names], dtype=np.intp)
+    return np.fromiter(map(where.get, names, repeat(-1)), dtype=np.intp)
 
 
 def used_exposures(tables: BlockTables) -> Mask:

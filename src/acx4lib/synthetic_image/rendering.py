@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -22,6 +20,7 @@ from acx4lib.synthetic_image.compiled.interpolation import MOST_BANDS, method_nu
 from acx4lib.synthetic_image.compiled.resampling import resample_cells
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
 from acx4lib.synthetic_image.response import Response
+from acx4lib.threads import cores
 
 Interpolation = Literal["bilinear", "cubic"]
 
@@ -273,7 +272,7 @@ def _resample(
         for start, stop in pairwise(cuts)
         for cell in range(0, n_cells, CELLS)
     ]
-    with ThreadPoolExecutor(threads or _cores()) as pool:
+    with ThreadPoolExecutor(threads or cores()) as pool:
         for done in [pool.submit(_make, *part) for part in parts]:
             done.result()
 
@@ -299,11 +298,6 @@ def _make(
     )
     work = room(len(images), step, recipe.bands)
     resample_cells(_heads(plan, images, nodes), recipe, window, work)
-
-
-def _cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, slice]) -> Heads:
