@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from acx4lib import expected, threads
+from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -107,7 +107,7 @@ def overlap_samples(
             forget(images[k])
         return _samples(orientation, pair, xy, both)
 
-    return threads.in_order(sampled, pairs)
+    return compiling.in_order(sampled, pairs)
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
