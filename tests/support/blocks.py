@@ -152,11 +152,10 @@ def standard_points():
 
 def taped(block, ends, *, sigma, off=0.0):
     """Return a standard block with distances between points, each off by some metres."""
-    ends = np.asarray(ends)
-    measured = lengths(standard_points(), ends)[0] + off
-    sigma_m = np.full(len(ends), sigma)
-    distances = Distances(point_idx=ends, distance_m=measured, sigma_m=sigma_m)
-    return replace(block, distances=distances)
+    ends, sigma_m = np.asarray(ends), np.full(len(ends), sigma)
+    true, _ = lengths(standard_points(), ends)
+    own = Distances(point_idx=ends, distance_m=true + off, sigma_m=sigma_m)
+    return replace(block, distances=own)
 
 
 def balanced(*, seed=7):

@@ -139,7 +139,7 @@ def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block)
 
 
 def test_an_error_of_a_distance_has_the_effect_that_is_said(exact_block):
-    """Against adjustments with a distance that is longer and shorter by two sigma; without noise, derivatives are exact."""
+    """Against adjustments with a distance off by two sigma; exact data leave no second order."""
     ends, sigma_m = [[11, 20], [12, 31], [3, 42]], 0.01
 
     def fitted(by):
