@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import distributions, expected
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.bundle.observations import of_halves
@@ -19,6 +19,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
+from acx4lib.least_squares.statistical import distributions
 
 POWER = 0.8
 """Probability with which an error of the detectable size is found."""

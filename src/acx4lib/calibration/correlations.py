@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import distributions, expected
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.unknowns import Layout, holding
 from acx4lib.calibration.estimates import Calibration
@@ -23,6 +23,7 @@ from acx4lib.geometry.frames import Pose, log, opk_jacobian
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.dense import held_at_zero
+from acx4lib.least_squares.statistical import distributions
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
 """The exterior orientation as results report it: relative to the grid."""

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import distributions, expected
+from acx4lib import expected
 from acx4lib.expected import Array
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.least_squares.statistical import distributions
 
 Triple = tuple[float, float, float]
 

@@ -13,8 +13,9 @@ from importlib import resources
 
 import numpy as np
 
-from acx4lib import distributions, expected
+from acx4lib import expected
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
+from acx4lib.least_squares.statistical import distributions
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
 """Smallest number of check points for which a class is stated."""

@@ -17,13 +17,13 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from acx4lib import expected
-from acx4lib.distributions import chi2_cdf, chi2_sf
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Group, PlainNormals
 from acx4lib.least_squares.problem import Normals, Problem
+from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
 
 S = TypeVar("S")
 

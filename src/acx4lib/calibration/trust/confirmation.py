@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import distributions
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.observations import strips_of
 from acx4lib.calibration.estimates import Calibration, from_bundle, is_determined, parameters
@@ -21,6 +20,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.statistical import distributions
 
 FAR_M, FAR_DEG = 1.0, 3.0
 """Differences from values declared without sigma above which these are not confirmed."""

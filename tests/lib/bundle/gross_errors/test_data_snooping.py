@@ -9,7 +9,7 @@ from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import without
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
-from acx4lib.least_squares.w_test import critical_tau
+from acx4lib.least_squares.statistical.w_test import critical_tau
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from acx4lib import distributions
+from acx4lib.least_squares.statistical import distributions
 
 DF = (1, 2, 3, 7.5, 30, 1000, 2_000_000)
 X = (0.0, 1e-9, 0.3, 1.0, 4.7, 33.0, 1200.0, 2e6)

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acx4lib import distributions, expected
+from acx4lib import expected
 from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.normal_equations import Group
+from acx4lib.least_squares.statistical import distributions
 
 OUT = 1e4
 """Factor on the sigma of a rejected observation: no effect, but its residual is computed."""
