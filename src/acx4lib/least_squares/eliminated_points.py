@@ -58,11 +58,7 @@ def elimination(problem: Problem[S], state: S, points: Index) -> tuple[Array, Ar
         Covariance of each point where the reduced unknowns are known.
     """
     known, back = np.unique(points, return_inverse=True)
-    equations = [
-        _of_points(e, e.point, known)
-        for e in problem.equations(state)
-        if e.B is not None and e.point is not None
-    ]
+    equations = [of_points(e, known)[0] for e in problem.equations(state) if e.B is not None]
     free = problem.free_points[known]
     V, _ = point_normals(free, equations)
     own, gain = np.linalg.inv(V), np.zeros((len(known), 3, problem.n_columns))
@@ -72,8 +68,17 @@ def elimination(problem: Problem[S], state: S, points: Index) -> tuple[Array, Ar
     return gain[back], own[back]
 
 
-def _of_points(e: Equations, point: Index, known: Index) -> Equations:
-    """Return the observations of some points, numbered by their places among these."""
-    rows = np.flatnonzero(np.isin(point, known))
+def of_points(e: Equations, points: Index) -> tuple[Equations, Index]:
+    """Return the observations of some points, numbered by their places among these; their rows.
+
+    Parameters
+    ----------
+    e : Equations
+        With points.
+    points : ndarray, shape (k,)
+        Sorted.
+    """
+    of = np.asarray(e.point)
+    rows = np.flatnonzero(np.isin(of, points))
     parts = {name: getattr(e, name)[rows] for name in ("v", "sigma", "A", "unit", "B")}
-    return replace(e, **parts, point=np.searchsorted(known, point[rows]))
+    return replace(e, **parts, point=np.searchsorted(points, of[rows])), rows

@@ -8,7 +8,7 @@ few points that have some are treated in the way of `normal_equations.PlainNorma
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from acx4lib.bundle.compiled.covariances import Tests
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.banded import Bordered
 from acx4lib.least_squares.dense import Inverse, held_at_zero
+from acx4lib.least_squares.eliminated_points import of_points
 from acx4lib.least_squares.normal_equations import Equations, point_normals
 
 
@@ -163,30 +164,6 @@ def _scattered(e: Equations, rows: Index, columns: Index) -> Array:
     return out[:, :, :-1]
 
 
-def numbered(e: Equations, points: Index) -> tuple[Equations, Index]:
-    """Return the observations of some points, which are renumbered, and their rows.
-
-    Parameters
-    ----------
-    e : Equations
-        With points.
-    points : ndarray, shape (k,)
-        Sorted.
-    """
-    of = np.asarray(e.point)
-    rows = np.flatnonzero(np.isin(of, points))
-    own = replace(
-        e,
-        v=e.v[rows],
-        sigma=e.sigma[rows],
-        A=e.A[rows],
-        unit=e.unit[rows],
-        B=None if e.B is None else e.B[rows],
-        point=np.searchsorted(points, of[rows]),
-    )
-    return own, rows
-
-
 def by_points(points: Index, others: Sequence[Equations]) -> tuple[Array, Array]:
     """Return normal matrices and right sides of some points, by observations but their rays.
 
@@ -196,5 +173,5 @@ def by_points(points: Index, others: Sequence[Equations]) -> tuple[Array, Array]
         Sorted.
     others : sequence of Equations
     """
-    own = [numbered(e, points)[0] for e in others if e.B is not None]
+    own = [of_points(e, points)[0] for e in others if e.B is not None]
     return point_normals(np.ones(len(points), dtype=bool), own)

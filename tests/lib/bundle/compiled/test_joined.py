@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
-from acx4lib.bundle.compiled.joined import by_points, numbered
+from acx4lib.bundle.compiled.joined import by_points
 from acx4lib.least_squares import adjustment
+from acx4lib.least_squares.eliminated_points import of_points
 from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
 from support import blocks
 
@@ -93,6 +94,6 @@ def test_observations_of_some_points_are_those_of_all(block):
     found = by_points(points, equations)
     assert_allclose(found[0], V[points], rtol=1e-14)
     assert_allclose(found[1], h[points], rtol=1e-14)
-    own, rows = numbered(equations[0], points[:3])
+    own, rows = of_points(equations[0], points[:3])
     assert set(points[own.point]) <= set(points[:3])
     assert_allclose(own.v, equations[0].v[rows])
