@@ -1,11 +1,14 @@
-"""How functions are compiled, and in which folder of the user the result is kept."""
+"""How functions are compiled, where the result is kept, and how processors share their work."""
 
 from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,8 +17,11 @@ import numba.core.config
 from numba import njit
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
+from threadpoolctl import ThreadpoolController
 
 F = TypeVar("F", bound=Callable[..., Any])
+P = TypeVar("P")
+R = TypeVar("R")
 
 _HERE = Path(__file__).parent
 _CONFIG: Any = numba.core.config
@@ -153,3 +159,33 @@ def _kept(function: F, **how: Any) -> F:
     finally:
         _CONFIG.CACHE_DIR = given
     return dispatcher
+
+
+# --- several processors ----------------------------------------------------------------------
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
+    """Return a function of each part, in the order of the parts; as many at a time as processors.
+
+    For functions that spend their time where Python's lock is free. Meanwhile linear algebra has
+    one thread, so that results do not depend on the number of processors.
+
+    Parameters
+    ----------
+    function : callable
+        It must not change what the parts share.
+    parts : iterable
+    """
+    with _blas().limit(limits=1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
+        return list(pool.map(function, parts))
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Return the libraries of linear algebra in this process; looking for them takes a while."""
+    return ThreadpoolController()

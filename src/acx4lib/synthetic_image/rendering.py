@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4lib import expected
+from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
@@ -20,7 +20,6 @@ from acx4lib.synthetic_image.compiled.interpolation import MOST_BANDS, method_nu
 from acx4lib.synthetic_image.compiled.resampling import resample_cells
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
 from acx4lib.synthetic_image.response import Response
-from acx4lib.threads import cores
 
 Interpolation = Literal["bilinear", "cubic"]
 
@@ -109,11 +108,12 @@ def render_plan(
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)
+    maps = compiling.in_order(
+        lambda k: levelled(head_map(orientation, k, synthetic, step_px=step)),
+        range(len(orientation.heads)),
+    )
     return RenderPlan(
-        maps=tuple(
-            levelled(head_map(orientation, k, synthetic, step_px=step))
-            for k in range(len(orientation.heads))
-        ),
+        maps=tuple(maps),
         width_px=synthetic.width_px,
         height_px=synthetic.height_px,
         response=response,
@@ -272,7 +272,7 @@ def _resample(
         for start, stop in pairwise(cuts)
         for cell in range(0, n_cells, CELLS)
     ]
-    with ThreadPoolExecutor(threads or cores()) as pool:
+    with ThreadPoolExecutor(threads or compiling.cores()) as pool:
         for done in [pool.submit(_make, *part) for part in parts]:
             done.result()
 

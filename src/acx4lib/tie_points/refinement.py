@@ -10,7 +10,7 @@ one that all heads share; it remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -28,7 +28,7 @@ from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
-from acx4lib.tie_points.differences import PER_HEAD, by_pair, sides, tie_differences
+from acx4lib.tie_points.differences import PER_HEAD, by_pair, normals, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
@@ -78,12 +78,8 @@ class Refined:
     @property
     def sentence(self) -> str:
         """A warning for the user; empty where there is nothing to warn of."""
-        if self.settled:
-            return ""
-        return (
-            f"the weights of tie points did not settle in {STEPS} steps, so which of them are good "
-            "is not sure: do the pictures show the same, or do two layers of ground contradict?"
-        )
+        said = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
+        return "" if self.settled else said
 
     @property
     def cov(self) -> Array:
@@ -147,9 +143,8 @@ def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
     """Return the standard deviation of a difference in one coordinate, shape (n,)."""
     variance = np.zeros(len(ties))
     for k, colrow, own, _ in sides(ties):
-        for step in 0.5 * np.eye(2):
-            ahead = synthetic_from_head(orientation, k, colrow + step)
-            behind = synthetic_from_head(orientation, k, colrow - step)
+        for s in 0.5 * np.eye(2):
+            ahead, behind = (synthetic_from_head(orientation, k, colrow + d) for d in (s, -s))
             # mean of the two directions of the synthetic image
             variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
     return ties.sigma_px * np.sqrt(variance)
@@ -220,7 +215,7 @@ def _settled(
     for _ in range(STEPS):
         d = tie_differences(orientation, ties)
         weight = factors(_in_spreads(d, sigma)) / sigma**2
-        N, h = _normals(parts, d, weight, len(orientation.heads))
+        N, h = normals(parts, d, weight, len(orientation.heads))
         system = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns])
         dx = np.zeros(len(h))
         dx[columns] = -system.solve(h[columns])
@@ -276,20 +271,6 @@ def _moved(orientation: RelativeOrientation, dx: Array) -> RelativeOrientation:
     return replace(orientation, xyz_mm=orientation.xyz_mm + dx[:, :3], opk=opk_from_rotation(R))
 
 
-def _normals(
-    parts: Iterable[tuple[Index, Index, Array]], d: Array, weight: Array, n_heads: int
-) -> tuple[Array, Array]:
-    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
-    n = PER_HEAD * n_heads
-    N, h = np.zeros((n, n)), np.zeros(n)
-    for own, at, by_both in parts:
-        J = by_both.reshape(2 * len(own), -1)
-        PJ = np.repeat(weight[own], 2)[:, None] * J
-        N[np.ix_(at, at)] += PJ.T @ J
-        h[at] += PJ.T @ d[own].ravel()
-    return N, h
-
-
 # --- quality ---------------------------------------------------------------------------------
 
 
@@ -304,7 +285,7 @@ def _refined(
 ) -> Refined:
     """Return the result with its covariance, if the tie points determine it."""
     d, parts = tie_differences(now, ties[used]), by_pair(now, ties[used])
-    N, _ = _normals(parts, d, 1 / sigma[used] ** 2, len(now.heads))
+    N, _ = normals(parts, d, 1 / sigma[used] ** 2, len(now.heads))
     inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
     redundancy = 2 * int(used.sum()) - len(columns)
     if inverse.defect or redundancy <= 0:
