@@ -94,6 +94,10 @@ def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
         ),
         (["single-head", "--seeds", "3-1"], "--seeds: '3-1' names no seeds; give whole numbers"),
         (["a", "b", "--jobs", "2", "--cluster", "tcp://x:1"], "--jobs are of this computer"),
+        (
+            ["a", "--with-notebooks", "--cluster", "tcp://x:1"],
+            "--cluster computes the numbers only",
+        ),
         (["a", "a"], "is given twice"),
         (["a", "b", "--stages", "rig"], "unknown stage 'rig'; known: heads,"),
     ],
