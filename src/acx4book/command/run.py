@@ -72,7 +72,9 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, show_default=False, help="Flights at a time."),
+        typer.Option(
+            metavar="N", min=1, show_default=False, help="Flights at a time, of many; else 1."
+        ),
     ] = None,
     cluster: Annotated[
         str | None,

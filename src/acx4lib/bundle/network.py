@@ -140,7 +140,7 @@ class Network:
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
         """Return v and sigma of image points and `_other_equations`, distances not in halves."""
         others = [
-            (of_halves(e.v), np.sqrt(of_halves(e.sigma**2)))
+            (of_halves(e.v), self.distances.sigma_m[:, None])
             if e.kind == "distance"
             else (e.v, e.sigma)
             for e in _other_equations(self, state)
@@ -344,6 +344,5 @@ def _joined(
         n_halves=2 * len(network.distances),
         equations=[part for part, _ in parts],
         joints=network.layout.joint,
-        n_columns=network.n_columns,
         damping=damping,
     )

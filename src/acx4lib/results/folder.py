@@ -307,5 +307,6 @@ def _new(name: str, frames: Sequence[pd.DataFrame]) -> Iterator[tuple[int, bytes
     for stage, place in _PLACES.items():
         for frame, code, keys in known:
             mine = np.array([_belongs(key, [stage]) for key in keys], dtype=bool)
-            some = frame if mine.all() else frame[mine[code]]
-            yield from ((place, rows) for rows in table_files.lines(name, some))
+            if mine.any():
+                some = frame if mine.all() else frame[mine[code]]
+                yield from ((place, rows) for rows in table_files.lines(name, some))

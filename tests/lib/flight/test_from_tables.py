@@ -110,6 +110,22 @@ def test_without_control_points_there_are_none():
     assert len(found.calibration.control) == 0
 
 
+def test_distances_are_a_table_of_their_block():
+    a, b = TABLES["image_points"]["point"].drop_duplicates()[:2]
+    given = {"point_a": [a], "point_b": [b], "distance_m": [3.5], "sigma_m": [0.01]}
+    found = from_tables(
+        SETTINGS, control_points=CONTROL, calibration={**TABLES, "distances": given}
+    )
+    block = found.blocks["calibration"]
+    assert [block.points[i] for i in block.distances.point_idx[0]] == [a, b]
+    assert block.distances.distance_m.tolist() == [3.5]
+    assert "calibration/distances.csv" in found.sha256
+    wrong = {**given, "point_b": ["nowhere"], "sigma_m": [0.0]}
+    sigma, unknown = told(calibration={**TABLES, "distances": wrong})
+    assert sigma.startswith("calibration.distances, row 0: sigma_m: 0.0; must be positive")
+    assert unknown.startswith("calibration.distances, row 0: point_b: 'nowhere' is unknown")
+
+
 def test_a_checksum_tells_tables_apart():
     one, other = (
         from_tables(SETTINGS, calibration=changed("image_points", sigma_px=np.full(N, sigma)))

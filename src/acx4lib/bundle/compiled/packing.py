@@ -127,10 +127,10 @@ def pack(
     known[also] = np.arange(len(also))
     rays = SortedRays(
         start=starts,
-        point=points,
+        point=points.astype(np.int32),
         free=free_points[points],
-        also=known[points],
-        row=row,
+        also=known[points].astype(np.int32),
+        row=row.astype(np.int32),
         image=number[rows.image[row]].astype(np.int32),
         xy=rows.xy[row],
         weight=rows.weight[row],
