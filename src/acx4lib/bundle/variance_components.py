@@ -39,7 +39,7 @@ ALPHA = 0.001
 WORTH_SAYING = 1.1
 """Smallest factor that is reported: a change of sigma by a tenth."""
 
-MOST_ROWS = 4000  # with more, the covariances between groups cost too much: see `_shares`
+MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
 AT_A_TIME = 256  # rows of the joint redundancy that are computed together
 
 
@@ -202,34 +202,39 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
     """Return h of every pair of groups.
 
     W is idempotent, so a row of h sums to the redundancy. The terms of the image points follow
-    from the others; they are divided among cameras in proportion to their redundancy.
+    from the others; they are divided among cameras in proportion to their redundancy. Between two
+    groups that are too large together, and between such a group and the image points, they are
+    neglected.
     """
     redundancy = np.array([np.sum(g["redundancy"]) for g in groups])
     is_image = np.array([g.group.kind == "image_point" for g in groups])
-    h = np.diag(redundancy)
-    W, owner = _joint_redundancy(bundle, [g for g in groups if g.group.kind != "image_point"])
-    if len(W) == 0:
-        return h
-    indicator = (owner[:, None] == np.arange(owner.max() + 1)).astype(float)
-    among = indicator.T @ W**2 @ indicator
-    to_images = redundancy[~is_image] - among.sum(axis=1)
+    others = np.flatnonzero(~is_image)
+    chosen = _small([len(groups[k]["sigma"]) for k in others])
+    small = others[chosen]
+    among = _joint_redundancy(bundle, [groups[k] for k in others], chosen)
+    h = np.zeros((len(groups), len(groups)))
+    h[np.ix_(small, others)] = among
+    h[np.ix_(others, small)] = among.T
+    to_images = redundancy[small] - among.sum(axis=1)
     part = redundancy[is_image] / max(redundancy[is_image].sum(), 1e-12)
-    h[np.ix_(~is_image, ~is_image)] = among
-    h[np.ix_(~is_image, is_image)] = to_images[:, None] * part
-    h[np.ix_(is_image, ~is_image)] = h[np.ix_(~is_image, is_image)].T
-    h[is_image, is_image] -= part * to_images.sum()
+    h[np.ix_(small, is_image)] = to_images[:, None] * part
+    h[np.ix_(is_image, small)] = h[np.ix_(small, is_image)].T
+    rest = np.setdiff1d(np.arange(len(groups)), small)
+    h[rest, rest] = redundancy[rest] - h[rest].sum(axis=1)
     return h
 
 
-def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index]:
-    """Return W of all but image points, made symmetric, and every row's group.
+def _small(n_rows: Sequence[int]) -> Index:
+    """Return which groups have at most `MOST_ROWS` rows together, the smallest first."""
+    order = np.argsort(n_rows, kind="stable")
+    return np.sort(order[np.cumsum(np.array(n_rows, dtype=np.intp)[order]) <= MOST_ROWS])
 
-    Empty where W would be very large; h is then the redundancy alone.
-    """
-    n_rows = [len(g["sigma"]) for g in groups]
-    owner = np.repeat(np.arange(len(groups)), n_rows)
-    if not 0 < len(owner) <= MOST_ROWS:
-        return np.zeros((0, 0)), np.zeros(0, dtype=np.intp)
+
+def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Array:
+    """Return h of the chosen groups and all of these, shape (n_chosen, n), W made symmetric."""
+    out = np.zeros((len(chosen), len(groups)))
+    if len(chosen) == 0:
+        return out
     points = bundle.network.observed_points
     network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
@@ -239,12 +244,16 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index
     by_columns, by_points = J[:, : network.n_columns], J[:, network.n_columns :]
     gain, own = elimination(network, bundle.state, points)
     by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
-    alone = by_points @ sparse.block_diag([np.zeros((0, 0)), *own], format="csr") @ by_points.T
-    W = np.eye(len(sigma)) - alone.toarray()
-    for start in range(0, len(W), AT_A_TIME):
-        some = slice(start, start + AT_A_TIME)
-        W[some] -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
-    return W, owner
+    spread = sparse.csr_array(sparse.block_diag([np.zeros((0, 0)), *own]) @ by_points.T)
+    first = np.cumsum([0, *(len(g["sigma"]) for g in groups)])
+    for row, k in enumerate(chosen):
+        for start in range(first[k], first[k + 1], AT_A_TIME):
+            some = np.arange(start, min(start + AT_A_TIME, first[k + 1]))
+            W = -(by_points[some] @ spread).toarray()
+            W[np.arange(len(some)), some] += 1
+            W -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
+            out[row] += np.add.reduceat(np.sum(W**2, axis=0), first[:-1])
+    return out
 
 
 def _seeing(network: Network, points: Index) -> Network:

@@ -219,10 +219,21 @@ def test_what_was_applied_is_part_of_the_factor_and_said(block):
     assert told["factor"] == component(after, "GNSS").factor
 
 
-def test_very_large_blocks_are_judged_by_their_redundancy_alone(block, monkeypatch):
-    monkeypatch.setattr(variance_components, "MOST_ROWS", 10)
+def test_without_covariances_a_group_is_judged_by_its_redundancy(block, monkeypatch):
+    monkeypatch.setattr(variance_components, "MOST_ROWS", 0)
     for c in of_block(block):
         assert c.effective == pytest.approx(c.redundancy, rel=1e-9)
+
+
+def test_in_large_blocks_small_groups_keep_their_covariances_with_all(block, monkeypatch):
+    whole = of_block(block)
+    n = {c.group: c.n for c in whole}
+    monkeypatch.setattr(variance_components, "MOST_ROWS", n["control plan"] + n["control height"])
+    for name in ("control plan", "control height"):
+        some = component(of_block(block), name)
+        assert some.factor == pytest.approx(component(whole, name).factor, rel=0.05)
+        assert some.effective == pytest.approx(component(whole, name).effective, rel=0.05)
+        assert some.effective < 0.9 * some.redundancy
 
 
 # --- simulated flights -----------------------------------------------------------------------
