@@ -18,8 +18,8 @@ FLIGHT, MADE = Path("flight"), Path("made")
         ("run --numbers-only", "run --numbers-only --results made/numbers flight"),
         ("report", "report made/results"),
         (
-            "render --exposures C2-05",
-            "render --exposures C2-05 flight --results made/results --out made/images",
+            "render --exposures H3-04",
+            "render --exposures H3-04 flight --results made/results --out made/images",
         ),
     ],
 )

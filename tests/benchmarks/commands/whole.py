@@ -25,7 +25,7 @@ ACX4 = str(Path(sys.executable).with_name("acx4"))
 COMMAND = Path(command.__file__)
 IMPORTS = "import numpy, scipy.linalg, pandas, pyproj, numba"
 """What a run needs in any case, timed alone."""
-EXPOSURE = "C2-05"
+EXPOSURE = "H3-04"
 NUMBERS = "run --numbers-only"
 
 
