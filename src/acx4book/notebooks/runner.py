@@ -16,6 +16,7 @@ from typing import Protocol
 
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.flight import reader as flights
+from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
@@ -54,7 +55,7 @@ Step = Callable[[Path, Callable[[int, int], None]], None]
 class Way(Protocol):
     """How the stages of a flight are run."""
 
-    def steps(self, flight: flights.Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
+    def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
         """Return what runs each of these stages, and shows the flight, in their order.
 
         Parameters
@@ -163,7 +164,7 @@ def run(
 
 
 def _run_steps(
-    steps: Mapping[str, Step], flight: flights.Flight, own: OwnFolder, tell: Tell
+    steps: Mapping[str, Step], flight: Flight, own: OwnFolder, tell: Tell
 ) -> tuple[list[str], list[str]]:
     """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
@@ -184,9 +185,7 @@ def _run_steps(
     return done, failed
 
 
-def _prepare(
-    own: OwnFolder, flight: flights.Flight, skipped: Mapping[str, str], *, whole: bool
-) -> None:
+def _prepare(own: OwnFolder, flight: Flight, skipped: Mapping[str, str], *, whole: bool) -> None:
     """Prepare a folder for a run: keep the flight, remove results of blocks that it lacks.
 
     Changed files end the run, unless all results will be replaced.

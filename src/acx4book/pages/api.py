@@ -8,14 +8,18 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 
+FOLDER = "_generated/api"
+"""Where the pages are in the book."""
+
 CELLAR = "compiled"
 """Name of the folders that no page shows."""
 
 
 def write(book: Path) -> None:
-    """Write the pages that the book's ``_toc.yml`` lists, in its order."""
-    folder = book / "_generated" / "api"
-    listed = re.findall(r"_generated/api/([\w/]+)", (book / "_toc.yml").read_text("utf-8"))
+    """Write the pages that the contents of the book list, in their order."""
+    folder = book / FOLDER
+    contents = (book / "_generated" / "_toc.yml").read_text("utf-8")
+    listed = re.findall(rf"{FOLDER}/([\w/]+)", contents)
     for file in listed:
         path = folder / f"{file}.md"
         path.parent.mkdir(parents=True, exist_ok=True)

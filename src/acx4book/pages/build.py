@@ -57,7 +57,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         Folder of the book; the current folder is the working copy that it belongs to.
     ideal_path : Path, optional
         Run of the design acx4-ideal, of which stages mounting and validation are done; only where
-        the flight is the one that ships. Then the chapters that depend on no flight are run, too.
+        the flight is the one that ships. Then the chapters that depend on no flight are run, too,
+        and the book has the pages of the programming interface.
 
     Raises
     ------
@@ -70,10 +71,12 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
     write_notebooks(results_path, executed, ideal_path)
-    left_out = independent.bring(executed, run=ideal_path is not None)
+    whole = ideal_path is not None
+    left_out = independent.bring(executed, run=whole)
     for name in independent.CHAPTERS.keys() - left_out:
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb")
-    independent.leave_out(book, left_out)
+    pages = [f"_executed/{name}" for name in left_out]
+    independent.leave_out(book, pages if whole else [*pages, api.FOLDER])
     adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),

@@ -1,17 +1,19 @@
 """Chapters that depend on no flight: run when what they depend on has changed, and kept.
 
-The book of the flight that ships has them all. That of another flight has those that are kept and
-still hold; the others are neither run for it nor in its table of contents.
+The book of the flight that ships has them all, and the pages of the programming interface. That of
+another flight has neither; but the chapters that are kept and still hold are there.
 """
 
 from __future__ import annotations
 
 import json
-import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import yaml
 
 from acx4book.notebooks import execute, inputs
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
@@ -90,21 +92,40 @@ def _files(patterns: Iterable[str]) -> Iterator[Path]:
 # --- a book without some of them -------------------------------------------------------------
 
 
-def leave_out(book: Path, names: Iterable[str]) -> None:
-    """Write the book's table of contents without some chapters, and what these are called.
+def leave_out(book: Path, pages: Collection[str]) -> None:
+    """Write the book's table of contents without some pages, and what the chapters are called.
 
-    Links to them become their titles: the extension `left_out` of the book reads the list.
+    The extension `left_out` of the book reads the list: links become titles or names.
+
+    Parameters
+    ----------
+    book : Path
+    pages : collection of str
+        Pages as the table of contents names them, and folders of pages.
     """
-    contents = (book / "_toc.yml").read_text("utf-8")
-    titles = {name: _title(NOTEBOOKS_PATH / f"{name}.ipynb") for name in names}
-    without = re.sub(
-        rf"^ *- file: _executed/({'|'.join(titles) or '(?!)'})\n", "", contents, flags=re.MULTILINE
-    )
+    contents = yaml.safe_load((book / "_toc.yml").read_text("utf-8"))
+    for part in contents.get("parts", [contents]):
+        part["chapters"] = [*_without(pages, part["chapters"])]
     generated = book / "_generated"
-    (generated / "_toc.yml").write_text(without, encoding="utf-8")
+    (generated / "_toc.yml").write_text(yaml.safe_dump(contents), encoding="utf-8")
+    titles = {page: _title(page) for page in pages}
     (generated / "left_out.json").write_text(json.dumps(titles, indent=1), encoding="utf-8")
 
 
-def _title(notebook: Path) -> str:
+def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield the entries of a table of contents that are none of some pages, and their sections."""
+    for entry in entries:
+        folders = {parent.as_posix() for parent in PurePosixPath(entry["file"]).parents}
+        if not {entry["file"], *folders} & set(pages):
+            inside = [*_without(pages, entry.get("sections", ()))]
+            alone = {key: value for key, value in entry.items() if key != "sections"}
+            yield {**alone, "sections": inside} if inside else alone
+
+
+def _title(page: str) -> str:
+    """Return the title of a chapter; a folder has none."""
+    notebook = NOTEBOOKS_PATH / f"{PurePosixPath(page).name}.ipynb"
+    if not notebook.is_file():
+        return ""
     first = json.loads(notebook.read_text("utf-8"))["cells"][0]["source"]
     return "".join(first).splitlines()[0].removeprefix("# ")

@@ -35,7 +35,8 @@ def test_a_page_has_the_docstring_a_table_and_a_section_for_every_module():
 
 
 def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
-    (tmp_path / "_toc.yml").write_text(
+    (tmp_path / "_generated").mkdir()
+    (tmp_path / "_generated" / "_toc.yml").write_text(
         "- file: _generated/api/acx4sim\n- file: _generated/api/acx4sim/optics"
     )
     api.write(tmp_path)
