@@ -1,11 +1,14 @@
-"""How functions are compiled, and in which folder of the user the result is kept."""
+"""How functions are compiled, where the result is kept, and how processors share their work."""
 
 from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,8 +16,12 @@ from typing import Any, TypeVar
 import numba.core.config
 from numba import njit
 from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
+from threadpoolctl import ThreadpoolController
 
 F = TypeVar("F", bound=Callable[..., Any])
+P = TypeVar("P")
+R = TypeVar("R")
 
 _HERE = Path(__file__).parent
 _CONFIG: Any = numba.core.config
@@ -117,10 +124,17 @@ _DAMAGED = (
 class _Files(FunctionCache):
     """Compiled code on disk; a file that cannot be read or written counts as missing."""
 
+    counts = True
+    """Whether the code counts references."""
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the code kept for a signature; None where there is none that can be used."""
+        # numba would first import all that it can compile with, which takes longer than many an
+        # adjustment; machine code needs no more than what counts references, if it does
+        if self.counts:
+            rtsys.initialize(target_context)
         try:
-            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except _DAMAGED:
             with suppress(OSError):
                 self.flush()  # type: ignore[no-untyped-call] # numba has no types
@@ -138,9 +152,40 @@ def _kept(function: F, **how: Any) -> F:
     _CONFIG.CACHE_DIR = str(_FOLDER)  # numba reads it when it looks for files
     try:
         if _FOLDER:
-            dispatcher._cache = _Files(function)  # type: ignore[no-untyped-call] # as above
+            dispatcher._cache = files = _Files(function)  # type: ignore[no-untyped-call] # as above
+            files.counts = how.get("_nrt", True)
     except RuntimeError:  # the folder was writable a moment ago
         pass
     finally:
         _CONFIG.CACHE_DIR = given
     return dispatcher
+
+
+# --- several processors ----------------------------------------------------------------------
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
+    """Return a function of each part, in the order of the parts; as many at a time as processors.
+
+    For functions that spend their time where Python's lock is free. Meanwhile linear algebra has
+    one thread, so that results do not depend on the number of processors.
+
+    Parameters
+    ----------
+    function : callable
+        It must not change what the parts share.
+    parts : iterable
+    """
+    with _blas().limit(limits=1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
+        return list(pool.map(function, parts))
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Return the libraries of linear algebra in this process; looking for them takes a while."""
+    return ThreadpoolController()

@@ -13,8 +13,8 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
+from acx4book.batch.executors import finished, on_processes
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting
@@ -54,27 +55,42 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--flights", type=int, default=N_FLIGHTS, help=f"seeds 1 to {N_FLIGHTS}")
     parser.add_argument("--pairs", type=int, default=N_PAIRS, help=f"seeds 1 to {N_PAIRS}")
-    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=2, help="seeds at a time")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
     studies = ((mountings, options.flights), (heads, options.flights), (pair, options.pairs))
     tables: Tables = {}
-    with ProcessPoolExecutor(options.processes) as pool:
+    with on_processes(options.jobs) as pool:
         for study, n in studies:
-            for found in _flown(pool, study, n):
+            for found in flown(pool, study, n):
                 for name, rows in found.items():
                     tables.setdefault(name, []).extend(rows)
     write(options.out, tables, about)
 
 
-def _flown(pool: ProcessPoolExecutor, study: Callable[[int], Tables], n: int) -> Iterator[Tables]:
-    """Yield what a study finds with the seeds 1 to n."""
-    seeds = range(1, n + 1)
-    for seed, found in zip(seeds, pool.map(study, seeds), strict=True):
-        sys.stderr.write(f"\r{study.__name__}: {seed} of {n}" + "\n" * (seed == n))
-        yield found
+def flown(pool: Executor, study: Callable[[int], Tables], n: int) -> list[Tables]:
+    """Return what a study finds with the seeds 1 to n, in their order.
+
+    Raises
+    ------
+    RuntimeError
+        Seeds failed: it names all of them.
+    """
+    found: dict[int, Tables] = {}
+    failed: dict[int, BaseException] = {}
+    for seed, call in finished(pool, study, range(1, n + 1)):
+        error = call.exception()
+        if error is None:
+            found[seed] = call.result()
+        else:
+            failed[seed] = error
+        sys.stderr.write(f"\r{study.__name__}: {len(found)} of {n}" + "\n" * (len(found) == n))
+    if failed:
+        msg = "; ".join(f"seed {seed}: {failed[seed]}" for seed in sorted(failed))
+        raise RuntimeError(msg)
+    return [found[seed] for seed in sorted(found)]
 
 
 # --- mountings -------------------------------------------------------------------------------

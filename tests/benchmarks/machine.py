@@ -24,7 +24,7 @@ ENVIRONMENT = {
 }
 """Linear algebra on one thread: on two it costs everyone more. Solvers and renderers have their
 own; Hugin's programs take as many as they like."""
-PACKAGES = ("acx4lib", "numpy", "scipy", "numba")
+PACKAGES = ("acx4lib", "numpy", "scipy", "numba", "pycolmap")
 
 
 def described(ceres: Path | None) -> dict[str, Any]:

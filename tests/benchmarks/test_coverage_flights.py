@@ -1,6 +1,8 @@
 """What `make coverage` writes of a flight is what the acceptance tests compute of it."""
 
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pandas as pd
@@ -83,6 +85,23 @@ def test_what_is_odd_in_the_noise_cancels_in_a_pair(pair):
     z = pair["error"] / pair["sigma"]
     assert z["adjusted"].abs().max() < 0.02
     assert -0.08 < z["measured", "f_mm"] < -0.05
+
+
+def test_seeds_are_in_their_order_and_those_that_fail_are_named_when_all_are_done():
+    def study(seed):
+        if seed in failing:
+            message = "not determined"
+            raise ValueError(message)
+        time.sleep(0.05 / seed)
+        return {"mountings": [{"seed": seed}]}
+
+    failing = set()
+    with ThreadPoolExecutor(4) as pool:
+        tables = coverage_flights.flown(pool, study, 4)
+        assert [table["mountings"][0]["seed"] for table in tables] == [1, 2, 3, 4]
+        failing = {2, 4}
+        with pytest.raises(RuntimeError, match=r"^seed 2: not determined; seed 4: not determined$"):
+            coverage_flights.flown(pool, study, 4)
 
 
 def test_files_are_replaced_whole_or_not_at_all(tmp_path, found):

@@ -1,10 +1,15 @@
 """Compiled code is kept only as long as everything that it is compiled from."""
 
+import os
 import shutil
+import subprocess
+import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 compiling = pytest.importorskip("acx4lib.compiling")
 PACKAGE = Path(compiling.__file__).parent
@@ -50,6 +55,25 @@ def test_decorating_leaves_the_configuration_as_it_was():
     assert before == compiling._CONFIG.CACHE_DIR
 
 
+def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
+    """Importing that takes longer than the adjustment of a small block."""
+    script = (
+        "import sys; import numpy as np; from acx4lib.bundle.compiled import packing; "
+        "one = np.zeros(1, dtype=np.int64); starts, _, _ = packing._sorted(one, one, 1, 1); "
+        "print(starts.tolist(), 'numba.np.linalg' in sys.modules)"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for has_all in (True, False):  # the first process compiles
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment,
+        )
+        assert done.stdout.split("]") == ["[0, 1", f" {has_all}\n"]
+
+
 def test_what_is_not_a_number_is_found_in_a_sum():
     @compiling.compiled
     def unknown(a, b):
@@ -65,3 +89,33 @@ def test_what_is_not_a_number_is_found_in_a_sum():
 def test_no_compiled_module_asks_for_finite_numbers(source):
     """In compiled code of a sum the answer is always yes."""
     assert "isfinite" not in source.read_text(encoding="utf-8")
+
+
+# --- several processors ----------------------------------------------------------------------
+
+
+def test_results_come_in_the_order_of_the_parts():
+    late, done = threading.Event(), []
+
+    def work(part):
+        if part == 0 and compiling.cores() > 1:
+            late.wait(10)  # the second part overtakes the first
+        late.set()
+        done.append(part)
+        return part**2
+
+    assert compiling.in_order(work, range(8)) == [n**2 for n in range(8)]
+    assert sorted(done) == list(range(8))
+
+
+def test_an_error_of_a_part_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        compiling.in_order(lambda n: 1 / n, [2, 1, 0])
+
+
+def test_linear_algebra_has_one_thread_meanwhile():
+    def blas(_):
+        return [lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas"]
+
+    (inside,) = compiling.in_order(blas, [0])
+    assert set(inside) <= {1}

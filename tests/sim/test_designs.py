@@ -316,3 +316,14 @@ def test_noise_of_the_other_sign_is_the_same_noise():
 def test_misuse_is_a_value_error(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_simulate_writes_the_design_and_its_truth(tmp_path):
+    options = acx4sim.Options(blocks=("calibration",))
+    folder = acx4sim.simulate("single-head", tmp_path / "flown", seed=3, options=options)
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3, options=options), tmp_path / "again")
+    files = sorted(path.relative_to(folder) for path in folder.rglob("*.*"))
+    assert len(files) == 5
+    for name in files:
+        assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+    assert (tmp_path / "flown.truth.json").is_file()

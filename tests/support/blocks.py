@@ -15,6 +15,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior, inside
 from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT
@@ -144,6 +145,19 @@ def standard(**options):
     return simulate(fly(), **options)
 
 
+def standard_points():
+    """Return the true points of `standard`: control, check and tie points."""
+    return np.concatenate([crosses(), terrain(2, seed=4), terrain(40)])
+
+
+def taped(block, ends, *, sigma, off=0.0):
+    """Return a standard block with distances between points, each off by some metres."""
+    ends, sigma_m = np.asarray(ends), np.full(len(ends), sigma)
+    true, _ = lengths(standard_points(), ends)
+    own = Distances(point_idx=ends, distance_m=true + off, sigma_m=sigma_m)
+    return replace(block, distances=own)
+
+
 def balanced(*, seed=7):
     """Return a block with noise in which no group of observations outweighs the others."""
     exact = simulate(
@@ -169,11 +183,6 @@ def in_strips(block, per_strip, *, timed=True):
         images=replace(block.images, strips=tuple(names[block.images.exposure_idx])),
         trajectory=replace(block.trajectory, time_s=times),
     )
-
-
-def true_points(block, *, ties, control, check):
-    """Return the coordinates of all points in the block's order."""
-    return np.concatenate([control, check, ties])
 
 
 def approximate(block, *, df=0.3, boresight_deg=0.5, lever_m=None):

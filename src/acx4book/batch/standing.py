@@ -9,9 +9,8 @@ from acx4book.batch.jobs import Settings
 from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight, table_files
-from acx4lib.results import provenance
+from acx4lib.results import folder, provenance
 from acx4lib.results.own_folder import marks
-from acx4lib.results.summary_entries import read_summary
 from acx4lib.stages import order
 
 
@@ -48,7 +47,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     return (
         dict(found.files) == _checksums(flight)
         and all(found.stages.get(order.PART_OF.get(part, part)) == run for part in parts)
-        and ("rig" not in parts or "mounting/rig" in read_summary(results / "summary.json", []))
+        and ("rig" not in parts or "mounting/rig" in folder.entries(results))
         and all(_is_executed(settings.notebooks, results, part) for part in ("flight", *parts))
     )
 

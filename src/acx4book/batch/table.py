@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from acx4lib.geometry.parameters import AXES, REPORTED
+from acx4lib.results import folder
 from acx4lib.results.own_folder.marks import SCRATCH
-from acx4lib.results.summary_entries import read_summary
 
 METHOD = "single_step"
 """The method whose parameters and check points are shown."""
@@ -52,7 +52,7 @@ def row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
         Of these alone, since others may be of an earlier run.
     """
     row: dict[str, str] = {}
-    summary = read_summary(results / "summary.json", [])
+    summary = folder.entries(results)
     if "mounting" in stages:
         entry = summary.get(f"mounting/{METHOD}", {})
         row |= {name: _text(entry[name]) for name in _ADJUSTMENT if name in entry}

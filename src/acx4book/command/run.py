@@ -72,7 +72,9 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, show_default=False, help="Flights at a time."),
+        typer.Option(
+            metavar="N", min=1, show_default=False, help="Flights at a time, of many; else 1."
+        ),
     ] = None,
     cluster: Annotated[
         str | None,
@@ -87,6 +89,8 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         terminal.refuse("--jobs are of this computer, --cluster has its own; give one of them")
     if numbers_only is None:
         numbers_only = are_many and notebooks is None
+    if cluster is not None and not numbers_only:
+        terminal.refuse("--cluster computes the numbers only; for notebooks use --jobs")
     if not numbers_only:
         terminal.need_book("run")
     settings = _settings(stages, notebooks, numbers_only=numbers_only)

@@ -22,7 +22,6 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
-from acx4lib.results.summary_entries import read_summary
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
@@ -238,7 +237,7 @@ def _messages(
     folder: Path, stages: Sequence[str], key: str, methods: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sentences of some methods of the given stages in the summary."""
-    for name, entry in read_summary(folder / "summary.json", []).items():
+    for name, entry in results.entries(folder).items():
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
             yield from results.messages(entry, key)

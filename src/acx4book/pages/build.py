@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
-from acx4book.pages.benchmarks import bias, rendering, rendering_goals, sigma, speed
+from acx4book.pages.benchmarks import bias, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
@@ -173,12 +173,13 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 def texts_of_benchmarks(
     adjusted: speed.Benchmark, errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: speed, rendering, and errors over their standard deviations."""
+    """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
     rendered = rendering_goals.read(BENCHMARKS)
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)
     yield "rendering-limits.md", rendering.limits(rendered)
+    yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))

@@ -114,6 +114,6 @@ def _adjusted(network: Network, start: State) -> Bundle:
         solution,
         n_observations=solution.n_observations - n,
         n_unknowns=solution.n_unknowns - n,
-        groups=tuple(whole(group) for group in solution.groups),
+        groups=tuple(whole(group, network.distances) for group in solution.groups),
     )
     return Bundle(network=network, state=state, solution=solution)

@@ -236,6 +236,7 @@ def _held_columns(network: Network, move: _Similarity) -> Index:
     turns[:, 3:] = True
     by_open = _motions(network, network.start, move).columns
     by_open[poses[turns & (poses >= 0)]] *= move.size
+    by_open[network.layout.joint] = 0.0
     _, _, order = linalg.qr(by_open.T, mode="economic", pivoting=True)
     return np.sort(order[: move.open.shape[1]])
 

@@ -34,12 +34,13 @@ from acx4lib.geometry.collinearity import (
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.refraction import as_seen
+from acx4lib.least_squares.eliminated_points import of_points
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 from acx4lib.least_squares.problem import Normals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
-    from acx4lib.bundle.compiled.joined import Joined, by_points, numbered
+    from acx4lib.bundle.compiled.joined import Joined, by_points
     from acx4lib.bundle.compiled.normals import NetworkNormals
     from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
@@ -140,7 +141,7 @@ class Network:
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
         """Return v and sigma of image points and `_other_equations`, distances not in halves."""
         others = [
-            (of_halves(e.v), np.sqrt(of_halves(e.sigma**2)))
+            (of_halves(e.v), self.distances.sigma_m[:, None])
             if e.kind == "distance"
             else (e.v, e.sigma)
             for e in _other_equations(self, state)
@@ -336,7 +337,7 @@ def _joined(
     rows = np.flatnonzero(np.isin(network.image_points.point_idx, points))
     own = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
     seen = (_image_equations(own, state), *(e for e in others if e.B is not None))
-    parts = [numbered(e, points) for e in seen]
+    parts = [of_points(e, points) for e in seen]
     return Joined(
         points=points,
         rows=rows,
@@ -344,6 +345,5 @@ def _joined(
         n_halves=2 * len(network.distances),
         equations=[part for part, _ in parts],
         joints=network.layout.joint,
-        n_columns=network.n_columns,
         damping=damping,
     )

@@ -205,14 +205,14 @@ def of_halves(values: Array) -> Array:
     return total
 
 
-def whole(group: Group) -> Group:
+def whole(group: Group, distances: Distances) -> Group:
     """Return a group of residuals in which distances are not in halves."""
     if group.kind != "distance":
         return group
     return Group(
         kind=group.kind,
         v=of_halves(group.v),
-        sigma=np.sqrt(of_halves(group.sigma**2)),
+        sigma=distances.sigma_m[:, None],
         redundancy=of_halves(group.redundancy),
     )
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
@@ -20,6 +19,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
+from acx4lib.least_squares.statistical import distributions
 
 POWER = 0.8
 """Probability with which an error of the detectable size is found."""
@@ -71,7 +71,7 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
     """
     expected.positive_number("critical", critical)
     expected.probability("power", power)
-    return critical + float(stats.norm.ppf(power))
+    return critical + distributions.norm_ppf(power)
 
 
 def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWER) -> Reliability:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import sparse
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.least_squares.adjustment import cross_covariance
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.eliminated_points import elimination
 from acx4lib.least_squares.normal_equations import Equations, Group
+from acx4lib.least_squares.statistical import distributions
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -40,7 +39,8 @@ ALPHA = 0.001
 WORTH_SAYING = 1.1
 """Smallest factor that is reported: a change of sigma by a tenth."""
 
-MOST_ROWS = 4000  # with more, the covariances between groups cost too much: see `_shares`
+MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
+AT_A_TIME = 256  # rows of the joint redundancy that are computed together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +82,8 @@ class Component:
         Chi-square above, normal below, because an estimated variance may be negative.
         """
         ratio = (self.factor / self.applied) ** 2
-        above = stats.chi2.sf(self.effective * ratio, self.effective)
-        below = stats.norm.cdf((ratio - 1) * np.sqrt(self.effective / 2))
+        above = distributions.chi2_sf(self.effective * ratio, self.effective)
+        below = distributions.norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
         return float(min(1.0, 2 * min(above, below)))
 
     @property
@@ -202,71 +202,84 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
     """Return h of every pair of groups.
 
     W is idempotent, so a row of h sums to the redundancy. The terms of the image points follow
-    from the others; they are divided among cameras in proportion to their redundancy.
+    from the others; they are divided among cameras in proportion to their redundancy. Between two
+    groups that are too large together, and between such a group and the image points, they are
+    neglected.
     """
     redundancy = np.array([np.sum(g["redundancy"]) for g in groups])
     is_image = np.array([g.group.kind == "image_point" for g in groups])
-    h = np.diag(redundancy)
-    W, owner = _joint_redundancy(bundle, [g for g in groups if g.group.kind != "image_point"])
-    if len(W) == 0:
-        return h
-    indicator = (owner[:, None] == np.arange(owner.max() + 1)).astype(float)
-    among = indicator.T @ W**2 @ indicator
-    to_images = redundancy[~is_image] - among.sum(axis=1)
+    others = np.flatnonzero(~is_image)
+    chosen = _small([len(groups[k]["sigma"]) for k in others])
+    small = others[chosen]
+    among = _joint_redundancy(bundle, [groups[k] for k in others], chosen)
+    h = np.zeros((len(groups), len(groups)))
+    h[np.ix_(small, others)] = among
+    h[np.ix_(others, small)] = among.T
+    to_images = redundancy[small] - among.sum(axis=1)
     part = redundancy[is_image] / max(redundancy[is_image].sum(), 1e-12)
-    h[np.ix_(~is_image, ~is_image)] = among
-    h[np.ix_(~is_image, is_image)] = to_images[:, None] * part
-    h[np.ix_(is_image, ~is_image)] = h[np.ix_(~is_image, is_image)].T
-    h[is_image, is_image] -= part * to_images.sum()
+    h[np.ix_(small, is_image)] = to_images[:, None] * part
+    h[np.ix_(is_image, small)] = h[np.ix_(small, is_image)].T
+    rest = np.setdiff1d(np.arange(len(groups)), small)
+    h[rest, rest] = redundancy[rest] - h[rest].sum(axis=1)
     return h
 
 
-def _joint_redundancy(bundle: Bundle, groups: list[_Rows]) -> tuple[Array, Index]:
-    """Return W of all but image points, made symmetric, and every row's group.
+def _small(n_rows: Sequence[int]) -> Index:
+    """Return which groups have at most `MOST_ROWS` rows together, the smallest first."""
+    order = np.argsort(n_rows, kind="stable")
+    return np.sort(order[np.cumsum(np.array(n_rows, dtype=np.intp)[order]) <= MOST_ROWS])
 
-    Empty where W would be very large; h is then the redundancy alone.
-    """
-    n_rows = [len(g["sigma"]) for g in groups]
-    owner = np.repeat(np.arange(len(groups)), n_rows)
-    if not 0 < len(owner) <= MOST_ROWS:
-        return np.zeros((0, 0)), np.zeros(0, dtype=np.intp)
-    network = bundle.network
+
+def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Array:
+    """Return h of the chosen groups and all of these, shape (n_chosen, n), W made symmetric."""
+    out = np.zeros((len(chosen), len(groups)))
+    if len(chosen) == 0:
+        return out
+    points = bundle.network.observed_points
+    network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
-    points = network.observed_points
-    J = np.concatenate([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
     sigma = np.concatenate([g["sigma"] for g in groups])
-    Q = propagate(J / sigma[:, None], _covariance(bundle, points))
-    return np.eye(len(Q)) - Q, owner
+    J = sparse.vstack([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
+    J = sparse.csr_array(J.multiply(1 / sigma[:, None]))
+    by_columns, by_points = J[:, : network.n_columns], J[:, network.n_columns :]
+    gain, own = elimination(network, bundle.state, points)
+    by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
+    spread = sparse.csr_array(sparse.block_diag([np.zeros((0, 0)), *own]) @ by_points.T)
+    first = np.cumsum([0, *(len(g["sigma"]) for g in groups)])
+    for row, k in enumerate(chosen):
+        for start in range(first[k], first[k + 1], AT_A_TIME):
+            some = np.arange(start, min(start + AT_A_TIME, first[k + 1]))
+            W = -(by_points[some] @ spread).toarray()
+            W[np.arange(len(some)), some] += 1
+            W -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
+            out[row] += np.add.reduceat(np.sum(W**2, axis=0), first[:-1])
+    return out
 
 
-def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> Array:
-    """Return a group's derivatives by the columns and the given points, a dense row for each."""
+def _seeing(network: Network, points: Index) -> Network:
+    """Return a network with the image measurements of some points alone."""
+    rows = np.isin(network.image_points.point_idx, points)
+    return replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
+
+
+def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> sparse.csr_array:
+    """Return a group's derivatives by the columns and the given points, a row for each."""
     m, d = e.v.shape
-    n = network.n_columns
-    by_columns = np.zeros((m, d, n + 1))  # the last column collects held parameters
-    by_columns[np.arange(m)[:, None, None], np.arange(d)[:, None], e.columns[e.unit][:, None]] = e.A
-    by_points = np.zeros((m, d, 3 * len(points)))
+    row = np.arange(m * d).reshape(m, d, 1)
+    columns = np.broadcast_to(e.columns[e.unit][:, None], e.A.shape)
+    free = columns >= 0
+    parts = [(e.A[free], np.broadcast_to(row, e.A.shape)[free], columns[free])]
     if e.B is not None and e.point is not None:
-        at = 3 * np.searchsorted(points, e.point)[:, None] + np.arange(3)
-        by_points[np.arange(m)[:, None, None], np.arange(d)[:, None], at[:, None]] = e.B
-    J = np.concatenate([by_columns[:, :, :n], by_points], axis=2)
-    J = of_halves(J) if e.kind == "distance" else J
-    return J[np.ix_(g.rows, g.columns)][np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])]
-
-
-def _covariance(bundle: Bundle, points: Index) -> Array:
-    """Return the joint covariance of the columns and some points, a priori."""
-    solution = bundle.solution
-    cov = solution.cov
-    cross = cross_covariance(bundle.network, bundle.state, solution, points)
-    cross = cross.reshape(-1, len(cov))
-    # two points are correlated through the columns only
-    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    shared = np.linalg.pinv(cov / scale[:, None] / scale, hermitian=True)
-    among = propagate(cross / scale, shared)
-    for i, own in enumerate(solution.cov_points[points]):
-        among[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = own
-    return np.block([[cov, cross.T], [cross, among]])
+        first = network.n_columns + 3 * np.searchsorted(points, e.point)
+        at = np.broadcast_to(first[:, None, None] + np.arange(3), e.B.shape)
+        parts.append((e.B.ravel(), np.broadcast_to(row, e.B.shape).ravel(), at.ravel()))
+    values, rows, at = map(np.concatenate, zip(*parts, strict=True))
+    shape = (m * d, network.n_columns + 3 * len(points))
+    J = sparse.csr_array((values, (rows, at)), shape=shape)
+    if e.kind == "distance":
+        J = J[: m * d // 2] + J[m * d // 2 :]
+    used = np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])
+    return J[(g.rows[:, None] * d + g.columns)[used]]
 
 
 def image_groups(block: Block) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
@@ -24,6 +23,7 @@ from acx4lib.geometry.frames import Pose, log, opk_jacobian
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.dense import held_at_zero
+from acx4lib.least_squares.statistical import distributions
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
 """The exterior orientation as results report it: relative to the grid."""
@@ -146,7 +146,7 @@ class GroupTest:
     @property
     def p(self) -> float:
         """Probability of such an F-ratio or a larger one, where the given values are right."""
-        return float(stats.f.sf(self.f_ratio, len(self.keys), max(self.redundancy, 1)))
+        return distributions.f_sf(self.f_ratio, len(self.keys), max(self.redundancy, 1))
 
 
 def undistorted(camera: Camera) -> Camera:

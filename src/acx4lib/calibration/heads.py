@@ -16,8 +16,8 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_camera
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
-from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.eliminated_points import cross_covariance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
 from acx4lib.flight.text.table_files import read_table
+from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
 
@@ -31,7 +33,7 @@ looks so far up, so the point is rejected as a gross error."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockTables:
-    """The four tables of a block, and the folder of the flight with its pictures."""
+    """The tables of a block, and the folder of the flight with its pictures."""
 
     name: str
     pictures: Path
@@ -39,11 +41,13 @@ class BlockTables:
     image_points: Table
     trajectory: Table
     control: Table
+    distances: Table | None = None
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """All four tables."""
-        return self.images, self.image_points, self.trajectory, self.control
+        """All tables that it has."""
+        always = (self.images, self.image_points, self.trajectory, self.control)
+        return always if self.distances is None else (*always, self.distances)
 
 
 def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
@@ -60,6 +64,7 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     """
     own = folder / name / "control_points.csv"
     control = own if os.path.lexists(own) else folder / "control_points.csv"
+    distances = folder / name / "distances.csv"
     needs = f"block {name}"
     images, image_points, trajectory = (
         read_table(path, str(path), needed_by=needs)
@@ -72,13 +77,14 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         image_points=image_points,
         trajectory=trajectory,
         control=read_table(control, str(control), needed_by=f"{needs} without its own"),
+        distances=read_table(distances, str(distances)) if os.path.lexists(distances) else None,
     )
 
 
 def index_of(names: Iterable[str], known: Sequence[str]) -> Index:
     """Return the indices of names among known ones, -1 for an unknown name."""
     where = {name: i for i, name in enumerate(known)}
-    return np.array([where.get(name, -1) for name in names], dtype=np.intp)
+    return np.fromiter(map(where.get, names, repeat(-1)), dtype=np.intp)
 
 
 def used_exposures(tables: BlockTables) -> Mask:
@@ -132,6 +138,18 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         check=surveyed[is_check],
         trajectory=trajectory,
         smallest_angle=setup.smallest_angle,
+        distances=_distances(tables.distances, points),
+    )
+
+
+def _distances(table: Table | None, points: Sequence[str]) -> Distances:
+    if table is None:
+        return Distances()
+    ends = [index_of(table.text[end], points) for end in ("point_a", "point_b")]
+    return Distances(
+        point_idx=np.stack(ends, axis=1),
+        distance_m=table.numbers["distance_m"],
+        sigma_m=table.numbers["sigma_m"],
     )
 
 

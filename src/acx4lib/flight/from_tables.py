@@ -19,7 +19,9 @@ from acx4lib.flight.text.in_memory import Columns, table_in_memory
 from acx4lib.flight.text.schemas import SCHEMAS
 from acx4lib.flight.text.table import Table
 
-CONTROL = "control_points"
+CONTROL, DISTANCES = "control_points", "distances"
+PLACE = Path("tables in memory")
+"""In the place of a flight's folder, for messages; nothing is read there."""
 
 Tables = Mapping[str, Columns]
 """The tables of a block, by the names of their files without the ending."""
@@ -42,10 +44,10 @@ def from_tables(
     control_points : table, optional
         Of all blocks that have none of their own.
     heads, calibration, validation : mapping of str to table, optional
-        ``images``, ``image_points``, ``trajectory`` and, if the block has its own,
-        ``control_points``. A table is a DataFrame or a dict of arrays; its columns and units are
-        those of the file of this name. Names may be whole numbers, a sigma may be infinite: not
-        known.
+        ``images``, ``image_points``, ``trajectory``; if there are some, ``distances``; if the
+        block has its own, ``control_points``. A table is a DataFrame or a dict of arrays; its
+        columns and units are those of the file of this name. Names may be whole numbers, a sigma
+        may be infinite: not known.
 
     Returns
     -------
@@ -65,7 +67,8 @@ def from_tables(
     read = [_block(name, tables, control_points) for name, tables in present.items()]
     flight = checked(toml, read)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in read for t in TABLES}
-    return replace(flight, sha256=sums)
+    sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in read if b.distances}
+    return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
@@ -85,7 +88,7 @@ def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem
 
 def _names(block: str, tables: Tables) -> Iterator[Problem]:
     """Yield the names of a block's tables that no table has, and those that are missing."""
-    known = (*TABLES, CONTROL)
+    known = (*TABLES, CONTROL, DISTANCES)
     for table in tables:
         if table not in known:
             found = f"unknown table{did_you_mean(str(table), known)}"
@@ -113,7 +116,14 @@ def _block(name: str, tables: Tables, control_points: Columns | None) -> BlockTa
         image_points=image_points,
         trajectory=trajectory,
         control=_control(name, tables, control_points),
+        distances=_distances(name, tables),
     )
+
+
+def _distances(name: str, tables: Tables) -> Table | None:
+    if DISTANCES not in tables:
+        return None
+    return table_in_memory(tables[DISTANCES], f"{name}.{DISTANCES}", SCHEMAS[f"{DISTANCES}.csv"])
 
 
 def _control(name: str, tables: Tables, shared: Columns | None) -> Table:

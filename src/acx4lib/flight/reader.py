@@ -13,6 +13,7 @@ from acx4lib.errors import FlightError, visible
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import (
     BLOCKS,
+    TABLES,
     BlockTables,
     assemble,
     measured_control,
@@ -45,7 +46,7 @@ class Flight(Setup):
     Attributes
     ----------
     path : Path
-        Its folder.
+        Its folder; a name that says so, where it was made of tables in memory.
     pictures : Path
         Folder with its pictures: the same as `path`, unless the flight is a copy kept by a run.
     sha256 : dict of str to str
@@ -209,7 +210,7 @@ def read_kept(path: str | Path) -> Flight:
 
 def table_files(flight: Flight) -> list[Path]:
     """Return the files from which a flight was read, except images, relative to its folder."""
-    tables = ("images.csv", "image_points.csv", "trajectory.csv", "control_points.csv")
+    tables = [f"{name}.csv" for name in (*TABLES, "control_points", "distances")]
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
     geoid, inside = Path(flight.grid.heights), flight.path.resolve()

@@ -61,6 +61,8 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
     per_point = f", {rays.mean():.1f} per point" if len(rays) else ""
     yield "measurements", f"{len(block.image_points)} of {len(rays)} points{per_point}"
     yield "surveyed", f"{len(block.control)} control points, {len(block.check)} check points"
+    if len(block.distances):
+        yield "distances", f"{len(block.distances)}, {_span(block.distances.distance_m, 'm', 3)}"
     lon, lat = block.frame.origin
     yield (
         "origin",

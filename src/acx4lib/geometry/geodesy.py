@@ -17,9 +17,9 @@ from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # 
 
 from acx4lib import expected
 from acx4lib.expected import Array
-from acx4lib.geometry.crs_text import crs_fault, is_code_or_wkt
+from acx4lib.geometry.crs.geoid import geoid_of_crs, geoid_of_file
+from acx4lib.geometry.crs.text import crs_fault, is_code_or_wkt
 from acx4lib.geometry.frames import Pose, rotation_from_opk, rotation_from_rph, turn
-from acx4lib.geometry.geoid import geoid_of_crs, geoid_of_file
 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_FRD_FLU = np.diag([1.0, -1.0, -1.0])

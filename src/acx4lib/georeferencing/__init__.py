@@ -3,6 +3,7 @@
 `direct` gives the pose of every image by eq. (14) and intersects rays without any ground control.
 `validation` holds the points against surveyed ones, pair by pair as the paper and from all rays;
 `differences` are what it finds, and `error_sources` what these share, for tests of all together.
+`ground_points` are those of single pixels on a known height.
 `accuracy` says what the differences mean, and `standards` which map scale they allow. Begin with
 `direct`.
 """

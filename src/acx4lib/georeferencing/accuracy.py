@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from acx4lib import expected
 from acx4lib.expected import Array
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.least_squares.statistical import distributions
 
 Triple = tuple[float, float, float]
 
@@ -121,8 +121,8 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
     Accuracy
     """
     expected.three("rms", rms)
-    axis = np.sqrt(stats.chi2.ppf(0.9, 1)) * np.asarray(rms)
-    plan = np.sqrt(stats.chi2.ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
+    axis = np.sqrt(distributions.chi2_ppf(0.9, 1)) * np.asarray(rms)
+    plan = np.sqrt(distributions.chi2_ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
     return Accuracy(n=n, mean=mean, std=std, rms=rms, error_90=triple(axis), plan_90=float(plan))
 
 
@@ -150,7 +150,7 @@ def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
     mean, std = np.array(accuracy.mean), np.array(accuracy.std)
     t = np.divide(mean, std, out=np.copysign(np.inf, mean), where=std > 0)
     t = np.where(mean == 0.0, 0.0, t) * np.sqrt(accuracy.n)
-    critical = stats.t.ppf(0.5 + probability / 2, accuracy.n - 1)
+    critical = distributions.t_ppf(0.5 + probability / 2, accuracy.n - 1)
     return AxisTest(statistic=triple(t), critical=float(critical))
 
 
@@ -178,7 +178,7 @@ def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> Axis
     expected.probability("probability", probability)
     statistic = np.asarray(mean) / sigmas(mean_cov)
     return AxisTest(
-        statistic=triple(statistic), critical=float(stats.norm.ppf(0.5 + probability / 2))
+        statistic=triple(statistic), critical=distributions.norm_ppf(0.5 + probability / 2)
     )
 
 
@@ -208,7 +208,8 @@ def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 
         return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
     dof = accuracy.n - 1
     statistic = dof * (np.array(accuracy.std) / np.array(sigma_0)) ** 2
-    return AxisTest(statistic=triple(statistic), critical=float(stats.chi2.ppf(probability, dof)))
+    critical = distributions.chi2_ppf(probability, dof)
+    return AxisTest(statistic=triple(statistic), critical=critical)
 
 
 def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[float, float]:
@@ -251,7 +252,8 @@ def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
     expected.positive_number("n", n)
     expected.probability("probability", probability)
     tail = (1 - probability) / 2
-    return float(np.sqrt(stats.chi2.ppf(tail, n) / n)), float(np.sqrt(stats.chi2.isf(tail, n) / n))
+    least, most = distributions.chi2_ppf(tail, n), distributions.chi2_isf(tail, n)
+    return float(np.sqrt(least / n)), float(np.sqrt(most / n))
 
 
 def effective_number(cov: Array) -> float:

@@ -12,10 +12,10 @@ from functools import cache
 from importlib import resources
 
 import numpy as np
-from scipy import stats
 
 from acx4lib import expected
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
+from acx4lib.least_squares.statistical import distributions
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
 """Smallest number of check points for which a class is stated."""
@@ -249,9 +249,9 @@ def nssda(accuracy: Accuracy) -> Nssda:
     expected.instance("accuracy", accuracy, Accuracy)
     east, north, height = accuracy.rms
     similar = min(east, north) >= NSSDA_AXIS_RATIO * max(east, north)
-    radius = np.sqrt(stats.chi2.ppf(0.95, 2))
+    radius = np.sqrt(distributions.chi2_ppf(0.95, 2))
     horizontal = float(radius * 0.5 * (east + north)) if similar else np.nan
-    vertical = float(np.sqrt(stats.chi2.ppf(0.95, 1)) * height)
+    vertical = float(np.sqrt(distributions.chi2_ppf(0.95, 1)) * height)
     plan = f"{horizontal:.2f} m horizontal" if similar else "no horizontal (axes too unlike)"
     tested = f"tested {plan}, {vertical:.2f} m vertical accuracy at 95 % confidence level"
     return Nssda(
@@ -274,12 +274,12 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     """
     sizes("survey_sigma", survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
-    radius = np.sqrt(stats.chi2.ppf(0.95, 2) / 2)
+    radius = np.sqrt(distributions.chi2_ppf(0.95, 2) / 2)
     return Asprs2014(
         horizontal=_state("asprs_2014", accuracy, _centimetres(max(accuracy.rms[:2]))),
         vertical=_state("asprs_2014", accuracy, _centimetres(accuracy.rms[2])),
         horizontal_95=float(radius * accuracy.plan_rms),
-        vertical_95=float(np.sqrt(stats.chi2.ppf(0.95, 1)) * accuracy.rms[2]),
+        vertical_95=float(np.sqrt(distributions.chi2_ppf(0.95, 1)) * accuracy.rms[2]),
         mean_small=bool(np.all(np.abs(mean) <= 0.25 * rms)),
         survey_sufficient=bool(np.all(3 * np.array(survey_sigma) <= rms)),
     )

@@ -14,16 +14,16 @@ from functools import cache
 from typing import TypeVar
 
 import numpy as np
-from scipy import stats
 from threadpoolctl import ThreadpoolController
 
 from acx4lib import expected
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import Group, PlainNormals, point_normals, strips
+from acx4lib.least_squares.normal_equations import Group, PlainNormals
 from acx4lib.least_squares.problem import Normals, Problem
+from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
 
 S = TypeVar("S")
 
@@ -125,7 +125,8 @@ def two_sided_p(cost: float, redundancy: int) -> float:
     """Return the two-sided probability of a chi-square value; one without redundancy."""
     if redundancy <= 0:
         return 1.0
-    return float(2 * min(stats.chi2.cdf(cost, redundancy), stats.chi2.sf(cost, redundancy)))
+    below, above = chi2_cdf(cost, redundancy), chi2_sf(cost, redundancy)
+    return 2 * min(below, above)
 
 
 def normals(
@@ -280,36 +281,6 @@ def _degrees_of_freedom(problem: Problem[S], at_state: Normals) -> int:
         msg = f"{n_observations} observations cannot determine {n_unknowns} unknowns"
         raise AdjustmentError(msg)
     return n_observations - n_unknowns
-
-
-def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
-    """Return the a priori covariance of some points with the reduced unknowns.
-
-    Parameters
-    ----------
-    problem : Problem
-    state : the solution's
-    solution : Solution
-    points : ndarray, shape (k,)
-
-    Returns
-    -------
-    ndarray, shape (k, 3, n_columns)
-
-    Raises
-    ------
-    ValueError
-        In the datum of inner constraints, where points depend on more than their observations.
-    """
-    require_own_datum(solution)
-    equations = problem.equations(state)
-    V, _ = point_normals(problem.free_points, equations)
-    out = np.zeros((len(points), 3, problem.n_columns))
-    for chunk, strip in strips(problem.n_columns, problem.free_points, equations):
-        here = np.flatnonzero((points >= chunk.start) & (points < chunk.stop))
-        gain = np.linalg.inv(V[points[here]]) @ strip[points[here] - chunk.start]
-        out[here] = -solution.inverse.times(gain)
-    return out
 
 
 def require_own_datum(solution: Solution) -> None:

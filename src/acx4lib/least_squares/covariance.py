@@ -1,11 +1,11 @@
-"""Covariance matrices: propagation, standard deviations and correlations."""
+"""Statistics: covariance matrices, standard deviations and correlations; medians of groups."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Index
 
 
 def propagate(J: Array, cov: Array) -> Array:
@@ -61,4 +61,14 @@ def half(cov: Array) -> Array:
     sigma = np.maximum(sigmas(cov), 1e-150)[..., :, None]
     values, vectors = np.linalg.eigh(cov / sigma / np.swapaxes(sigma, -1, -2))
     out: Array = sigma * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    return out
+
+
+def medians(values: Array, group: Index, n_groups: int) -> Array:
+    """Return the (lower) median of each group; zero for an empty one, NaN counts as infinite."""
+    order = np.lexsort((values, group))
+    count = np.bincount(group, minlength=n_groups)
+    middle = np.cumsum(count) - count + (count - 1) // 2
+    out = np.zeros(n_groups)
+    out[count > 0] = np.nan_to_num(values[order[middle[count > 0]]], nan=np.inf)
     return out

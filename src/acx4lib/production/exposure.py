@@ -224,6 +224,7 @@ def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, .
         refined = refine_by_rotations(job.orientation, ties.ties)
     except AdjustmentError as error:
         return job, (*notes, f"not refined by its own tie points: {error}")
+    notes = (*notes, refined.sentence) if refined.sentence else notes
     if refined.unreached:
         notes = (*notes, f"without tie points, as they were: {', '.join(refined.unreached)}")
     return replace(job, orientation=refined.orientation), notes

@@ -49,7 +49,7 @@ class Record:
     ----------
     stage, method : str
     tables : dict of str to DataFrame
-        Tables by the names of `folder.COLUMNS`.
+        Tables by the names of `table_files.COLUMNS`.
     summary : dict
         Objects for summary.json, by their keys.
     """
@@ -72,12 +72,9 @@ def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
     """
     records = list(records)
     names = {name for record in records for name in record.tables}
-    merged = {
-        name: pd.concat([r.tables[name] for r in records if name in r.tables], ignore_index=True)
-        for name in sorted(names)
-    }
+    tables = {name: [r.tables[name] for r in records if name in r.tables] for name in names}
     summary = {key: value for record in records for key, value in record.summary.items()}
-    results.replace(folder, [stage], tables=merged, summary=summary)
+    results.replace(folder, [stage], tables=tables, summary=summary)
 
 
 # --- bundles ---------------------------------------------------------------------------------

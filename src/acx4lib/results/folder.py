@@ -5,10 +5,12 @@ The results of a method have the name ``stage/method``, such as ``mounting/singl
 
 from __future__ import annotations
 
+import heapq
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from csv import QUOTE_NONNUMERIC
 from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -17,44 +19,15 @@ import pandas as pd
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
+from acx4lib.results.files import table_files
+from acx4lib.results.files.summary_entries import read_summary, summary_text
+from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.own_folder.marks import SCRATCH
-from acx4lib.results.summary_entries import read_summary, summary_text
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
 
-_METHOD = ("stage", "method")
-_DIFFERENCE = ("d_east_m", "d_north_m", "d_height_m")
-_SIGMA = ("sigma_east_m", "sigma_north_m", "sigma_height_m")
-_ATTITUDE = ("omega_deg", "phi_deg", "kappa_deg")
-_SIGMA_ATTITUDE = ("sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg")
-
-COLUMNS: Mapping[str, tuple[str, ...]] = {
-    "parameters": (*_METHOD, "camera", "parameter", "value", "sigma", "unit"),
-    "validation": ("method", "point", "image_a", "image_b", *_DIFFERENCE, *_SIGMA),
-    "check_points": (*_METHOD, "point", "n_images", *_DIFFERENCE, *_SIGMA),
-    "exterior_orientation": (
-        *(*_METHOD, "image", "east_m", "north_m", "height_m"),
-        *(*_ATTITUDE, *_SIGMA, *_SIGMA_ATTITUDE),
-    ),
-    "residuals": (
-        *(*_METHOD, "kind", "image_or_exposure", "point", "component"),
-        *("v", "sigma", "redundancy", "w"),
-    ),
-    "covariance": (*_METHOD, "row", "column", "value"),
-    "rejected": (*_METHOD, "kind", "image_or_exposure", "point", "statistic", "reason"),
-    "synthetic_points": (
-        *("block", "image", "point", "head"),
-        *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
-    ),
-}
-"""Columns of every table, in order; a table's file is its name with ``.csv``."""
-
-_TEXT = {
-    *(*_METHOD, "camera", "parameter", "unit", "point", "image_a", "image_b", "image", "kind"),
-    *("image_or_exposure", "component", "row", "column", "reason", "block", "head"),
-}
-_COUNT = {"n_images"}
+_PLACES = {stage: place for place, stage in enumerate(STAGES)}
 
 FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
@@ -63,9 +36,16 @@ EARLIEST = tuple(file for file in FILES if file != "synthetic_points.csv")
 """Those that results of every version have."""
 
 
+Rows = pd.DataFrame | Sequence[pd.DataFrame]
+"""Rows of a table, in one part or in several."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Results:
     """The content of a results folder.
+
+    Two tables, which are long in a large flight, are read when they are first asked for; they raise
+    a FlightError where their file does not have the format of `replace`.
 
     Attributes
     ----------
@@ -82,11 +62,23 @@ class Results:
     validation: pd.DataFrame
     check_points: pd.DataFrame
     exterior_orientation: pd.DataFrame
-    residuals: pd.DataFrame
     covariance: pd.DataFrame
     rejected: pd.DataFrame
-    synthetic_points: pd.DataFrame
     summary: dict[str, dict[str, object]]
+
+    @cached_property
+    def residuals(self) -> pd.DataFrame:
+        """Of all observations."""
+        return table_files.read(self.folder / "residuals.csv")
+
+    @cached_property
+    def synthetic_points(self) -> pd.DataFrame:
+        """Of all blocks that are measured in heads."""
+        return table_files.read(self.folder / "synthetic_points.csv")
+
+
+SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
+"""The tables that are read at once."""
 
 
 def read(folder: str | Path) -> Results:
@@ -97,24 +89,34 @@ def read(folder: str | Path) -> Results:
     FlightError
         Where there is no such folder, or a file does not have the format of `replace`.
     """
-    return _read(expected.folder("folder", folder, "the results of a run"))
-
-
-def _read(folder: Path) -> Results:
-    """Read a results folder, which need not exist yet."""
+    at = expected.folder("folder", folder, "the results of a run")
     problems: list[str] = []
-    tables = {name: _read_table(folder / f"{name}.csv", problems) for name in COLUMNS}
-    summary = read_summary(folder / "summary.json", problems)
+    tables: dict[str, pd.DataFrame] = {}
+    for name in SHORT:
+        try:
+            tables[name] = table_files.read(at / f"{name}.csv")
+        except FlightError as error:
+            problems += error.problems
+    found = read_summary(at / "summary.json", problems)
     if problems:
         raise FlightError(problems)
-    return Results(folder=folder, summary=summary, **tables)
+    return Results(folder=at, summary=found, **tables)
+
+
+def entries(folder: Path) -> dict[str, dict[str, object]]:
+    """Return the objects of summary.json, without the tables; FlightError where it has none."""
+    problems: list[str] = []
+    found = read_summary(folder / "summary.json", problems)
+    if problems:
+        raise FlightError(problems)
+    return found
 
 
 def replace(
     folder: str | Path,
     stage_methods: Sequence[str],
     *,
-    tables: Mapping[str, pd.DataFrame],
+    tables: Mapping[str, Rows],
     summary: Mapping[str, Mapping[str, object]],
 ) -> None:
     """Replace old results by new ones; everything else in the folder stays.
@@ -127,37 +129,43 @@ def replace(
         It is made if it does not exist.
     stage_methods : sequence of str
         Results to replace: ``mounting/single_step``, or ``mounting`` for a whole stage.
-    tables : mapping of str to DataFrame
-        New rows by the names of `COLUMNS`, each table with exactly these columns.
+    tables : mapping of str to DataFrame, or to a sequence of them
+        New rows by the names of `COLUMNS`, each table with exactly these columns; those of text are
+        written fastest as categories.
     summary : mapping of str to mapping
         New objects of summary.json.
 
     Raises
     ------
     ValueError
-        Where a row or an object belongs to none of `stage_methods`, or columns are wrong.
+        Where a row or an object belongs to none of `stage_methods`, columns are wrong, or a cell
+        has more than one line.
     FlightError
         Where the files in the folder cannot be read.
     """
-    folder = expected.path("folder", folder)
-    _check_names(stage_methods, tables)
-    old = _read(folder)
-    merged = {
-        name: _merged(name, getattr(old, name), tables.get(name), stage_methods) for name in COLUMNS
-    }
-    kept = {key: v for key, v in old.summary.items() if not _belongs(key, stage_methods)}
+    at = expected.path("folder", folder)
+    parts = {name: [new] if isinstance(new, pd.DataFrame) else new for name, new in tables.items()}
+    _check_names(stage_methods, parts)
+    kept = {key: v for key, v in entries(at).items() if not _belongs(key, stage_methods)}
     strangers = [key for key in summary if not _belongs(key, stage_methods)]
     if strangers:
         msg = f"summary of {', '.join(strangers)} is not of {', '.join(stage_methods)}"
         raise ValueError(msg)
-    _write(folder, merged, {**kept, **summary})
+    at.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=at, prefix=SCRATCH) as temporary:
+        new = Path(temporary)
+        (new / "summary.json").write_text(summary_text({**kept, **summary}), encoding="utf-8")
+        for name in COLUMNS:
+            _write(name, at, new, parts.get(name, ()), stage_methods)
+        for path in new.iterdir():
+            path.replace(at / path.name)
 
 
 def has(results: Results, stage_method: str) -> bool:
     """Tell whether there are results of a stage or a ``stage/method``; ValueError if unknown."""
     expected.instance("results", results, Results)
     expected.one_of("stage", str(stage_method).partition("/")[0], STAGES)
-    known = {*results.summary, *_keys("parameters", results.parameters)}
+    known = {*results.summary, *table_files.keys("parameters", results.parameters)[1]}
     return any(_belongs(key, [stage_method]) for key in known)
 
 
@@ -242,97 +250,63 @@ def _belongs(key: str, stage_methods: Sequence[str]) -> bool:
     return any(key == name or key.startswith(f"{name}/") for name in stage_methods)
 
 
-def _keys(table: str, frame: pd.DataFrame) -> Iterator[str]:
-    """Yield ``stage/method`` of every row."""
-    if table == "synthetic_points":
-        return iter(["synthetic/points"] * len(frame))
-    stages = ["validation"] * len(frame) if table == "validation" else frame["stage"]
-    return (f"{stage}/{method}" for stage, method in zip(stages, frame["method"], strict=True))
-
-
 def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask:
     """Tell which rows belong to the given stages and methods."""
-    return np.array([_belongs(key, stage_methods) for key in _keys(table, frame)], dtype=bool)
+    code, keys = table_files.keys(table, frame)
+    return np.array([_belongs(key, stage_methods) for key in keys], dtype=bool)[code]
 
 
-def _check_names(stage_methods: Sequence[str], tables: Mapping[str, pd.DataFrame]) -> None:
+def _check_names(
+    stage_methods: Sequence[str], tables: Mapping[str, Sequence[pd.DataFrame]]
+) -> None:
+    """Check that new rows have the columns of known tables, and belong to what is replaced."""
     expected.names("stage_methods", stage_methods)
     unknown = {name.partition("/")[0] for name in stage_methods} - set(STAGES)
     unknown |= tables.keys() - COLUMNS.keys()
     if unknown:
         msg = f"unknown stages or tables: {', '.join(sorted(unknown))}"
         raise ValueError(msg)
-
-
-def _merged(
-    name: str, old: pd.DataFrame, new: pd.DataFrame | None, stage_methods: Sequence[str]
-) -> pd.DataFrame:
-    """Return the old rows that stay and the new rows, in the order of the stages."""
-    parts = [old[~_mask(name, old, stage_methods)]]
-    if new is not None:
-        new = _typed(name, new)
-        strangers = set(_keys(name, new[~_mask(name, new, stage_methods)]))
-        if strangers:
-            msg = f"{name}: {', '.join(sorted(strangers))} is not of {', '.join(stage_methods)}"
-            raise ValueError(msg)
-        parts.append(new)
-    frame = pd.concat([part for part in parts if len(part)] or parts[:1], ignore_index=True)
-    if "stage" not in frame:
-        return frame
-    place = frame["stage"].map({stage: i for i, stage in enumerate(STAGES)})
-    return frame.iloc[np.argsort(place.to_numpy(), kind="stable")].reset_index(drop=True)
-
-
-def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with ordered columns of text, counts and numbers (NaN: not known)."""
-    if set(frame.columns) != set(COLUMNS[name]) or len(frame.columns) != len(COLUMNS[name]):
-        msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(frame.columns)}"
-        raise ValueError(msg)
-    columns: dict[str, pd.Series] = {}
-    for column in COLUMNS[name]:
-        values = frame[column].reset_index(drop=True)
-        if column in _TEXT:
-            columns[column] = values.astype(object).where(values.notna(), "").map(str).astype(str)
-        elif column in _COUNT:
-            columns[column] = values.astype("int64")
-        else:
-            number = values.astype("float64")
-            columns[column] = number.where(np.isfinite(number))
-    return pd.DataFrame(columns, columns=list(COLUMNS[name]))
-
-
-def _read_table(path: Path, problems: list[str]) -> pd.DataFrame:
-    expected = COLUMNS[path.stem]
-    empty = _typed(path.stem, pd.DataFrame(columns=list(expected), dtype=object))
-    if not path.is_file():  # reading a pipe would wait without end
-        if path.exists():
-            problems.append(f"{path}: is no regular file; remove it and run again")
-        return empty
-    try:
-        frame = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8")
-        for column in set(frame.columns) - _TEXT:
-            frame[column] = [float(text or "nan") for text in frame[column]]
-        return _typed(path.stem, frame)
-    except ValueError as error:
-        reason = str(error).strip().splitlines()[0]
-        problems.append(f"{path}: not a results table ({reason}); remove it and run again")
-    return empty
+    for name, frames in tables.items():
+        for frame in frames:
+            table_files.check_columns(name, frame.columns)
+            _, keys = table_files.keys(name, frame)
+            strangers = [key for key in keys if not _belongs(key, stage_methods)]
+            if strangers:
+                listed = ", ".join(sorted(strangers))
+                msg = f"{name}: {listed} is not of {', '.join(stage_methods)}"
+                raise ValueError(msg)
 
 
 def _write(
+    name: str,
     folder: Path,
-    tables: Mapping[str, pd.DataFrame],
-    summary: Mapping[str, Mapping[str, object]],
+    new: Path,
+    frames: Sequence[pd.DataFrame],
+    stage_methods: Sequence[str],
 ) -> None:
-    """Write all files completely before the first one is replaced."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
-        new = Path(temporary)
-        for name, frame in tables.items():
-            cells = frame.to_csv(index=False, lineterminator="\n")
-            if "\r" in cells:  # without quotes it would end a row
-                cells = frame.to_csv(index=False, lineterminator="\n", quoting=QUOTE_NONNUMERIC)
-            (new / f"{name}.csv").write_text(cells, encoding="utf-8", newline="")
-        (new / "summary.json").write_text(summary_text(summary), encoding="utf-8")
-        for name in FILES:
-            (new / name).replace(folder / name)
+    """Write a table with its old rows that stay into a new folder, unless nothing changes."""
+    old, gone = folder / f"{name}.csv", table_files.begins(name, stage_methods)
+    if not frames and table_files.is_there(old) and not table_files.holds(old, gone):
+        return
+    parts = heapq.merge(_old(old, gone), _new(name, frames), key=itemgetter(0))
+    with (new / f"{name}.csv").open("wb") as file:
+        file.write(table_files.header(name))
+        file.writelines(lines for _, lines in parts)
+
+
+def _old(path: Path, gone: tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
+    """Yield the lines of a file that stay, with the places of their stages."""
+    if table_files.is_there(path):
+        for stage, lines in table_files.others(path, gone):
+            yield _PLACES.get(stage, 0), lines
+
+
+def _new(name: str, frames: Sequence[pd.DataFrame]) -> Iterator[tuple[int, bytes]]:
+    """Yield new rows in the order of the stages, with the places of these."""
+    known = [(frame, *table_files.keys(name, frame)) for frame in frames]
+    for stage, place in _PLACES.items():
+        for frame, code, keys in known:
+            mine = np.array([_belongs(key, [stage]) for key in keys], dtype=bool)
+            if mine.any():
+                some = frame if mine.all() else frame[mine[code]]
+                yield from ((place, rows) for rows in table_files.lines(name, some))

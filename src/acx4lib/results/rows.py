@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network
@@ -27,7 +28,7 @@ from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing.differences import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.results import folder
+from acx4lib.results.files.table_files import COLUMNS
 
 COMPONENTS = {
     "image_point": ("col_px", "row_px"),
@@ -112,7 +113,7 @@ def of_method(stage: str, method: str, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _frame(table: str, rows: Sequence[Sequence[object]]) -> pd.DataFrame:
-    return pd.DataFrame(list(rows), columns=list(folder.COLUMNS[table]))
+    return pd.DataFrame(list(rows), columns=list(COLUMNS[table]))
 
 
 def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array) -> pd.DataFrame:
@@ -143,6 +144,7 @@ def exterior_orientations(bundle: Bundle) -> pd.DataFrame:
         the grid's axes, and the sigma of each, a posteriori. A mounted camera's have the sigma
         and the correlations of body pose and mounting, eq. (14).
     """
+    expected.instance("bundle", bundle, Bundle)
     network = bundle.network
     cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
     oriented = np.flatnonzero(bundle.oriented)
@@ -169,58 +171,80 @@ def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Arra
     sigma_opk = np.degrees(sigmas(propagate(to_opk, cov[:, 3:, 3:])))
     frame = pd.DataFrame(
         np.column_stack([enh, np.degrees(opk), sigma_r, sigma_opk]),
-        columns=list(folder.COLUMNS["exterior_orientation"][3:]),
+        columns=list(COLUMNS["exterior_orientation"][3:]),
     )
     frame.insert(0, "image", list(names))
     return frame
 
 
 def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
-    network, parts = bundle.network, []
-    for group in bundle.solution.groups:
-        where, point = _observed_at(network, group.kind)
-        used = group.used
-        rows, components = np.nonzero(used)
-        unit = np.degrees(1.0) if COMPONENTS[group.kind][0].endswith("_deg") else 1.0
-        parts.append(
-            pd.DataFrame(
-                {
-                    "stage": stage,
-                    "method": method,
-                    "kind": group.kind,
-                    "image_or_exposure": where[rows],
-                    "point": point[rows],
-                    "component": np.array(COMPONENTS[group.kind], dtype=object)[components],
-                    "v": unit * group.v[used],
-                    "sigma": unit * group.sigma[used],
-                    "redundancy": group.redundancy[used],
-                    "w": group.w[used],
-                }
-            )
-        )
-    return pd.concat(parts, ignore_index=True)
+    """Return the residuals of all observations that were used, with their names as categories."""
+    groups = bundle.solution.groups
+    where, points, components, units = [], [], [], []
+    for group in groups:
+        rows, columns = np.nonzero(group.used)
+        (images, image_idx), (names, point_idx) = _observed_at(bundle.network, group.kind)
+        where.append((images, image_idx[rows]))
+        points.append((names, point_idx[rows]))
+        components.append((COMPONENTS[group.kind], columns))
+        in_degrees = COMPONENTS[group.kind][0].endswith("_deg")
+        units.append(np.full(len(rows), np.degrees(1.0) if in_degrees else 1.0))
+    unit = np.concatenate(units)
+    values = {
+        name: np.concatenate([getattr(group, name)[group.used] for group in groups])
+        for name in ("v", "sigma", "redundancy", "w")
+    }
+    return pd.DataFrame(
+        {
+            "stage": _named([((stage,), np.zeros(len(unit), dtype=np.intp))]),
+            "method": _named([((method,), np.zeros(len(unit), dtype=np.intp))]),
+            "kind": _named([((g.kind,), np.zeros(g.used.sum(), dtype=np.intp)) for g in groups]),
+            "image_or_exposure": _named(where),
+            "point": _named(points),
+            "component": _named(components),
+            "v": unit * values["v"],
+            "sigma": unit * values["sigma"],
+            "redundancy": values["redundancy"],
+            "w": values["w"],
+        }
+    )
 
 
-def _observed_at(network: Network, kind: str) -> tuple[Array, Array]:
-    """Return for every row of a group its image, exposure or camera, and its point."""
-    points = np.array(network.block.points, dtype=object)
+Named = tuple[Sequence[str], Index]
+"""Some names, and which of them each row has."""
+
+
+def _named(parts: Sequence[Named]) -> pd.Categorical:
+    """Return a column of text from the rows of several parts."""
+    lists = {id(names): names for names, _ in parts}  # points stand in several parts
+    first = dict(zip(lists, np.cumsum([0, *map(len, lists.values())]), strict=False))
+    code = np.concatenate([first[id(names)] + idx for names, idx in parts])
+    names = np.array([name for own in lists.values() for name in own], dtype=object)
+    alike, known = pd.factorize(names)  # an exposure may have the name of an image
+    return pd.Categorical.from_codes(alike[code], pd.Index(known))
+
+
+def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
+    """Return of every row of a group its image, exposure or camera, and its point."""
+    block = network.block
     if kind == "image_point":
-        images = np.array(network.block.images.names, dtype=object)
         seen = network.image_points
-        return images[seen.image_idx], points[seen.point_idx]
+        return (block.images.names, seen.image_idx), (block.points, seen.point_idx)
     if kind == "control_point":
-        names = points[network.control.point_idx[~network.held_control]]
-        return np.full(len(names), "", dtype=object), names
+        point_idx = network.control.point_idx[~network.held_control]
+        return _nameless(len(point_idx)), (block.points, point_idx)
     if kind == "distance":
-        a, b = points[network.distances.point_idx].T
-        return b, a
+        a, b = network.distances.point_idx.T
+        return (block.points, b), (block.points, a)
     if kind in ("lever_arm", "boresight"):
-        cameras = network.block.cameras
-        known = observed_mountings(cameras, kind, network.layout.mount)
-        names = np.array([cameras[k].name for k in known], dtype=object)
-        return names, np.full(len(names), "", dtype=object)
-    poses = np.array(network.pose_names, dtype=object)
-    return poses, np.full(len(poses), "", dtype=object)
+        known = observed_mountings(block.cameras, kind, network.layout.mount)
+        return ([camera.name for camera in block.cameras], known), _nameless(len(known))
+    n = len(network.pose_names)
+    return (network.pose_names, np.arange(n)), _nameless(n)
+
+
+def _nameless(n: int) -> Named:
+    return ("",), np.zeros(n, dtype=np.intp)
 
 
 def rejected_table(
@@ -267,9 +291,7 @@ def point_table(
     stage: str, method: str, names: Sequence[str], n_images: Index, d: Array, sigma: Array
 ) -> pd.DataFrame:
     """Return the differences at points and their sigma, east, north, height in m."""
-    frame = pd.DataFrame(
-        np.column_stack([d, sigma]), columns=list(folder.COLUMNS["check_points"][4:])
-    )
+    frame = pd.DataFrame(np.column_stack([d, sigma]), columns=list(COLUMNS["check_points"][4:]))
     frame.insert(0, "stage", stage)
     frame.insert(1, "method", method)
     frame.insert(2, "point", list(names))

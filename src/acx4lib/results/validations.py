@@ -14,8 +14,8 @@ from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.results import folder
 from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
+from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
 
 MANY = 0.1
@@ -69,7 +69,7 @@ def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:
     points = np.array(block.points, dtype=object)
     frame = pd.DataFrame(
         np.column_stack([pairs.d, pairs.sigma]),
-        columns=list(folder.COLUMNS["validation"][4:]),
+        columns=list(COLUMNS["validation"][4:]),
     )
     frame.insert(0, "method", method)
     frame.insert(1, "point", points[block.check.point_idx[pairs.point_idx]])

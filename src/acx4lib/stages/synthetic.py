@@ -232,5 +232,6 @@ def records(refinement: Refinement) -> list[Record]:
         "redundancy": n_observations - n_unknowns,
         "sigma0_squared": fit.sigma0**2,
         "n_rejected": int(fit.rejected.sum()),
+        **({"notes": [f"synthetic/refined: {fit.sentence}"]} if fit.sentence else {}),
     }
     return [of_relative_orientation("synthetic", "refined", refinement.orientation, **said)]

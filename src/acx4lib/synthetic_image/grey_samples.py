@@ -8,10 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.synthetic_image.compiled.patch_means import patch_means
 from acx4lib.synthetic_image.frame import footprint, head_from_synthetic
 from acx4lib.synthetic_image.mapped_pixels import forget
 
@@ -94,15 +95,19 @@ def overlap_samples(
     _check_images(images, orientation)
     # patches of reduced images cover more ground, so fewer pixels are enough
     patch = 5 if max(images[0].shape) >= 4000 else 3
-    out = []
-    for a, b in combinations(range(len(images)), 2):
-        xy = _points(orientation, (a, b), synthetic, rng=rng, n_points=n_points, patch=patch)
-        if len(xy):
-            both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in (a, b)]
-            out.append(_samples(orientation, (a, b), xy, both))
-        for k in (a, b):
+    pairs = []
+    for pair in combinations(range(len(images)), 2):
+        xy = _points(orientation, pair, synthetic, rng=rng, n_points=n_points, patch=patch)
+        pairs += [(pair, xy)] if len(xy) else []
+
+    def sampled(one: tuple[tuple[int, int], Array]) -> Samples:
+        pair, xy = one
+        both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in pair]
+        for k in pair:
             forget(images[k])
-    return out
+        return _samples(orientation, pair, xy, both)
+
+    return compiling.in_order(sampled, pairs)
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
@@ -166,16 +171,13 @@ def _patches(
     offset = np.arange(patch) - (patch - 1) / 2
     i, j = (o.ravel()[:, None] for o in np.meshgrid(offset, offset))
     at = here[:, None] + i * (right - here)[:, None] + j * (up - here)[:, None]
-    corner = np.floor(at).astype(np.intp)
-    part = (at - corner).astype(np.float32)
-    mean = np.zeros((len(xy), image.shape[2]))
-    peak = np.zeros((len(xy), image.shape[2]), dtype=image.dtype)
-    for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        values = image[corner[..., 1] + down, corner[..., 0] + across]
-        weight = np.abs(1 - across - part[..., 0]) * np.abs(1 - down - part[..., 1])
-        mean += np.einsum("npb,np->nb", values, weight, dtype=np.float64)
-        peak = np.maximum(peak, values.max(axis=1))
-    return _Patches(colrow=here, mean=mean / patch**2, saturated=peak >= _saturation(values))
+    n, bands = len(xy), image.shape[2]
+    mean, peak = np.zeros((n, bands)), np.zeros((n, bands), image.dtype)
+    patch_means(image, at, mean, peak)
+    # enough pixels to tell how frequent each value is
+    corner = np.floor(at).astype(np.intp) + 1
+    values = image[corner[..., 1], corner[..., 0]]
+    return _Patches(colrow=here, mean=mean, saturated=peak >= _saturation(values))
 
 
 def _saturation(values: Image) -> Array:
@@ -186,7 +188,9 @@ def _saturation(values: Image) -> Array:
     """
     levels = np.full(values.shape[-1], float(np.iinfo(values.dtype).max))
     for band, level in enumerate(levels):
-        found, count = np.unique(values[..., band], return_counts=True)
+        often = np.bincount(values[..., band].ravel())
+        found = np.flatnonzero(often)
+        count = often[found]
         below = count[:-1][found[:-1] >= found[-1] - 0.01 * level].max(initial=0)
         if 20 <= count[-1] < 0.5 * count.sum() and count[-1] > 3 * below:
             levels[band] = found[-1]

@@ -260,14 +260,24 @@ def levelled(head: HeadMap) -> HeadMap:
     head : HeadMap
         A map that is exact at its nodes.
     """
-    nodes = head.nodes
-    moved = nodes.copy()
+    moved = head.nodes.copy()
+    box = _around_seen(moved)
+    nodes = head.nodes[box]
     for axis in (0, 1):
         if nodes.shape[axis] > 2:
             bend = np.diff(nodes, n=2, axis=axis) / 12
             ends = [(1, 1) if i == axis else (0, 0) for i in range(3)]
-            moved -= np.nan_to_num(np.pad(bend, ends, mode="edge"))
+            moved[box] -= np.nan_to_num(np.pad(bend, ends, mode="edge"))
     return replace(head, nodes=moved)
+
+
+def _around_seen(nodes: Array) -> tuple[slice, slice]:
+    """Return the rows and columns of nodes that are not NaN, and one more on each side."""
+    seen = np.isfinite(nodes[..., 0])
+    found = [np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0)]
+    first, last = zip(*((f[0], f[-1]) if len(f) else (0, 0) for f in found), strict=True)
+    rows, cols = (slice(max(a - 1, 0), b + 2) for a, b in zip(first, last, strict=True))
+    return rows, cols
 
 
 def _n_nodes(n_px: int, step_px: int) -> int:

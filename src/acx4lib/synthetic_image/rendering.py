@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4lib import expected
+from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
@@ -110,11 +108,12 @@ def render_plan(
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)
+    maps = compiling.in_order(
+        lambda k: levelled(head_map(orientation, k, synthetic, step_px=step)),
+        range(len(orientation.heads)),
+    )
     return RenderPlan(
-        maps=tuple(
-            levelled(head_map(orientation, k, synthetic, step_px=step))
-            for k in range(len(orientation.heads))
-        ),
+        maps=tuple(maps),
         width_px=synthetic.width_px,
         height_px=synthetic.height_px,
         response=response,
@@ -273,7 +272,7 @@ def _resample(
         for start, stop in pairwise(cuts)
         for cell in range(0, n_cells, CELLS)
     ]
-    with ThreadPoolExecutor(threads or _cores()) as pool:
+    with ThreadPoolExecutor(threads or compiling.cores()) as pool:
         for done in [pool.submit(_make, *part) for part in parts]:
             done.result()
 
@@ -299,11 +298,6 @@ def _make(
     )
     work = room(len(images), step, recipe.bands)
     resample_cells(_heads(plan, images, nodes), recipe, window, work)
-
-
-def _cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, slice]) -> Heads:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +95,31 @@ def by_pair(
         by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
         at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
         yield own, at, np.concatenate([-by_a, by_b], axis=2)
+
+
+def normals(
+    parts: Iterable[tuple[Index, Index, Array]], d: Array, weight: Array, n_heads: int
+) -> tuple[Array, Array]:
+    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each.
+
+    Parameters
+    ----------
+    parts : iterable
+        From `by_pair`.
+    d : ndarray, shape (n, 2)
+        From `tie_differences`.
+    weight : ndarray, shape (n,)
+        Of a difference in one coordinate, mm^-2.
+    n_heads : int
+    """
+    n = PER_HEAD * n_heads
+    N, h = np.zeros((n, n)), np.zeros(n)
+    for own, at, by_both in parts:
+        J = by_both.reshape(2 * len(own), -1)
+        PJ = np.repeat(weight[own], 2)[:, None] * J
+        N[np.ix_(at, at)] += PJ.T @ J
+        h[at] += PJ.T @ d[own].ravel()
+    return N, h
 
 
 # --- the whole frame -------------------------------------------------------------------------

@@ -107,11 +107,13 @@ def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
     expected.shape("image", image, ("rows", "cols", "bands"))
     rows, cols = image.shape[:2]
     side = min(_PATCH, rows, cols)
-    ratios = []
-    for row, col in rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2)):
-        patch = image[row : row + side, col : col + side].mean(axis=2, dtype=np.float32)
-        inner = cv2.filter2D(patch, -1, NOISE_MASK)[1:-1, 1:-1]
-        rounding = 1 / (12 * image.shape[2])
-        variance = max(float(np.mean(inner**2)) / float(np.sum(NOISE_MASK**2)), rounding)
-        ratios.append(variance / max(float(patch.mean()), 1.0))
+    at = rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2))
+    patches = np.stack([image[row : row + side, col : col + side] for row, col in at])
+    patches = patches.mean(axis=3, dtype=np.float32)
+    # all below each other; what neighbours share is cut off
+    filtered = cv2.filter2D(patches.reshape(-1, side), -1, NOISE_MASK).reshape(patches.shape)
+    squares = np.mean(filtered[:, 1:-1, 1:-1] ** 2, axis=(1, 2), dtype=float)
+    rounding = 1 / (12 * image.shape[2])
+    variances = np.maximum(squares / np.sum(NOISE_MASK**2), rounding)
+    ratios = variances / np.maximum(patches.mean(axis=(1, 2), dtype=float), 1.0)
     return float(np.quantile(ratios, _QUIET))

@@ -10,11 +10,10 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Index
 from acx4lib.tie_points.compiled.cross_correlation import correlate_points
-from acx4lib.tie_points.compiled.least_squares_matching import N_UNKNOWNS, match_points
+from acx4lib.tie_points.compiled.least_squares_matching import N_UNKNOWNS, RIM, match_points
 
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
-RIM = 2  # px; derivatives need so many more on every side
 WITNESSES = 64  # windows whose residuals tell the correlation of noise: sigma to a tenth
 AT_A_TIME = 512  # windows, so that their design matrices need little memory
 LEAST_NOISE = 0.01  # of grey values that were rounded and averaged, however alike they are
@@ -135,13 +134,13 @@ def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
     """
     _check(a, b, at, near)
     expected.whole("half", half)
-    colrow, gain, residuals = match_points(
+    colrow, gain, residuals, moves = match_points(
         a, _spline_of_seen(b), at.astype(np.int64), np.asarray(near, float), half
     )
     sigma = np.full((len(at), 2), np.nan)
     found = np.flatnonzero(np.isfinite(gain))
     if len(found):
-        sigma[found] = _sigmas(a, at[found], half, residuals[found], gain[found])
+        sigma[found] = _sigmas(a, at[found], half, residuals[found], moves[found])
     return Matches(colrow=colrow, sigma_px=sigma, gain=gain)
 
 
@@ -156,7 +155,7 @@ def _check(a: Array, b: Array, at: Index, near: Array) -> None:
 # --- how well a window is matched ----------------------------------------------------------
 
 
-def _sigmas(a: Array, at: Index, half: int, residuals: Array, gain: Array) -> Array:
+def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> Array:
     """Return the standard deviations of matched positions, from the residuals, (n, 2), px.
 
     Compression and interpolation give neighbouring pixels the same noise, and most of it at edges,
@@ -174,16 +173,16 @@ def _sigmas(a: Array, at: Index, half: int, residuals: Array, gain: Array) -> Ar
     noise = residuals[some]
     noise = noise / np.sqrt(np.mean(np.square(noise), axis=1, keepdims=True) + LEAST_NOISE**2)
     noise = _mirrored(noise)
-    columns = _columns(_windows(a, at[some], half))
-    left = 1 - _absorbed(_moves(columns, residuals[some], gain[some]), columns)
+    left = 1 - _absorbed(moves[some], _columns(_windows(a, at[some], half)))
     out = np.empty((len(at), 2))
     for start in range(0, len(at), AT_A_TIME):
         part = slice(start, start + AT_A_TIME)
-        moves = _moves(_columns(_windows(a, at[part], half)), residuals[part], gain[part])
         squares = np.square(residuals[part]) + np.float32(LEAST_NOISE**2)
-        apart = np.sum(np.square(moves) * squares[:, None], axis=2)
-        shared = np.mean(np.square(moves @ noise.T), axis=2)
-        alone = np.square(moves) @ np.mean(np.square(noise), axis=0)
+        moved = np.square(moves[part])
+        apart = np.sum(moved * squares[:, None], axis=2)
+        by_noise = moves[part].reshape(-1, moves.shape[2]) @ noise.T
+        shared = np.mean(np.square(by_noise), axis=1).reshape(-1, 2)
+        alone = moved @ np.mean(np.square(noise), axis=0)
         out[part] = np.sqrt(apart * shared / (alone * left))
     return out
 
@@ -210,37 +209,10 @@ def _absorbed(moves: Array, columns: Array) -> float:
     """
     n, _, pixels = columns.shape
     basis = np.linalg.qr(columns.transpose(0, 2, 1).astype(float))[0]
-    unit = _mirrored(moves.reshape(-1, pixels).astype(float))
+    unit = _mirrored(moves.reshape(-1, pixels))
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-    taken = unit @ basis.transpose(1, 0, 2).reshape(pixels, -1)
-    return float(np.sum(np.square(taken))) / (n * len(unit))
-
-
-def _moves(columns: Array, residuals: Array, gain: Array) -> Array:
-    """Return the derivatives of positions by b's grey values, float32, shape (n, 2, pixels).
-
-    A match satisfies B^T v = 0 with the design matrix B, derivatives of a. The derivatives of
-    B^T v by the position are B^T times the derivatives of b; with those of a, the noise that is in
-    both factors would seem to be texture. Derivatives of b are a's times the gain, plus those of
-    the residuals.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (n, unknowns, pixels)
-        Of the design matrices.
-    residuals : ndarray, shape (n, pixels)
-    gain : ndarray, shape (n,)
-    """
-    n, _, pixels = columns.shape
-    side = round(np.sqrt(pixels))
-    inner = _columns(residuals.reshape(n, side, side)).reshape(n, N_UNKNOWNS, -1)[:, :6]
-    # a rim of the residuals has no derivatives; the other pixels stand for it
-    inner *= np.float32(pixels / inner.shape[2])
-    own = columns.reshape(n, N_UNKNOWNS, side, side)[..., RIM:-RIM, RIM:-RIM]
-    N = np.matmul(columns, columns.transpose(0, 2, 1)).astype(float)
-    N[:, :, :6] *= gain[:, None, None]
-    N[:, :, :6] += np.matmul(own.reshape(n, N_UNKNOWNS, -1), inner.transpose(0, 2, 1))
-    return np.matmul(np.linalg.inv(N)[:, :2].astype(np.float32), columns)
+    taken = unit @ basis.transpose(1, 0, 2).reshape(pixels, -1).astype(np.float32)
+    return float(np.sum(np.square(taken), dtype=float)) / (n * len(unit))
 
 
 def _columns(grey: Array) -> Array:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
 from acx4lib.tie_points.harris import best_of_cells, response
 from acx4lib.tie_points.least_squares_matching import correlate, match
@@ -141,9 +142,31 @@ class OverlapMatches:
     counts: Index
 
 
+def match_overlaps(tasks: Sequence[OverlapTask]) -> list[OverlapMatches]:
+    """Return all matches of each overlap, including false ones and those on moving objects.
+
+    The tiles of all overlaps are shared among the processors.
+    """
+    parts = [(task, part) for task in tasks for part in _parts(task)]
+    found = iter(compiling.in_order(lambda one: _match_part(*one), parts))
+    return [_joined(task, [next(found) for _ in _parts(task)]) for task in tasks]
+
+
 def match_overlap(task: OverlapTask) -> OverlapMatches:
-    """Return all matches of an overlap, including false ones and those on moving objects."""
-    parts = [_match_corners(task, tile) for tile in _tiles(task)]
+    """Return all matches of one overlap, by one thread."""
+    return _joined(task, [_match_part(task, part) for part in _parts(task)])
+
+
+def _match_part(task: OverlapTask, part: SyntheticWindow) -> OverlapMatches:
+    found = _match_corners(task, _tile(task, part))
+    if part[3] >= task.shared.window[3]:  # the next part lies below, where other pixels are
+        for k in (task.shared.head_a, task.shared.head_b):
+            forget(task.images[k])
+    return found
+
+
+def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatches:
+    """Return the matches of an overlap's parts that are sure enough."""
     sigma = np.concatenate([part.sigma_px for part in parts])
     sure = np.max(sigma, axis=1) < _largest_sigma(sigma, task.options)
     counts = np.sum([part.counts for part in parts], axis=0)
@@ -189,18 +212,19 @@ class _Tile:
     first_b: Array
 
 
-def _tiles(task: OverlapTask) -> Iterator[_Tile]:
-    """Yield the tiles of an overlap, each of whole cells; those of the second head are shifted."""
+def _parts(task: OverlapTask) -> list[SyntheticWindow]:
+    """Return the parts of an overlap that are matched at a time, each of whole cells."""
     row_0, row_1, col_0, col_1 = task.shared.window
     side = max(TILE_PX // task.cell, 1) * task.cell
-    for row in range(row_0, row_1, side):
-        for col in range(col_0, col_1, side):
-            part = (row, min(row + side, row_1), col, min(col + side, col_1))
-            yield _tile(task, part)
+    return [
+        (row, min(row + side, row_1), col, min(col + side, col_1))
+        for row in range(row_0, row_1, side)
+        for col in range(col_0, col_1, side)
+    ]
 
 
 def _tile(task: OverlapTask, part: SyntheticWindow) -> _Tile:
-    """Return both heads' grey values in a part of the synthetic image and around it."""
+    """Return both heads' grey values in a part and around it, the second head's shifted."""
     middle = np.array([[part[2] + part[3], part[0] + part[1]]]) / 2
     by = np.rint(shift_at(task.shift, middle)[0]).astype(int)
     halo = task.halo

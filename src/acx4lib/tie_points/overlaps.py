@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from acx4lib import compiling
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
@@ -20,7 +21,7 @@ from acx4lib.synthetic_image.frame import (
 )
 from acx4lib.synthetic_image.head_map import HeadMap, window_map
 from acx4lib.synthetic_image.mapped_pixels import forget
-from acx4lib.tie_points.compiled.spline import sample_between_nodes
+from acx4lib.tie_points.compiled.spline import mean_of_bands, sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 
 # first row, row after the last, first column, column after the last
@@ -142,11 +143,9 @@ def _depths(
 
 def grey(image: np.ndarray) -> Array:
     """Return the mean of an image's bands, shape (rows, cols), float32."""
-    total = image[..., 0].astype(np.float32)
-    for band in range(1, image.shape[2]):
-        total += image[..., band]
-    total *= np.float32(1 / image.shape[2])
-    return total
+    out = np.empty(image.shape[:2], np.float32)
+    mean_of_bands(image, out)
+    return out
 
 
 def grey_window(
@@ -211,11 +210,9 @@ def reduced_exposure(
 ) -> GreyExposure:
     """Return grey images of 1 / factor of the size, each pixel the mean of those it replaces."""
     heads = reduced_heads(orientation, factor)
+    pairs = zip(images, heads.heads, strict=True)
     return GreyExposure(
-        images=tuple(
-            _reduced_grey(image, camera, factor)
-            for image, camera in zip(images, heads.heads, strict=True)
-        ),
+        images=tuple(compiling.in_order(lambda pair: _reduced_grey(*pair, factor), pairs)),
         orientation=heads,
         synthetic=reduced_camera(synthetic, factor),
         factor=factor,

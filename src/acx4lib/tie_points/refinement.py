@@ -28,13 +28,13 @@ from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
-from acx4lib.tie_points.differences import PER_HEAD, by_pair, sides, tie_differences
+from acx4lib.tie_points.differences import PER_HEAD, by_pair, normals, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
 
-STEPS, NEARLY_MM = 30, 5e-6
+STEPS, NEARLY_MM = 100, 5e-6
 """Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
 
 TUKEY_WIDTH = 5.0
@@ -63,6 +63,8 @@ class Refined:
         The head whose orientation is held.
     unreached : tuple of str
         Heads without tie points; their orientation does not change.
+    settled : bool
+        Whether the weights, which follow from the differences, stopped changing within `STEPS`.
     """
 
     orientation: RelativeOrientation
@@ -71,6 +73,13 @@ class Refined:
     turn_sigma: Array
     held: str
     unreached: tuple[str, ...]
+    settled: bool = True
+
+    @property
+    def sentence(self) -> str:
+        """A warning for the user; empty where there is nothing to warn of."""
+        said = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
+        return "" if self.settled else said
 
     @property
     def cov(self) -> Array:
@@ -116,25 +125,26 @@ def refine_by_rotations(
     check_ties(ties, orientation)
     sigma = _sigma_mm(orientation, ties)
     used: Mask = np.isfinite(sigma)
-    now = orientation
+    now, settled = orientation, True
     for factors in (_huber, _tukey):
         columns = _columns(orientation, ties[used], FREE[free])
-        now = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
+        now, done = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
+        settled = settled and done
     u = _in_spreads(tie_differences(now, ties[used]), sigma[used])
     used[used] = u <= SUSPECT
     columns = _columns(orientation, ties[used], FREE[free])
     with suppress(AdjustmentError):  # `_refined` says what tie points do not determine
         now, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), now)
-    return _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
+    refined = _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
+    return replace(refined, settled=settled)
 
 
 def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
     """Return the standard deviation of a difference in one coordinate, shape (n,)."""
     variance = np.zeros(len(ties))
     for k, colrow, own, _ in sides(ties):
-        for step in 0.5 * np.eye(2):
-            ahead = synthetic_from_head(orientation, k, colrow + step)
-            behind = synthetic_from_head(orientation, k, colrow - step)
+        for s in 0.5 * np.eye(2):
+            ahead, behind = (synthetic_from_head(orientation, k, colrow + d) for d in (s, -s))
             # mean of the two directions of the synthetic image
             variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
     return ties.sigma_px * np.sqrt(variance)
@@ -194,19 +204,25 @@ def _settled(
     *,
     columns: Index,
     factors: Loss,
-) -> RelativeOrientation:
-    """Return the orientation after reweighted steps; the weights follow from the differences."""
+) -> tuple[RelativeOrientation, bool]:
+    """Return the orientation after reweighted steps, and whether the last one was small enough.
+
+    The weights follow from the differences. Derivatives hardly change: those at the start serve
+    all steps.
+    """
     in_mm = np.repeat([1.0, orientation.heads[0].interior.f], 3)
+    parts = list(by_pair(orientation, ties))
     for _ in range(STEPS):
-        u = _in_spreads(tie_differences(orientation, ties), sigma)
-        N, h = _normals(orientation, ties, factors(u) / sigma**2)
+        d = tie_differences(orientation, ties)
+        weight = factors(_in_spreads(d, sigma)) / sigma**2
+        N, h = normals(parts, d, weight, len(orientation.heads))
         system = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns])
         dx = np.zeros(len(h))
         dx[columns] = -system.solve(h[columns])
         orientation = _moved(orientation, dx.reshape(-1, PER_HEAD))
         if np.max(np.abs(dx.reshape(-1, PER_HEAD)[:, :6] * in_mm)) < NEARLY_MM:
-            break
-    return orientation
+            return orientation, True
+    return orientation, False
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,20 +271,6 @@ def _moved(orientation: RelativeOrientation, dx: Array) -> RelativeOrientation:
     return replace(orientation, xyz_mm=orientation.xyz_mm + dx[:, :3], opk=opk_from_rotation(R))
 
 
-def _normals(
-    orientation: RelativeOrientation, ties: TiePoints, weight: Array
-) -> tuple[Array, Array]:
-    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
-    n = PER_HEAD * len(orientation.heads)
-    d, N, h = tie_differences(orientation, ties), np.zeros((n, n)), np.zeros(n)
-    for own, at, by_both in by_pair(orientation, ties):
-        J = by_both.reshape(2 * len(own), -1)
-        PJ = np.repeat(weight[own], 2)[:, None] * J
-        N[np.ix_(at, at)] += PJ.T @ J
-        h[at] += PJ.T @ d[own].ravel()
-    return N, h
-
-
 # --- quality ---------------------------------------------------------------------------------
 
 
@@ -282,7 +284,8 @@ def _refined(
     columns: Index,
 ) -> Refined:
     """Return the result with its covariance, if the tie points determine it."""
-    N, _ = _normals(now, ties[used], 1 / sigma[used] ** 2)
+    d, parts = tie_differences(now, ties[used]), by_pair(now, ties[used])
+    N, _ = normals(parts, d, 1 / sigma[used] ** 2, len(now.heads))
     inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
     redundancy = 2 * int(used.sum()) - len(columns)
     if inverse.defect or redundancy <= 0:
@@ -293,7 +296,7 @@ def _refined(
             "several, well apart"
         )
         raise AdjustmentError(msg)
-    u = tie_differences(now, ties[used]) / sigma[used, None]
+    u = d / sigma[used, None]
     sigma0_sq = float(np.sum(u**2)) / redundancy
     cov, cov_change = _covariances(start, now, N, columns, sigma0_sq * inverse.dense)
     tied = _tied(start, ties[used])

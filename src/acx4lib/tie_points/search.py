@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import compiling
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic
-from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
 from acx4lib.tie_points.matching import (
     OverlapMatches,
     OverlapTask,
     TieOptions,
-    match_overlap,
+    match_overlaps,
     shift_at,
 )
 from acx4lib.tie_points.overlaps import SharedWindow, reduced_exposure, shared_windows
@@ -147,9 +147,8 @@ def find_ties(
     coarse = reduced_exposure(images, orientation, synthetic, large_shifts.coarse_factor(windows))
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
-    found = []
-    for shared in windows:
-        task = OverlapTask(
+    tasks = [
+        OverlapTask(
             images=images,
             orientation=orientation,
             synthetic=synthetic,
@@ -159,10 +158,11 @@ def find_ties(
             noise=noise[shared.head_a],
             options=options,
         )
-        task = replace(task, shift=large_shifts.coarse_shift(task, coarse))
-        found.append(_measured(task))
-        for k in (shared.head_a, shared.head_b):
-            forget(images[k])
+        for shared in windows
+    ]
+    shifts = compiling.in_order(lambda task: large_shifts.coarse_shift(task, coarse), tasks)
+    tasks = [replace(task, shift=shift) for task, shift in zip(tasks, shifts, strict=True)]
+    found = list(map(_measured, tasks, match_overlaps(tasks)))
     return _assembled(found, orientation, synthetic, exposure)
 
 
@@ -189,9 +189,8 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
 # --- one overlap ----------------------------------------------------------------------------
 
 
-def _measured(task: OverlapTask) -> tuple[OverlapMatches, OverlapTies]:
+def _measured(task: OverlapTask, matches: OverlapMatches) -> tuple[OverlapMatches, OverlapTies]:
     """Return the matches of an overlap that agree, and their numbers."""
-    matches = match_overlap(task)
     # of poor pictures, good matches miss each other by more
     usual = 4 * float(np.median(matches.sigma_px)) if len(matches.sigma_px) else 0.0
     agree = large_shifts.consensus(matches, max(task.options.consensus_px, usual))

@@ -189,18 +189,15 @@ def refine_by_mean_differences(
     check_ties(ties, orientation)
     if len(ties) == 0:
         return orientation
-    shifts, gain, counts = _shifts(orientation, ties)
+    found = overlaps(ties, orientation)
+    gain, counts = _gain(found, len(orientation.heads))
     xyz = orientation.xyz_mm.copy()
-    xyz[:, :2] += shifts
+    xyz[:, :2] += gain @ np.array([overlap.mean for overlap in found])
     n = 6 * len(orientation.heads)
-    sigma = sigmas(orientation.cov_joint)
-    J = np.eye(len(sigma))
-    for i in map(int, np.flatnonzero(sigma)):
-        ahead, _, _ = _shifts(varied(orientation, i, sigma[i]), ties)
-        behind, _, _ = _shifts(varied(orientation, i, -sigma[i]), ties)
-        change = (ahead - behind) / (2 * sigma[i])
-        J[0:n:6, i] += change[:, 0]
-        J[1:n:6, i] += change[:, 1]
+    by_parameter = gain @ _means_jacobian(orientation, ties, found)
+    J = np.eye(len(orientation.cov_joint))
+    J[0:n:6] += by_parameter[0]
+    J[1:n:6] += by_parameter[1]
     pixel_mm = orientation.heads[0].pixel_mm
     variance = 2 * (np.mean(ties.sigma_px) * pixel_mm) ** 2 / counts
     noise = (gain * variance) @ gain.T
@@ -225,16 +222,33 @@ def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOri
     return replace(orientation, xyz_mm=xyz, opk=opk)
 
 
-def _shifts(orientation: RelativeOrientation, ties: TiePoints) -> tuple[Array, Array, Array]:
-    """Return the heads' shifts (mm), d(shifts) / d(mean differences), and points per pair."""
-    found = overlaps(ties, orientation)
-    n_heads = len(orientation.heads)
+def _gain(found: list[Overlap], n_heads: int) -> tuple[Array, Array]:
+    """Return d(shifts of the heads) / d(mean differences), and the points of each overlap."""
     A = np.zeros((len(found), n_heads))
     for row, overlap in enumerate(found):
         A[row, overlap.head_a], A[row, overlap.head_b] = -1.0, 1.0
     counts = np.array([len(overlap.d) for overlap in found], dtype=float)
     root = np.sqrt(counts)[:, None]
     # minimum norm: the shifts sum to zero, so the mean of the heads does not move
-    gain = -np.linalg.pinv(root * A) * root.T
-    means = np.array([overlap.mean for overlap in found])
-    return gain @ means, gain, counts
+    return -np.linalg.pinv(root * A) * root.T, counts
+
+
+def _means_jacobian(
+    orientation: RelativeOrientation, ties: TiePoints, found: list[Overlap]
+) -> Array:
+    """Return d(mean differences) / d(parameters), (2, n_overlaps, n_parameters); 0 where held."""
+    n, sigma = len(orientation.heads), sigmas(orientation.cov_joint)
+    out = np.zeros((2, len(found), len(sigma)))
+    for row, overlap in enumerate(found):
+        own = (ties.head_a == overlap.head_a) & (ties.head_b == overlap.head_b)
+        sides = (overlap.head_a, ties.colrow_a[own], -1), (overlap.head_b, ties.colrow_b[own], 1)
+        for k, colrow, sign in sides:
+            poses, interiors = np.split(np.arange(len(sigma)), [6 * n])
+            mine = [*np.split(poses, n)[k], *np.split(interiors, n)[k]]
+            for i in (int(i) for i in mine if sigma[i]):
+                ahead, behind = (
+                    synthetic_from_head(varied(orientation, i, step), k, colrow).mean(axis=0)
+                    for step in (sigma[i], -sigma[i])
+                )
+                out[:, row, i] = sign * (ahead - behind) / (2 * sigma[i])
+    return out

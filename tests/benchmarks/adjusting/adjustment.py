@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,20 @@ CERES = tuple(
 )
 """Ways to solve with Ceres; of those with the same derivatives the best counts."""
 
+PYCOLMAP = ("pycolmap_default", "pycolmap_tuned", "pycolmap_covariance")
+FREE = {
+    "free-500": bench_blocks.Design(layout="52", ties=500),
+    "free-5k": bench_blocks.Design(layout="52", ties=5_000),
+    "free-50k": bench_blocks.Design(layout="52", ties=50_000),
+    "free-100k": bench_blocks.Design(layout="268", ties=100_000),
+}
+"""Problems that pycolmap can state, too: `bench_blocks.pinhole_network`."""
+
+NO_PYCOLMAP = "it is missing (pip install -r environment-bench.txt)"
+
+ALONE = ("e2m",)
+"""Ceres would need four times the memory and minutes that the largest of the others takes it."""
+
 SCIPY_ON = ("a500",)
 COVARIANCE_ON = ("a500", "a5k")
 SWEEP = (500, 1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000)
@@ -44,7 +59,8 @@ SLOWER = 1.2
 
 COLUMNS = (
     *("problem", "images", "points", "image_points", "observations", "unknowns", "solver", "run"),
-    *("wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "converged", "cost"),
+    *("wall_s", "cpu_s", "first_wall_s", "first_cpu_s", "peak_mb", "growth_mb"),
+    *("steps", "converged", "cost"),
 )
 Row = dict[str, Any]
 
@@ -52,7 +68,7 @@ Row = dict[str, Any]
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    sizes = list(bench_blocks.DESIGNS)
+    sizes = [*bench_blocks.DESIGNS, *FREE]
     parser.add_argument("--sizes", nargs="*", choices=sizes, default=sizes, metavar="SIZE")
     parser.add_argument("--repeat", type=int, default=5, help="runs of each solver (5)")
     parser.add_argument("--sweep", type=int, nargs="*", default=list(SWEEP), metavar="TIES")
@@ -63,7 +79,9 @@ def main() -> None:
     except ceres_solver.NoCeres as why:
         ceres = None
         sys.stderr.write(f"{why}\n")
-    designs = {name: bench_blocks.DESIGNS[name] for name in options.sizes}
+    if find_spec("pycolmap") is None:
+        sys.stderr.write(f"no comparison with pycolmap: {NO_PYCOLMAP}\n")
+    designs = {name: (bench_blocks.DESIGNS | FREE)[name] for name in options.sizes}
     designs |= {
         f"sweep-{ties}": bench_blocks.Design(layout="52", ties=ties) for ties in options.sweep
     }
@@ -81,8 +99,8 @@ def measure(
     """Return the runs of all solvers on one problem, and how their answers agree."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "problem"
-        size = prepare(design, path)
-        run = runner(path, ceres)
+        size = prepare(name, design, path)
+        run = runner(path, ceres, free=name in FREE)
         run("ours")  # compiles what is not compiled yet
         rows, last = [], {}
         for number, solver in turns(solvers(name, ceres), repeat, rows):
@@ -90,7 +108,7 @@ def measure(
             last[solver] = found
             rows.append({"problem": name, **size, **found, "solver": solver, "run": number})
             progress(rows[-1])
-        if ceres is None or name.startswith("sweep"):
+        if "ceres_automatic_sparse_1" not in last:
             return fill(rows, last["ours"]), []
         exact = last.get("ceres_covariance") or run("ceres_exact")
     return fill(rows, last["ours"]), [
@@ -98,9 +116,10 @@ def measure(
     ]
 
 
-def prepare(design: bench_blocks.Design, path: Path) -> Row:
+def prepare(name: str, design: bench_blocks.Design, path: Path) -> Row:
     """Write a problem and return its size."""
-    network = bench_blocks.network(bench_blocks.make(design))
+    set_up = bench_blocks.pinhole_network if name in FREE else bench_blocks.network
+    network = set_up(bench_blocks.make(design))
     problem_file.write(network, path)
     return {
         "images": len(network.block.images),
@@ -111,7 +130,9 @@ def prepare(design: bench_blocks.Design, path: Path) -> Row:
 
 def solvers(name: str, ceres: Path | None) -> tuple[str, ...]:
     """Return which solvers run on a problem, in the order of their turns."""
-    if ceres is None:
+    if name in FREE:
+        return ("ours", *(PYCOLMAP if find_spec("pycolmap") else ()))
+    if ceres is None or name in ALONE:
         return ("ours",)
     if name.startswith("sweep"):
         return ("ours", "ceres_automatic_dense_1")
@@ -139,17 +160,12 @@ def outrun(solver: str, first: dict[str, Row]) -> bool:
     )
 
 
-def runner(problem: Path, ceres: Path | None) -> Callable[[str], Row]:
+def runner(problem: Path, ceres: Path | None, *, free: bool = False) -> Callable[[str], Row]:
     """Return what runs a solver on a problem in a fresh process."""
 
     def run(solver: str) -> Row:
-        scripts = {"ours": "ours.py", "scipy": "scipy_solver.py"}
-        if solver in scripts:
-            command = [sys.executable, str(HERE / scripts[solver]), str(problem)]
-        else:
-            command = ceres_solver.command(ceres, problem, solver)
         done = subprocess.run(
-            command,
+            _command(solver, problem, ceres, free=free),
             capture_output=True,
             text=True,
             check=False,
@@ -164,6 +180,15 @@ def runner(problem: Path, ceres: Path | None) -> Callable[[str], Row]:
         return found
 
     return run
+
+
+def _command(solver: str, problem: Path, ceres: Path | None, *, free: bool) -> list[str]:
+    if solver.startswith("ceres_"):
+        return ceres_solver.command(ceres, problem, solver)
+    program, _, how = solver.partition("_")
+    script = "ours.py" if program == "ours" else f"{program}_solver.py"
+    options = ["free"] if free and program == "ours" else [how] if how else []
+    return [sys.executable, str(HERE / script), str(problem), *options]
 
 
 def progress(row: Row) -> None:

@@ -1,4 +1,4 @@
-"""Blocks of the paper's camera with known truth, made in memory, up to half a million points.
+"""Blocks of the paper's camera with known truth, made in memory, up to two million points.
 
 The library's own projection makes them: they serve to time an adjustment and to compare solvers,
 not to test signs.
@@ -13,14 +13,23 @@ import numpy as np
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import PoseObservations
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior, inside
+from acx4lib.geometry.camera import (
+    INTERIOR,
+    Camera,
+    Interior,
+    colrow_from_xy,
+    correct,
+    inside,
+    xy_from_colrow,
+)
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 
-FREE = INTERIOR[:8]
-"""All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2."""
+FREE, PINHOLE = INTERIOR[:8], INTERIOR[:3]
+"""All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2; those without a lens."""
 
 FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
 GROUND_M = 900.0
@@ -106,8 +115,9 @@ LAYOUTS = {
     # the paper's validation block
     "268": parallel([14 if i % 5 in (0, 2) else 13 for i in range(20)]),
     "1000": parallel([40] * 25),
+    "4000": parallel([40] * 100),
 }
-CONTROL = {"52": (8, 7), "268": (6, 6), "1000": (6, 6)}
+CONTROL = {"52": (8, 7), "268": (6, 6), "1000": (6, 6), "4000": (6, 24)}
 """Rows and columns of the control points."""
 
 DESIGNS = {
@@ -116,6 +126,7 @@ DESIGNS = {
     "a50k": Design(layout="52", ties=50_000),
     "c100k": Design(layout="268", ties=100_000),
     "d500k": Design(layout="1000", ties=500_000),
+    "e2m": Design(layout="4000", ties=2_000_000),
 }
 
 
@@ -171,6 +182,38 @@ def network(made: Made, *, seed: int = 2) -> Network:
     x_m[made.block.control.point_idx] = made.block.control.x_m
     # the cost functions for Ceres correct the points as they were measured
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
+
+
+def pinhole_network(made: Made, *, seed: int = 2) -> Network:
+    """Return a problem that pycolmap can state, too: free poses, observed positions, no lens.
+
+    The measurements are corrected by the true interior orientation. Unknown are f, xp and yp, all
+    poses and points; there is no control.
+    """
+    block = _without_lens(made.block)
+    positions = PoseObservations(
+        T_m_b=block.T_m_b_images,
+        R_g_m=block.trajectory.R_g_m,
+        sigma_position=block.trajectory.sigma_position,
+        sigma_attitude=np.full((len(block.images), 3), np.inf),
+    )
+    ready = uses.free_orientation(block, free=PINHOLE, positions=positions)
+    rng = np.random.default_rng(seed)
+    x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
+    return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
+
+
+def _without_lens(block: Block) -> Block:
+    """Return a block as the true camera sees it without lens, and a trajectory of the camera."""
+    points, trajectory, mounting = block.image_points, block.trajectory, TRUTH.T_b_c
+    ideal = correct(TRUTH.interior, xy_from_colrow(TRUTH, points.colrow))
+    r = trajectory.T_m_b.r + transform(trajectory.T_m_b.R, mounting.r)
+    return replace(
+        block,
+        image_points=replace(points, colrow=colrow_from_xy(TRUTH, ideal)),
+        control=block.control[np.zeros(0, dtype=np.intp)],
+        trajectory=replace(trajectory, T_m_b=Pose(R=trajectory.T_m_b.R @ mounting.R, r=r)),
+    )
 
 
 def _fly(strips: Sequence[Strip], rng: np.random.Generator) -> Pose:

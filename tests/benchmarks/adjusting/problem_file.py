@@ -6,6 +6,7 @@ points and image points; then the arrays of `_arrays`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
-from acx4lib.bundle.unknowns import State, layout
+from acx4lib.bundle.unknowns import Layout, State, layout
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
@@ -57,8 +58,15 @@ def _arrays(network: Network) -> list[np.ndarray]:
     ]
 
 
-def read(path: Path) -> Network:
-    """Return the network of a file, ready for adjustment."""
+def read(path: Path, *, free: Sequence[str] = FREE, free_mount: Sequence[str] = MOUNT) -> Network:
+    """Return the network of a file, ready for adjustment.
+
+    Parameters
+    ----------
+    path : Path
+    free, free_mount : sequence of str
+        As in `uses.mounted_orientation`; nothing of the mounting where poses are the camera's.
+    """
     with path.open("rb") as file:
         n_poses, n_points, n_control, n_rays = np.fromfile(file, np.int64, 4)
         camera = _camera(file)
@@ -83,7 +91,7 @@ def read(path: Path) -> Network:
             sigma_px=_floats(file, n_rays),
         )
     block = _block(camera, observed, control, points, n_points=n_points)
-    return _network(block, observed, x_m)
+    return _network(block, observed, x_m, layout(1, n_poses, free=free, free_mount=free_mount))
 
 
 def _floats(file: BinaryIO, *shape: int) -> np.ndarray:
@@ -128,14 +136,14 @@ def _block(
     )
 
 
-def _network(block: Block, observed: PoseObservations, x_m: np.ndarray) -> Network:
+def _network(block: Block, observed: PoseObservations, x_m: np.ndarray, columns: Layout) -> Network:
     """Return what `uses.mounted_orientation` does, without a search for start values."""
     n, camera = len(block.images), block.cameras[0]
     return Network(
         block=block,
         pose_names=block.trajectory.exposures,
         pose_idx=np.arange(n),
-        layout=layout(1, n, free=FREE, free_mount=MOUNT),
+        layout=columns,
         image_points=block.image_points,
         rows=np.arange(len(block.image_points)),
         control=block.control,

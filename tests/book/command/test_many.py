@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
+import pandas as pd
 import pytest
 
 import acx4sim
@@ -16,7 +18,7 @@ from acx4book.command import many
 from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
 from support.flights import sized
-from support.helpers import hears_interrupts
+from support.helpers import ROOT, hears_interrupts
 from support.small_notebooks import write
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
@@ -92,6 +94,10 @@ def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
         ),
         (["single-head", "--seeds", "3-1"], "--seeds: '3-1' names no seeds; give whole numbers"),
         (["a", "b", "--jobs", "2", "--cluster", "tcp://x:1"], "--jobs are of this computer"),
+        (
+            ["a", "--with-notebooks", "--cluster", "tcp://x:1"],
+            "--cluster computes the numbers only",
+        ),
         (["a", "a"], "is given twice"),
         (["a", "b", "--stages", "rig"], "unknown stage 'rig'; known: heads,"),
     ],
@@ -109,6 +115,23 @@ def test_a_cluster_without_dask_is_a_sentence(acx4, flights, tmp_path, monkeypat
     status, out, err = acx4(flights[0], "--cluster", "tcp://x:1", "--results", tmp_path / "all")
     assert (status, out) == (2, [])
     assert err == ["--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"]
+
+
+@pytest.mark.slow
+def test_the_page_s_code_reads_the_tables(acx4, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = acx4("single-head", "--seeds", "1-2", "--results", "monte_carlo", "--jobs", 1)
+    assert (status, out[:2]) == (0, ["single-head-1: done", "single-head-2: done"])
+    page = (ROOT / "book" / "many-flights.md").read_text(encoding="utf-8")
+    namespace = {}
+    for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(code, namespace)
+    printed = capsys.readouterr().out.splitlines()
+    focal = pd.read_csv("monte_carlo/flights.csv")["f_mm"]
+    assert printed[0].split()[:2] == ["f_mm", str(focal.std())]
+    assert namespace["two_step"].groupby("parameter").size()["lever_z_m"] == 2
+    truth = json.loads((tmp_path / "monte_carlo/simulated/single-head-1.truth.json").read_text())
+    assert focal.to_numpy() == pytest.approx(truth["cameras"]["CAM"]["f_mm"], abs=0.008)  # 5 sigma
 
 
 @pytest.mark.slow

@@ -51,6 +51,12 @@ def test_the_test_field_is_calibrated_within_its_sigma(printed):
         assert abs(value - true) < 4 * own
 
 
+def test_a_free_network_with_a_distance_has_six_motions_open(printed):
+    n_open, f, sigma = (float(n) for n in re.findall(r"\d+(?:\.\d+)?", printed[10]))
+    assert n_open == 6
+    assert abs(f - 50.4) < 4 * sigma
+
+
 def test_pixels_have_sigma_near_what_the_height_alone_gives(printed):
     lines = printed[4].splitlines()
     sigma = [float(n) for n in lines[1].split()[4:]]

@@ -15,7 +15,7 @@ from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import MappingFrame
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares.eliminated_points import cross_covariance
 from support import blocks
 from support.helpers import dense_covariance, dense_jacobian, rotation_angle, weighted_residuals
 from support.strategies import opk, vectors
@@ -122,7 +122,7 @@ def test_points_with_columns_have_the_covariance_of_the_full_inverse(fit):
     sigma = np.sqrt(np.diag(full))
     free = np.flatnonzero(fit.network.free_points)
     some = np.array([3, 0, len(free) - 1])
-    cross = adjustment.cross_covariance(fit.network, fit.state, fit.solution, free[some])
+    cross = cross_covariance(fit.network, fit.state, fit.solution, free[some])
     for i, found in zip(some, cross, strict=True):
         at = slice(n + 3 * i, n + 3 * i + 3)
         scale = np.outer(sigma[at], sigma[:n])

@@ -112,9 +112,9 @@ def test_no_parameter_is_moved_by_more_than_baardas_bound(mounted):
     effects = parameter_effects(mounted, columns_of(mounted))
     for group, effect in zip(mounted.solution.groups, effects, strict=True):
         bound = reliability(group).external
-        assert np.all(np.abs(effect).max(axis=2) <= bound * (1 + 1e-9))
+        assert np.all(np.abs(effect).max(axis=2, initial=0.0) <= bound * (1 + 1e-9))
     # a position's error along the flight is mostly the lever arm's
-    assert max(np.abs(effect).max() for effect in effects) > 0.5
+    assert max(np.abs(effect).max(initial=0.0) for effect in effects) > 0.5
 
 
 def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block):
@@ -136,3 +136,26 @@ def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block)
     assert effect[5, 2, 1] == np.inf
     assert effect[5, 2, 0] == 0  # the principal point does not hang on it
     assert np.all(effect[:5] == 0)
+
+
+def test_an_error_of_a_distance_has_the_effect_that_is_said(exact_block):
+    """Against adjustments with a distance off by two sigma; exact data leave no second order."""
+    ends, sigma_m = [[11, 20], [12, 31], [3, 42]], 0.01
+
+    def fitted(by):
+        block = blocks.taped(exact_block, ends, sigma=sigma_m, off=by)
+        return adjust(mounted_orientation(block, free=("f", "xp")))
+
+    fit = fitted(np.zeros(3))
+    columns = fit.network.layout.mount[0]
+    number = [g.kind for g in fit.solution.groups].index("distance")
+    effect = parameter_effects(fit, columns)[number][:, 0]
+    bias = reliability(fit.solution.groups[number]).detectable
+    sigma = np.sqrt(np.diag(fit.solution.cov))[columns]
+    for row in range(3):
+        by = np.zeros(3)
+        by[row] = 2 * sigma_m
+        ahead, behind = (one.state.T_b_c.r[0] for one in (fitted(by), fitted(-by)))
+        numeric = (ahead - behind) / 2 / sigma[:3] * bias[row] / by[row]
+        assert_allclose(effect[row, :3], numeric, atol=1e-3 * np.abs(effect[row]).max())
+        assert np.abs(numeric).max() > 0.1

@@ -219,10 +219,21 @@ def test_what_was_applied_is_part_of_the_factor_and_said(block):
     assert told["factor"] == component(after, "GNSS").factor
 
 
-def test_very_large_blocks_are_judged_by_their_redundancy_alone(block, monkeypatch):
-    monkeypatch.setattr(variance_components, "MOST_ROWS", 10)
+def test_without_covariances_a_group_is_judged_by_its_redundancy(block, monkeypatch):
+    monkeypatch.setattr(variance_components, "MOST_ROWS", 0)
     for c in of_block(block):
         assert c.effective == pytest.approx(c.redundancy, rel=1e-9)
+
+
+def test_in_large_blocks_small_groups_keep_their_covariances_with_all(block, monkeypatch):
+    whole = of_block(block)
+    n = {c.group: c.n for c in whole}
+    monkeypatch.setattr(variance_components, "MOST_ROWS", n["control plan"] + n["control height"])
+    for name in ("control plan", "control height"):
+        some = component(of_block(block), name)
+        assert some.factor == pytest.approx(component(whole, name).factor, rel=0.05)
+        assert some.effective == pytest.approx(component(whole, name).effective, rel=0.05)
+        assert some.effective < 0.9 * some.redundancy
 
 
 # --- simulated flights -----------------------------------------------------------------------
@@ -259,3 +270,24 @@ def test_components_are_free_of_bias_and_scatter_as_they_say():
     for group in ("image points", "roll, pitch", "heading"):
         z = (np.array(ratios[group]) - 1) / scatter[group]
         assert 0.5 < z.std(ddof=1) < 1.65, group
+
+
+# --- distances -------------------------------------------------------------------------------
+
+
+def test_wrong_sigma_of_distances_are_found(noisy_block, rng):
+    """Sigma of a fifth of the errors."""
+    ends = np.array([[11 + i, 11 + j] for i in range(0, 36, 4) for j in range(2, 38, 5) if i != j])
+    off = 0.5 * rng.normal(size=len(ends))
+    found = of_block(blocks.taped(noisy_block, ends, sigma=0.1, off=off))
+    tapes = component(found, "distances")
+    assert tapes.n == len(ends)
+    assert 0.5 * tapes.n < tapes.effective <= tapes.redundancy < tapes.n
+    assert tapes.factor == pytest.approx(5.0, rel=4 / np.sqrt(2 * tapes.effective))
+    assert tapes.is_significant
+    block = weights.scaled(
+        blocks.taped(noisy_block, ends, sigma=0.1, off=off), {"distances": tapes.factor}
+    )
+    after = component(of_block(block, applied={"distances": tapes.factor}), "distances")
+    assert not after.is_significant
+    assert after.factor == pytest.approx(tapes.factor, rel=0.1)

@@ -110,6 +110,22 @@ def test_without_control_points_there_are_none():
     assert len(found.calibration.control) == 0
 
 
+def test_distances_are_a_table_of_their_block():
+    a, b = TABLES["image_points"]["point"].drop_duplicates()[:2]
+    given = {"point_a": [a], "point_b": [b], "distance_m": [3.5], "sigma_m": [0.01]}
+    found = from_tables(
+        SETTINGS, control_points=CONTROL, calibration={**TABLES, "distances": given}
+    )
+    block = found.blocks["calibration"]
+    assert [block.points[i] for i in block.distances.point_idx[0]] == [a, b]
+    assert block.distances.distance_m.tolist() == [3.5]
+    assert "calibration/distances.csv" in found.sha256
+    wrong = {**given, "point_b": ["nowhere"], "sigma_m": [0.0]}
+    sigma, unknown = told(calibration={**TABLES, "distances": wrong})
+    assert sigma.startswith("calibration.distances, row 0: sigma_m: 0.0; must be positive")
+    assert unknown.startswith("calibration.distances, row 0: point_b: 'nowhere' is unknown")
+
+
 def test_a_checksum_tells_tables_apart():
     one, other = (
         from_tables(SETTINGS, calibration=changed("image_points", sigma_px=np.full(N, sigma)))
@@ -168,7 +184,7 @@ def test_missing_tables_and_misspelt_ones_are_told():
     tables = {"images": TABLES["images"], "image_point": 0, "trajectory": TABLES["trajectory"]}
     assert told(calibration=tables) == [
         "calibration: image_point: unknown table (did you mean 'image_points'?); must be one of "
-        "images, image_points, trajectory, control_points",
+        "images, image_points, trajectory, control_points, distances",
         "calibration: image_points: missing; required",
     ]
     assert told(calibration=TABLES["images"]) == [
@@ -178,6 +194,41 @@ def test_missing_tables_and_misspelt_ones_are_told():
     assert told(calibration={**TABLES, "trajectory": [1, 2]}) == [
         "calibration.trajectory: table: is a list; must be a DataFrame, or a dict of arrays"
     ]
+
+
+@pytest.mark.parametrize("column", ["point", "col_px", "sigma_px"])
+def test_no_cell_however_odd_is_answered_with_an_error_of_python(column):
+    odd = (
+        None,
+        -np.inf,
+        "",
+        "a\nb",
+        "=1",
+        "x" * 300,
+        b"x",
+        object(),
+        [1, 2],
+        {},
+        pd.NA,
+        pd.NaT,
+        1j,
+        pd.Timestamp(0),
+        10**400,
+    )
+    for value in odd:
+        cells = np.empty(N, dtype=object)
+        cells[:] = TABLES["image_points"].get(column, 0.5)
+        cells[5] = value
+        lines = told(calibration=changed("image_points", **{column: cells}))
+        assert all(
+            line.startswith(f"calibration.image_points, row 5: {column}: ") for line in lines
+        )
+
+
+def test_a_flight_from_tables_says_that_it_has_no_folder():
+    found = from_tables(SETTINGS, control_points=CONTROL, calibration=TABLES)
+    with pytest.raises(FlightError, match=r"^tables in memory: the flight has no block heads$"):
+        found.block("heads")
 
 
 def test_missing_columns_and_rows_are_told():

@@ -13,7 +13,9 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib import flight
 from acx4lib.flight.block import Block
+from acx4lib.flight.reader import table_files
 from acx4lib.flight.setup import Apriori, Synthetic
+from acx4lib.flight.summary import summary
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk
@@ -136,6 +138,43 @@ def test_the_smallest_angle_of_tie_points_is_that_of_the_file_or_two_degrees(tmp
     unknown, negative = flight_problems(tmp_path)
     assert "adjustment.smallest_angle_deg: -1; must lie between 0 and 90" in unknown + negative
     assert "adjustment.angle: unknown key" in unknown + negative
+
+
+def test_distances_are_read_where_there_are_some(tmp_path):
+    write_flight(tmp_path)
+    assert len(flight.read(tmp_path).calibration.distances) == 0
+    names = flight.read(tmp_path).calibration.points
+    path = tmp_path / "calibration/distances.csv"
+    path.write_text(
+        "point_a,point_b,distance_m,sigma_m,comment\n"
+        f"{names[0]},{names[2]},12.5,0.001,bar 1\n{names[2]},{names[0]},12.502,0.002,again\n"
+    )
+    read = flight.read(tmp_path)
+    found = read.calibration.distances
+    assert found.point_idx.tolist() == [[0, 2], [2, 0]]
+    assert_allclose(found.distance_m, [12.5, 12.502])
+    assert_allclose(found.sigma_m, [0.001, 0.002])
+    assert "calibration/distances.csv" in read.sha256
+    assert Path("calibration/distances.csv") in table_files(read)
+    assert "2, 12.500 to 12.502 m" in summary(read)
+
+
+def test_distances_that_are_none_are_named(tmp_path):
+    write_flight(tmp_path)
+    name = flight.read(tmp_path).calibration.points[0]
+    path = tmp_path / "calibration/distances.csv"
+    path.write_text(
+        f"point_a,point_b,distance_m,sigma_m\n{name},nowhere,1.0,0.1\n{name},{name},1.0,0.1\n"
+        f"{name},{name}x,-1.0,0\n"
+    )
+    lines = "\n".join(flight_problems(tmp_path))
+    assert "distances.csv:2: point_b: 'nowhere' is unknown" in lines
+    assert f"distances.csv:3: point_b: {name!r} again; must be another point" in lines
+    assert "distances.csv:4: distance_m: -1.0; must be positive" in lines
+    assert "distances.csv:4: sigma_m: 0; must be positive" in lines
+    path.write_text("point_a,point_b,distance_m\n")
+    (line,) = flight_problems(tmp_path)
+    assert line.endswith("distances.csv:1: sigma_m: missing in the header; required")
 
 
 def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):

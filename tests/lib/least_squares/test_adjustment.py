@@ -10,6 +10,7 @@ from scipy import stats
 from acx4lib.errors import AdjustmentError
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import solve
+from acx4lib.least_squares.eliminated_points import cross_covariance
 from acx4lib.least_squares.normal_equations import CHUNK, Equations
 from support.helpers import dense_covariance, dense_jacobian, weighted_residuals
 
@@ -244,7 +245,7 @@ def test_eliminating_the_points_changes_nothing(rng, held):
     assert np.sum(redundancy) == pytest.approx(solution.redundancy, abs=1e-9)
     w = weighted_residuals(problem, state) / np.sqrt(1 - leverage)
     assert_allclose(solution.group("y").w.ravel(), w, atol=1e-8)
-    cross = adjustment.cross_covariance(problem, state, solution, free)
+    cross = cross_covariance(problem, state, solution, free)
     assert_allclose(cross.reshape(-1, 3), full[3:, :3], atol=1e-12)
 
 
@@ -297,7 +298,7 @@ def test_more_points_than_are_eliminated_at_a_time(rng):
     assert_allclose(solution.cov, 2 / n * np.eye(3), atol=EXACT)
     # var(point) = 1/2 + 1/4 var(shift)
     assert_allclose(solution.cov_points[-1], (1 / 2 + 1 / (2 * n)) * np.eye(3), atol=EXACT)
-    cross = adjustment.cross_covariance(problem, (columns, points), solution, np.array([0, n - 1]))
+    cross = cross_covariance(problem, (columns, points), solution, np.array([0, n - 1]))
     assert_allclose(cross, -np.tile(np.eye(3), (2, 1, 1)) / n, atol=EXACT)
 
 

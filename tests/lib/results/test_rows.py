@@ -3,10 +3,35 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
+from acx4lib.bundle import uses
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import camera_poses
+from acx4lib.calibration import estimates
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results import folder, rows
+from support import blocks
 from support.helpers import numeric_jacobian
+
+
+def test_distances_have_rows_of_their_own_kind(noisy_block):
+    block = blocks.taped(noisy_block, [[11, 20], [3, 42]], sigma=0.1, off=[0.05, -0.02])
+    bundle = adjust(uses.mounted_orientation(block, free=("f",)))
+    calibration = estimates.from_bundle(bundle)
+    table = rows.bundle_tables("mounting", "single_step", bundle, calibration)["residuals"]
+    found = table[table["kind"] == "distance"]
+    group = bundle.solution.group("distance")
+    assert found["point"].tolist() == ["P11", "P3"]
+    assert found["image_or_exposure"].tolist() == ["P20", "P42"]
+    assert set(found["component"]) == {"distance_m"}
+    for column in ("v", "sigma", "redundancy", "w"):
+        assert_allclose(found[column], getattr(group, column).ravel())
+    out = Rejection(kind="distance", row=1, component=-1, statistic=7.0)
+    (row,) = rows.rejected_table(
+        "mounting", "single_step", block, [out], pose_names=block.trajectory.exposures
+    ).to_dict("records")
+    assert (row["point"], row["image_or_exposure"]) == ("P3", "P42")
+    assert row["reason"] == "distance: w = 7.0 exceeds 3.9"
 
 
 def _in_grid(network, state):

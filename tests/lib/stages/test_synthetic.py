@@ -36,6 +36,14 @@ def test_the_refined_heads_are_written(refinement, refined):
     assert said["n_unknowns"] == 9
     assert said["n_observations"] == 2 * (len(refinement.ties) - said["n_rejected"])
     assert 0.3 < said["sigma0_squared"] < 3
+    assert "notes" not in said
+
+
+def test_weights_that_did_not_settle_are_a_note(refinement):
+    fit = replace(refinement.fits["rotations"], settled=False)
+    (record,) = synthetic.records(replace(refinement, fits={"rotations": fit}))
+    (note,) = record.summary["synthetic/refined"]["notes"]
+    assert note.startswith("synthetic/refined: the weights of tie points did not settle")
 
 
 def test_without_tie_points_the_refinement_is_left_out(flight, folder, tmp_path):

@@ -18,6 +18,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image.frame import synthetic_from_head
+from acx4lib.tie_points import refinement
 from acx4lib.tie_points.differences import (
     frame_differences,
     synthetic_from_head_jacobian,
@@ -152,6 +153,14 @@ def test_gross_errors_are_rejected_and_nothing_else(exact):
     assert set(np.flatnonzero(refined.rejected)) == set(wrong_rows)
     # noise of 0.1 px in one of two heads: 0.7 of what the ties promise; 1 / sqrt(2500) = 2 %
     assert refined.sigma0 == pytest.approx(np.sqrt(0.5), rel=0.1)
+
+
+def test_weights_that_do_not_settle_are_said(noisy, monkeypatch):
+    assert refine_by_rotations(ORIENTATION, noisy).sentence == ""
+    monkeypatch.setattr(refinement, "STEPS", 1)
+    refined = refine_by_rotations(turned(0.001 * np.eye(4, 3)), noisy)
+    assert not refined.settled
+    assert "did not settle in 1 steps" in refined.sentence
 
 
 def test_points_with_infinite_sigma_have_no_part(exact):

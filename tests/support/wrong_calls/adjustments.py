@@ -8,6 +8,7 @@ import numpy as np
 
 from acx4book.chapters.mounting import variants as mounting_experiments
 from acx4lib.bundle import adjust, observations, unknowns, uses, variance_components
+from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.gross_errors import data_snooping
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
 from acx4lib.conventions import search
@@ -15,6 +16,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight import block
 from acx4lib.geometry import camera
 from acx4lib.least_squares import adjustment
+from acx4lib.results.rows import exterior_orientations
 from support.wrong_calls.material import (
     BLOCK,
     CAMERA,
@@ -169,6 +171,13 @@ def adjusted() -> list[Wrong]:
             "block: expected a Block, got a Network",
         ),
         Wrong(lambda: adjust.adjust(BLOCK), "network: expected a Network, got a Block"),
+        Wrong(lambda: datum_defect(BLOCK), "network: expected a Network, got a Block"),
+        Wrong(lambda: adjust_free(None), "network: expected a Network, got None"),
+        Wrong(
+            lambda: uses.with_held_poses(BLOCK, ["A1"], None),
+            "network: expected a Network, got a Block",
+        ),
+        Wrong(lambda: exterior_orientations(BLOCK), "bundle: expected a Bundle, got a Block"),
         Wrong(
             lambda: mounting.single_step(lonely, free=FREE),
             "72 observations cannot determine 82 unknowns",
@@ -216,7 +225,8 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: fit().solution.group("image_points"),
-            "kind: expected one of image_point, control_point, gnss, attitude, got 'image_points'",
+            "kind: expected one of image_point, control_point, gnss, attitude, distance, "
+            "got 'image_points'",
         ),
         Wrong(
             lambda: calibrated()["three_step"],

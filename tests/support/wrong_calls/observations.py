@@ -205,7 +205,8 @@ def measured() -> list[Wrong]:
         ),
         Wrong(
             lambda: rejections.Rejection(kind="image", row=0, component=-1, statistic=9.0),
-            "kind: expected one of image_point, control_point, gnss, attitude, got 'image'",
+            "kind: expected one of image_point, control_point, gnss, attitude, distance, "
+            "got 'image'",
         ),
     ]
 

@@ -18,6 +18,7 @@ GROUPS = {
     "control_point": "Control points",
     "gnss": "GNSS positions",
     "attitude": "Attitudes",
+    "distance": "Distances",
 }
 """Names of the kinds of observations."""
 

@@ -24,6 +24,16 @@ SWEEP = "sweep-"
 """How the names of problems begin that differ in their number of tie points only."""
 
 
+FREE = "free-"
+"""How the names of problems begin that pycolmap can state, too: it has no lever arms."""
+
+PYCOLMAP = {
+    "pycolmap_tuned": "pycolmap, tuned",
+    "pycolmap_covariance": "with covariances",
+    "pycolmap_default": "by default",
+}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Benchmark:
     """The results of a benchmark.
@@ -43,6 +53,7 @@ class Benchmark:
     def medians(self) -> pd.DataFrame:
         """Medians of all runs, a row for each problem and solver, in the file's order."""
         numbers = ["wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "cost"]
+        numbers += [name for name in ("first_wall_s", "first_cpu_s") if name in self.runs]
         size = ["images", "points", "image_points", "observations", "unknowns"]
         groups = self.runs.groupby(["problem", "solver"], sort=False)
         return groups.agg(
@@ -62,8 +73,9 @@ class Benchmark:
 
     @property
     def problems(self) -> list[str]:
-        """Names of all other problems."""
-        return [n for n in dict.fromkeys(self.runs["problem"]) if not n.startswith(SWEEP)]
+        """Names of the problems of calibration, those of the sweep left out."""
+        names = dict.fromkeys(self.runs["problem"])
+        return [name for name in names if not name.startswith((SWEEP, FREE))]
 
 
 def read(folder: Path) -> Benchmark:
@@ -88,6 +100,8 @@ def page(benchmark: Benchmark) -> str:
         ),
         _table(*_memory(benchmark), "Peak memory of the process, in MB", "memory"),
         _covariance(benchmark),
+        _first_call(benchmark),
+        _pycolmap(benchmark),
         _scipy(benchmark),
         _agreement(benchmark.about),
     ]
@@ -196,6 +210,49 @@ def _covariance(benchmark: Benchmark) -> str:
         "The times of Ceres are without covariances. The covariance matrix of the 14 parameters of "
         f"the calibration alone, by `ceres::Covariance`, takes {'; '.join(sentences)}."
     )
+
+
+def _first_call(benchmark: Benchmark) -> str:
+    """Say what the first adjustment of a process takes; nothing where it was not measured."""
+    medians = benchmark.medians
+    ours = medians[medians.index.get_level_values("solver") == OURS].droplevel("solver")
+    ours = ours.reindex(benchmark.problems)
+    if "first_cpu_s" not in ours or ours["first_cpu_s"].isna().all():
+        return ""
+    smallest = ours.sort_values("observations").iloc[:2]
+    times = " and ".join(
+        f"{row['first_cpu_s']:.2f} s of CPU time instead of {row['cpu_s']:.2f} s with "
+        f"{row['points']:,.0f} points"
+        for _, row in smallest.iterrows()
+    )
+    return f"The first adjustment of a process also loads what is compiled: it takes {times}."
+
+
+def _pycolmap(benchmark: Benchmark) -> str:
+    """Return a table of the problems that pycolmap adjusts, too; nothing where it has not."""
+    medians = benchmark.medians
+    medians = medians[medians.index.get_level_values("problem").str.startswith(FREE)]
+    solver = medians.index.get_level_values("solver")
+    if not solver.str.startswith("pycolmap").any():
+        return ""
+    of = {name: medians[solver == name].droplevel("solver") for name in (OURS, *PYCOLMAP)}
+    table, formats = _sizes(of[OURS])
+    table["acx4lib, with covariances"] = of[OURS]["cpu_s"]
+    formats["acx4lib, with covariances"] = ".3f"
+    for name, label in PYCOLMAP.items():
+        table[label] = _of(of[name], "cpu_s", of[OURS])
+        table[f"Ratio, {label}"] = table[label] / of[OURS]["cpu_s"]
+        formats |= {label: ".3f", f"Ratio, {label}": ".1f"}
+    apart = max((of[n]["cost"] / of[OURS]["cost"] - 1).abs().max() for n in PYCOLMAP)
+    text = (
+        f"pycolmap {benchmark.about['versions'].get('pycolmap', '')}, with the Ceres of its own, "
+        "adjusts free poses with observed positions. The blocks below have no lens distortion, no "
+        "control and no lever arm, so that both have the same equations. The time begins with the "
+        "same arrays, and what each makes of them before it adjusts is part of it. Costs agree to "
+        f"{scientific(apart)}."
+    )
+    caption = "CPU time beside pycolmap, in seconds; ratios of pycolmap to acx4lib"
+    return f"{text}\n\n{_table(table, formats, caption, 'pycolmap')}"
 
 
 def _scipy(benchmark: Benchmark) -> str:

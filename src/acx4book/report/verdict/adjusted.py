@@ -13,13 +13,11 @@ from acx4book.report.stability import boresights, drifts
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.bundle.gross_errors.limits import too_many
+from acx4lib.bundle.gross_errors.limits import NAMES, too_many
 from acx4lib.results.folder import messages, rows
 
 FEW = 0.01
 """Share of rejected observations above which these are not single gross errors."""
-
-KINDS = {"attitude": "attitudes", "gnss": "GNSS positions", "control_point": "control points"}
 
 
 def one_flight(material: Material) -> Iterator[Finding]:
@@ -70,7 +68,7 @@ def contradictions(material: Material) -> Iterator[Finding]:
 def _rejected_away(material: Material, name: str) -> Iterator[str]:
     """Yield what was rejected of trajectory and control, where that is too much of it."""
     rejected = rows(material.found, "rejected", "/".join(name.split("/")[:2]))
-    for kind, noun in KINDS.items():
+    for kind, noun in NAMES.items():
         out = _names(rejected, kind)
         n = len(out | _names(residuals(material, name), kind))
         if too_many(len(out), n):

@@ -15,7 +15,7 @@ from acx4lib.bundle.compiled.elimination import CameraNormals
 from acx4lib.bundle.compiled.packing import pose_band
 from acx4lib.bundle.compiled.rays import INTERIOR, RESIDUAL
 from acx4lib.bundle.compiled.small_products import aligned
-from acx4lib.compiling import compiled
+from acx4lib.compiling import uncounted
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.banded import Bordered, BorderedCovariance
 
@@ -67,7 +67,7 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
     P = np.zeros((n_poses, pose_band(pose, S.shape[1]), N_POSE, N_POSE))
     Z = np.zeros((n_images, n_cameras, N_POSE, N_POSE))
     own = np.ascontiguousarray(before[:, :N_POSE, :N_POSE])
-    _pairs(S, own, A, B, pose, camera, P, Z)
+    _pairs(S, own, A, B, pose, camera, P, Z, np.empty((3, 6, 6)))
 
     interior = np.zeros((n_cameras, n_images, N_INTERIOR, N_POSE))
     interior[:] = np.transpose(by_interior, (1, 0, 3, 2))
@@ -129,13 +129,21 @@ def _corner(
             corner[k, b, j, a] = corner[j, a, k, b].T
 
 
-@compiled
+@uncounted
 def _pairs(
-    S: Array, own: Array, A: Array, B: Array, pose: Index, camera: Index, P: Array, Z: Array
+    S: Array,
+    own: Array,
+    A: Array,
+    B: Array,
+    pose: Index,
+    camera: Index,
+    P: Array,
+    Z: Array,
+    room: Array,
 ) -> None:
     """Add all pairs of images to pairs of poses, P, and to pairs with mountings, Z."""
     n_images, band = S.shape[:2]
-    N, NA, NB = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    N, NA, NB = room[0], room[1], room[2]
     for i in range(n_images):
         for j in range(i, min(i + band, n_images)):
             linked = i == j
@@ -146,16 +154,23 @@ def _pairs(
             if not linked:
                 continue
             if i == j:
-                N += own[i]
+                _add(N, own[i])
             _product(N, A[j], NA)
             _product(N, B[j], NB)
-            Z[i, camera[j]] += NB
+            _add(Z[i, camera[j]], NB)
             _add_congruent(P[pose[i], pose[j] - pose[i]], A[i], NA, pose[i] == pose[j] and i != j)
             if i != j:
                 _add_transposed_product(N, B[i], Z[j, camera[i]])
 
 
-@compiled
+@uncounted
+def _add(total: Array, more: Array) -> None:
+    for a in range(6):
+        for b in range(6):
+            total[a, b] += more[a, b]
+
+
+@uncounted
 def _product(left: Array, right: Array, out: Array) -> None:
     for a in range(6):
         for b in range(6):
@@ -165,7 +180,7 @@ def _product(left: Array, right: Array, out: Array) -> None:
             out[a, b] = total
 
 
-@compiled
+@uncounted
 def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
     """Add left^T right."""
     for a in range(6):
@@ -176,7 +191,7 @@ def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
             out[a, b] += total
 
 
-@compiled
+@uncounted
 def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
     """Add A^T NA, and its transpose where two images have the same pose."""
     for a in range(6):
@@ -233,7 +248,8 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
     mount_rows = corner[camera][:, N_INTERIOR:]
     U = U + np.einsum("iab,iblm->ilam", B, mount_rows, optimize=True)
     Q = aligned(n_images, 2 * band - 1, 6, 8)
-    _camera_pairs(cov.P, A, B, U_pose, np.ascontiguousarray(U[..., N_INTERIOR:]), pose, camera, Q)
+    by_mount = np.ascontiguousarray(U[..., N_INTERIOR:])
+    _camera_pairs(cov.P, A, B, U_pose, by_mount, pose, camera, Q, np.empty((6, 6)))
     F = aligned(n_images, n_cameras, 6, 16)
     F[..., INTERIOR:RESIDUAL] = U[..., :N_INTERIOR]
     F_T = aligned(n_images, n_cameras, 9, 8)
@@ -250,13 +266,20 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
     return CameraCovariances(Q=Q, F=F, F_T=F_T, H=H, K=K)
 
 
-@compiled
+@uncounted
 def _camera_pairs(
-    P: Array, A: Array, B: Array, U_pose: Array, U: Array, pose: Index, camera: Index, Q: Array
+    P: Array,
+    A: Array,
+    B: Array,
+    U_pose: Array,
+    U: Array,
+    pose: Index,
+    camera: Index,
+    Q: Array,
+    PA: Array,
 ) -> None:
     """Fill in the covariances of all pairs of images in the band, and their transposes."""
     n_images, middle = len(pose), Q.shape[1] // 2
-    PA = np.empty((6, 6))
     for i in range(n_images):
         for j in range(i, min(i + middle + 1, n_images)):
             block = P[pose[i], pose[j] - pose[i]]

@@ -8,16 +8,43 @@ few points that have some are treated in the way of `normal_equations.PlainNorma
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from acx4lib.bundle.compiled.covariances import Tests
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.banded import Bordered
 from acx4lib.least_squares.dense import Inverse, held_at_zero
-from acx4lib.least_squares.normal_equations import Equations, point_normals, strips
+from acx4lib.least_squares.eliminated_points import of_points
+from acx4lib.least_squares.normal_equations import Equations, point_normals
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Point:
+    """A joined point: what connects it with the columns of its rays and of its distances.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (c,)
+    is_joint : ndarray of bool, shape (c,)
+        Which of them are joining unknowns.
+    strip : ndarray, shape (3, c)
+        B^T P A.
+    V_inv, h : ndarray, shapes (3, 3) and (3,)
+        Inverse of its damped normal matrix, and its right side.
+    rays, halves : tuple of ndarray
+        Rows of its rays and halves of distances, and derivatives by the columns and the point.
+    """
+
+    columns: Index
+    is_joint: Mask
+    strip: Array
+    V_inv: Array
+    h: Array
+    rays: tuple[Index, Array]
+    halves: tuple[Index, Array]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +64,6 @@ class Joined:
         are numbered from zero.
     joints : ndarray, shape (j,)
         Columns of the unknowns that join them.
-    n_columns : int
     damping : float
     """
 
@@ -47,17 +73,35 @@ class Joined:
     n_halves: int
     equations: Sequence[Equations]
     joints: Index
-    n_columns: int
     damping: float
 
     @cached_property
-    def _eliminated(self) -> tuple[Array, Array, Array]:
-        """Inverse of the points' damped normal matrices, right side, and strip to all columns."""
-        free = np.ones(len(self.points), dtype=bool)
-        V, h = point_normals(free, self.equations)
-        found = [strip for _, strip in strips(self.n_columns, free, self.equations)]
+    def _each(self) -> list[_Point]:
+        V, h = point_normals(np.ones(len(self.points), dtype=bool), self.equations)
         V_inv = np.linalg.inv(V + self.damping * (V * np.eye(3)))
-        return V_inv, h, np.concatenate([np.zeros((0, 3, self.n_columns)), *found])
+        rays, halves = self.equations[0], self.equations[-1]
+        out = []
+        for p in range(len(self.points)):
+            own = [(e, np.flatnonzero(e.point == p)) for e in (rays, halves)]
+            columns = np.unique(np.concatenate([e.columns[e.unit[i]].ravel() for e, i in own]))
+            columns = columns[columns >= 0]
+            parts = [(e, i, _scattered(e, i, columns)) for e, i in own]
+            strip = sum(
+                np.einsum("mdi,mdc->ic", J[:, :, -3:] / e.sigma[i][:, :, None] ** 2, J[:, :, :-3])
+                for e, i, J in parts
+            )
+            out.append(
+                _Point(
+                    columns=columns,
+                    is_joint=np.isin(columns, self.joints),
+                    strip=np.asarray(strip),
+                    V_inv=V_inv[p],
+                    h=h[p],
+                    rays=(own[0][1], parts[0][2]),
+                    halves=(own[1][1], parts[1][2]),
+                )
+            )
+        return out
 
     def reduce(self, system: Bordered, place: Index) -> None:
         """Take off the elimination's part that belongs to the joining unknowns.
@@ -69,54 +113,43 @@ class Joined:
         place : ndarray, shape (n_columns + 1,)
             Where the unknowns stand in it, -1 for one that is held.
         """
-        V_inv, h, strip = self._eliminated
-        own = V_inv @ strip[:, :, self.joints]
-        rows, m = place[self.joints], len(system.D)
-        N = np.einsum("pij,pik->jk", own, strip)
-        free = np.flatnonzero(place[:-1] >= 0)
-        others = np.setdiff1d(free, self.joints)
-        near, far = others[place[others] < m], others[place[others] >= m]
-        system.D[np.ix_(rows, rows)] -= N[:, self.joints]
-        system.D[np.ix_(rows, place[near])] -= N[:, near]
-        system.D[np.ix_(place[near], rows)] -= N[:, near].T
-        system.C[np.ix_(rows, place[far] - m)] -= N[:, far]
-        system.g[rows] -= np.einsum("pij,pi->j", own, h)
+        m = len(system.D)
+        for one in self._each:
+            at, own = place[one.columns], one.strip[:, one.is_joint]
+            rows, N = at[one.is_joint], own.T @ one.V_inv @ one.strip
+            near, far = ~one.is_joint & (at < m), at >= m
+            system.D[np.ix_(rows, rows)] -= N[:, one.is_joint]
+            system.D[np.ix_(rows, at[near])] -= N[:, near]
+            system.D[np.ix_(at[near], rows)] -= N[:, near].T
+            system.C[np.ix_(rows, at[far] - m)] -= N[:, far]
+            system.g[rows] -= own.T @ one.V_inv @ one.h
 
     def pulled(self, dx: Array) -> Array:
         """Return what the steps of the joining unknowns add to the points' right sides, (k, 3)."""
-        _, _, strip = self._eliminated
-        pulled: Array = strip[:, :, self.joints] @ dx[self.joints]
-        return pulled
+        return np.array(
+            [one.strip[:, one.is_joint] @ dx[one.columns[one.is_joint]] for one in self._each]
+        )
 
     def test(self, inverse: Inverse, out: Tests) -> Array:
         """Fill in the points' covariances and the redundancy numbers of their rays.
 
         Returns
         -------
-        ndarray, shape (m, 1)
+        ndarray, shape (n_halves, 1)
             What the covariances of points and joining unknowns add to the variances of the
             adjusted halves of the distances.
         """
-        V_inv, _, strip = self._eliminated
-        rays, *others = self.equations
-        halves = others[-1]
-        coupled = np.zeros((self.n_halves, 1))
-        for p, point in enumerate(self.points):
-            own, half = np.flatnonzero(rays.point == p), np.flatnonzero(halves.point == p)
-            used = np.unique(rays.columns[rays.unit[own]])
-            columns = np.union1d(used[used >= 0], halves.columns[halves.unit[half]])
-            gain = V_inv[p] @ strip[p][:, columns]
-            Q = held_at_zero(inverse, columns[:, None], columns)
+        sigma, coupled = self.equations[0].sigma, np.zeros((self.n_halves, 1))
+        for point, one in zip(self.points, self._each, strict=True):
+            gain = one.V_inv @ one.strip
+            Q = held_at_zero(inverse, one.columns[:, None], one.columns)
             cross = -gain @ Q
-            cov = out.cov_points[point] = V_inv[p] - cross @ gain.T
-            J = _scattered(rays, own, columns)
-            joint = np.block([[Q, cross.T], [cross, cov]])
-            out.redundancy[self.rows[own]] = (
-                1 - np.sum((J @ joint) * J, axis=2) / rays.sigma[own] ** 2
-            )
-            J = _scattered(halves, half, columns)
-            by_columns, by_point = J[:, :, : len(columns)], J[:, :, len(columns) :]
-            coupled[self.halves[half]] = 2 * np.sum((by_point @ cross) * by_columns, axis=2)
+            cov = out.cov_points[point] = one.V_inv - cross @ gain.T
+            rows, J = one.rays
+            explained = np.sum((J @ np.block([[Q, cross.T], [cross, cov]])) * J, axis=2)
+            out.redundancy[self.rows[rows]] = 1 - explained / sigma[rows] ** 2
+            rows, J = one.halves
+            coupled[self.halves[rows]] = 2 * np.sum((J[:, :, -3:] @ cross) * J[:, :, :-3], axis=2)
         return coupled
 
 
@@ -131,30 +164,6 @@ def _scattered(e: Equations, rows: Index, columns: Index) -> Array:
     return out[:, :, :-1]
 
 
-def numbered(e: Equations, points: Index) -> tuple[Equations, Index]:
-    """Return the observations of some points, which are renumbered, and their rows.
-
-    Parameters
-    ----------
-    e : Equations
-        With points.
-    points : ndarray, shape (k,)
-        Sorted.
-    """
-    of = np.asarray(e.point)
-    rows = np.flatnonzero(np.isin(of, points))
-    own = replace(
-        e,
-        v=e.v[rows],
-        sigma=e.sigma[rows],
-        A=e.A[rows],
-        unit=e.unit[rows],
-        B=None if e.B is None else e.B[rows],
-        point=np.searchsorted(points, of[rows]),
-    )
-    return own, rows
-
-
 def by_points(points: Index, others: Sequence[Equations]) -> tuple[Array, Array]:
     """Return normal matrices and right sides of some points, by observations but their rays.
 
@@ -164,5 +173,5 @@ def by_points(points: Index, others: Sequence[Equations]) -> tuple[Array, Array]
         Sorted.
     others : sequence of Equations
     """
-    own = [numbered(e, points)[0] for e in others if e.B is not None]
+    own = [of_points(e, points)[0] for e in others if e.B is not None]
     return point_normals(np.ones(len(points), dtype=bool), own)

@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from acx4lib.bundle.compiled.rays import SortedRays
-from acx4lib.compiling import compiled
+from acx4lib.compiling import uncounted
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.camera import xy_from_colrow
@@ -127,10 +127,10 @@ def pack(
     known[also] = np.arange(len(also))
     rays = SortedRays(
         start=starts,
-        point=points,
+        point=points.astype(np.int32),
         free=free_points[points],
-        also=known[points],
-        row=row,
+        also=known[points].astype(np.int32),
+        row=row.astype(np.int32),
         image=number[rows.image[row]].astype(np.int32),
         xy=rows.xy[row],
         weight=rows.weight[row],
@@ -144,7 +144,6 @@ def pack(
     )
 
 
-@compiled
 def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[Index, Index, Index]:
     """Sort by a point's first image, point, and image.
 
@@ -156,25 +155,40 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
     row : ndarray, shape (n,)
     """
     first, count = np.full(n_points, n_images), np.zeros(n_points, dtype=np.int64)
+    bins, points = np.zeros(n_images + 2, dtype=np.int64), np.empty(n_points, dtype=np.int64)
+    starts, row = np.zeros(n_points + 1, dtype=np.int64), np.empty(len(point), dtype=np.int64)
+    n_measured = _sort(point, image, first, count, bins, points, starts, row)
+    return starts[: n_measured + 1].copy(), points[:n_measured].copy(), row
+
+
+@uncounted
+def _sort(
+    point: Index,
+    image: Index,
+    first: Index,
+    count: Index,
+    bins: Index,
+    points: Index,
+    starts: Index,
+    row: Index,
+) -> int:
+    """Fill in points, starts and rows; return the number of measured points."""
+    n_points, n_images = len(first), len(bins) - 2
     for q in range(len(point)):
         first[point[q]] = min(first[point[q]], image[q])
         count[point[q]] += 1
-    bins = np.zeros(n_images + 2, dtype=np.int64)
     for p in range(n_points):
         bins[first[p] + 1] += 1
     for i in range(n_images + 1):
         bins[i + 1] += bins[i]
     n_measured = bins[n_images]  # points without measurements come last
-    points = np.empty(n_points, dtype=np.int64)
     for p in range(n_points):
         points[bins[first[p]]] = p
         bins[first[p]] += 1
-    starts = np.zeros(n_measured + 1, dtype=np.int64)
-    end = np.zeros(n_points, dtype=np.int64)
+    end = first  # where the next row of each point goes
     for k in range(n_measured):
         end[points[k]] = starts[k]
         starts[k + 1] = starts[k] + count[points[k]]
-    row = np.empty(len(point), dtype=np.int64)
     for q in range(len(point)):
         row[end[point[q]]] = q
         end[point[q]] += 1
@@ -185,7 +199,7 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
                 row[b] = row[b - 1]
                 b -= 1
             row[b] = q
-    return starts, points[:n_measured].copy(), row
+    return int(n_measured)
 
 
 def ordered(point: Index, pose: Index, n_poses: int) -> Index:
@@ -197,7 +211,7 @@ def ordered(point: Index, pose: Index, n_poses: int) -> Index:
     return reverse_cuthill_mckee(sparse.csr_matrix(linked), symmetric_mode=True).astype(np.int64)
 
 
-@compiled
+@uncounted
 def _link(starts: Index, pose: Index, linked: Mask) -> None:
     for p in range(len(starts) - 1):
         for a in range(starts[p], starts[p + 1]):

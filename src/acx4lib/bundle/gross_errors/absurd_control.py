@@ -22,8 +22,7 @@ from acx4lib.bundle.uses import robust_start
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.intersection import intersect
-from acx4lib.least_squares.covariance import propagate
-from acx4lib.least_squares.medians import medians
+from acx4lib.least_squares.covariance import medians, propagate
 
 DOUBTFUL = 2 * ASTRAY
 """Median angle between a control point and its rays above which the point is examined."""

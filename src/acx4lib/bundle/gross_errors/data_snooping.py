@@ -32,7 +32,7 @@ from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
-from acx4lib.least_squares.w_test import OUT, tau_limits, w_limits
+from acx4lib.least_squares.statistical.w_test import OUT, tau_limits, w_limits
 
 HEAVY = 0.002
 """Share of failed tests above which a robust start is made: ten times that by chance."""

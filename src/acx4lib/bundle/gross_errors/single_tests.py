@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS
@@ -16,7 +15,8 @@ from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import usable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.normal_equations import Group
-from acx4lib.least_squares.w_test import CONTROLLED, statistics
+from acx4lib.least_squares.statistical import distributions
+from acx4lib.least_squares.statistical.w_test import CONTROLLED, statistics
 
 T = TypeVar("T", bound=np.generic)
 
@@ -155,4 +155,4 @@ def expected_failures(bundle: Bundle, *, critical: float = CRITICAL) -> float:
     """
     groups = bundle.solution.groups[: len(KINDS)]
     n = sum(int(np.sum(g.used & (g.redundancy > CONTROLLED))) for g in groups)
-    return n * float(2 * stats.norm.sf(critical))
+    return n * (2 * distributions.norm_sf(critical))

@@ -14,7 +14,7 @@ from acx4lib.flight.block import ImagePoints
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.medians import medians
+from acx4lib.least_squares.covariance import medians
 
 FAR_OFF = np.radians(4.0)
 """Median angle of an image's rays and points above which approximate values are bad."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.observations import strips_of
@@ -21,6 +20,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.statistical import distributions
 
 FAR_M, FAR_DEG = 1.0, 3.0
 """Differences from values declared without sigma above which these are not confirmed."""
@@ -165,7 +165,7 @@ def _difference(d: Array, cov: Array, declared: Mask, sigma: Array) -> _Differen
         values, vectors = np.linalg.eigh(both)
         seen = values > UNSEEN  # of the others, the estimates are the declared values themselves
         parts = (vectors.T @ (d[tested] / scale))[seen]
-        p = float(stats.chi2.sf(np.sum(parts**2 / values[seen]), max(1, seen.sum())))
+        p = distributions.chi2_sf(np.sum(parts**2 / values[seen]), max(1, seen.sum()))
         alone[tested] = scale * (vectors[:, seen] @ (parts / values[seen]))
     return _Difference(d=alone, p=p, declared=declared, sigma=sigma, sigma_estimated=sigmas(cov))
 

@@ -136,8 +136,9 @@ def _has_overlap(block: Block) -> bool:
     number = {name: i for i, name in enumerate(dict.fromkeys(names))}
     strip = np.array([number[name] for name in names])[block.images.exposure_idx]
     points = block.image_points
-    pairs = np.unique(np.column_stack([points.point_idx, strip[points.image_idx]]), axis=0)
-    return bool(np.any(np.bincount(pairs[:, 0]) > 1))
+    own, one = strip[points.image_idx], np.zeros(len(block.points), dtype=np.intp)
+    one[points.point_idx] = own  # any of the strips that see a point
+    return bool(np.any(one[points.point_idx] != own))
 
 
 def _places(block: Block) -> dict[str, bool]:

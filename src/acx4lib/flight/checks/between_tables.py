@@ -39,12 +39,30 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
             expected = f"must have a row in {other.file}"
             yield from _unknown(table, column, other.text[column], expected)
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
+    if tables.distances is not None:
+        yield from _distance_problems(tables.distances, tables.image_points)
     yield from _strip_problems(tables, toml)
     yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
         yield from _other_cameras(tables.images, toml, ", since measured_in is 'heads'")
+
+
+def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
+    """Yield ends of distances that no image shows, and distances from a point to itself."""
+    if "point" not in measured.text or not distances.has("point_a", "point_b"):
+        return
+    for end in ("point_a", "point_b"):
+        expected = f"must be a point of {measured.file}"
+        yield from _unknown(distances, end, measured.text["point"], expected)
+    names = list(zip(distances.text["point_a"], distances.text["point_b"], strict=True))
+    yield from counted(
+        [row for row, (a, b) in enumerate(names) if a == b],
+        lambda row: distances.problem(
+            row, "point_b", f"{quoted(names[row][1])} again", "must be another point than point_a"
+        ),
+    )
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:

@@ -154,6 +154,7 @@ def _control_only(tables: BlockTables) -> BlockTables:
         tables,
         image_points=tables.image_points.select(measured),
         control=tables.control.select(measured_control(tables)),
+        distances=None,
     )
 
 
@@ -174,6 +175,7 @@ def _thinned(tables: BlockTables) -> BlockTables:
         images=images,
         trajectory=_named(tables.trajectory, "exposure", images.text["exposure"]),
         control=_named(tables.control, "point", points.text["point"]),
+        distances=None,
     )
 
 

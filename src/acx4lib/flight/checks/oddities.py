@@ -19,7 +19,7 @@ from acx4lib.flight.block_from_tables import (
 )
 from acx4lib.flight.checks.fit import misfit
 from acx4lib.geometry.geodesy import GridSystem
-from acx4lib.least_squares.medians import medians
+from acx4lib.least_squares.covariance import medians
 
 ABSURD = 4.0
 """Distance from the measurements, in quarters of the image diagonal: far outside the image."""

@@ -26,7 +26,7 @@ from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.names import name_fault
 from acx4lib.geometry.camera import distortion
-from acx4lib.geometry.crs_text import is_code_or_wkt
+from acx4lib.geometry.crs.text import is_code_or_wkt
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import GNSS
 

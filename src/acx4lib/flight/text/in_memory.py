@@ -159,7 +159,7 @@ def _number(value: object) -> float:
     try:
         return float(value)
     except OverflowError:  # an integer of Python may have any number of digits
-        return np.inf
+        return np.nan
 
 
 def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:

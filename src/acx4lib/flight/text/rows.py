@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 from array import array
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import InitVar, dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -31,6 +31,8 @@ class Rows:
         Number of columns of the header.
     wanted : dict of str to int
         The columns that are kept, with their positions.
+    names : collection of str
+        The columns of names: equal cells are one object, which is quickly found and compared.
     columns : dict of str to list of str
         Their cells. Rows of another width are filled up or cut.
     lines : array of int
@@ -47,7 +49,9 @@ class Rows:
 
     width: int
     wanted: dict[str, int]
+    names: InitVar[Collection[str]] = ()
     columns: dict[str, list[str]] = field(init=False)
+    alike: dict[str, dict[str, str]] = field(init=False, repr=False)
     lines: array[int] = field(default_factory=lambda: array("q"))
     blank: array[int] = field(default_factory=lambda: array("q"))
     ragged: array[int] = field(default_factory=lambda: array("q"))
@@ -55,8 +59,9 @@ class Rows:
     used: int = 0
     blank_at_end: int = 0
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, names: Collection[str]) -> None:
         self.columns = {name: [] for name in self.wanted}
+        self.alike = {name: {} for name in names}
 
     def add(self, lines: Sequence[int], rows: list[list[str]]) -> None:
         """Add further rows."""
@@ -69,7 +74,9 @@ class Rows:
         self.lines.extend(lines)
         cells = list(zip(*rows, strict=True))
         for name, k in self.wanted.items():
-            self.columns[name].extend(cells[k] if cells else ())
+            own = cells[k] if cells else ()
+            alike = self.alike.get(name)
+            self.columns[name].extend(own if alike is None else map(alike.setdefault, own, own))
 
     def _even(
         self, lines: Sequence[int], rows: list[list[str]]
@@ -116,7 +123,7 @@ def read_header(text: str, file: str) -> tuple[list[str], tuple[Problem, ...]]:
 
 
 def read_rows(
-    text: str, file: str, *, width: int, wanted: dict[str, int]
+    text: str, file: str, *, width: int, wanted: dict[str, int], names: Collection[str] = ()
 ) -> tuple[Rows, tuple[Problem, ...]]:
     """Return the rows under the header, or why they cannot be read.
 
@@ -130,11 +137,13 @@ def read_rows(
         Number of columns of the header.
     wanted : dict of str to int
         The columns to keep, with their positions.
+    names : collection of str
+        Those of them that hold names.
     """
     body = text.rstrip("\r\n")
     tail = text[len(body) :]
     n_ends = max(tail.count("\n"), tail.count("\r"))
-    rows = Rows(width=width, wanted=wanted, blank_at_end=max(n_ends - 1, 0))
+    rows = Rows(width=width, wanted=wanted, names=names, blank_at_end=max(n_ends - 1, 0))
     numbered = _Numbered(body)
     try:
         for lines, cells in numbered.parts():

@@ -44,7 +44,8 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
     if len(header) > MOST_COLUMNS:
         return Table(file=file, problems=wrong)
     wanted = {name: header.index(name) for name in schema.known if name in header}
-    rows, problems = read_rows(whole, file, width=len(header), wanted=wanted)
+    names = wanted.keys() - schema.ranges.keys()
+    rows, problems = read_rows(whole, file, width=len(header), wanted=wanted, names=names)
     if problems:
         return Table(file=file, problems=problems)
     table, n_blank = _of_rows(file, rows, schema), rows.blank_at_end

@@ -39,6 +39,7 @@ class OwnFolder:
     path: Path
     command: str
     files: dict[str, marks.Written] = field(default_factory=dict)
+    _sealed: dict[str, tuple[tuple[int, int, int], marks.Written]] = field(default_factory=dict)
 
     def expect(self, names: Iterable[str]) -> None:
         """Say which files will be written; they are listed before they are there.
@@ -58,8 +59,7 @@ class OwnFolder:
 
     def seal(self) -> None:
         """Note the checksums of all files that are there; those that are not stay expected."""
-        there = ((name, self.path / name) for name in self.files)
-        self.files = {n: marks.written(p) if p.is_file() else marks.Written() for n, p in there}
+        self.files = {name: self._written(name) for name in self.files}
         marks.write_mark(self.path, self.command, self.files)
 
     def remove(self, names: Iterable[str]) -> None:
@@ -69,6 +69,19 @@ class OwnFolder:
             (self.path / name).unlink(missing_ok=True)
             _prune((self.path / name).parent, self.path)
             self.files[name] = marks.Written()
+
+    def _written(self, name: str) -> marks.Written:
+        """Return size and checksum of a file; it is read anew only where it was replaced since."""
+        path = self.path / name
+        if not path.is_file():
+            return marks.Written()
+        status = path.stat()
+        version = (status.st_ino, status.st_mtime_ns, status.st_size)
+        before, found = self._sealed.get(name, ((0, 0, 0), marks.Written()))
+        if before != version:
+            found = marks.written(path)
+            self._sealed[name] = version, found
+        return found
 
     def _check_links(self, name: str) -> None:
         """Refuse to write through a link."""

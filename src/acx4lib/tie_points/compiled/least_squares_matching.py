@@ -16,6 +16,10 @@ from acx4lib.tie_points.compiled.spline import spline_weights
 N_UNKNOWNS = 10
 """Affine transformation (6); gain, offset and the two slopes of the offset (4)."""
 
+RIM = 2
+"""Pixels around a window that derivatives need."""
+
+_OF_PLACE = 6  # unknowns of the affine transformation, the first ones
 _STEPS = 20
 _DONE_PX = 5e-4  # a hundredth of the best points' standard deviation
 
@@ -147,10 +151,90 @@ def _compose(W: Array, p: Array, half: int) -> float:
     return max(abs(tx), abs(ty)) + half * bend
 
 
+@inlined
+def _fit(B: Array, values: Array, p: Array, half: int, residuals: Array, inner: Array) -> None:
+    """Fill in the residuals of a window, and their derivatives, which its rim does not have.
+
+    The unit of coordinates among the derivatives is half the side of what has them.
+    """
+    side = 2 * half + 1
+    for k in range(side * side):
+        v = np.float64(values[k])
+        for i in range(N_UNKNOWNS):
+            v -= B[i, k] * p[i]
+        residuals[k] = v
+    reach = max(half - RIM, 1)
+    for j in range(RIM, side - RIM):
+        for i in range(RIM, side - RIM):
+            k = j * side + i
+            near = residuals[k + 1] - residuals[k - 1]
+            gx = (8 * near - (residuals[k + 2] - residuals[k - 2])) / 12
+            near = residuals[k + side] - residuals[k - side]
+            gy = (8 * near - (residuals[k + 2 * side] - residuals[k - 2 * side])) / 12
+            x, y = (i - half) / reach, (j - half) / reach
+            inner[0, k], inner[1, k] = gx, gy
+            inner[2, k], inner[3, k] = gx * x, gx * y
+            inner[4, k], inner[5, k] = gy * x, gy * y
+
+
+@inlined
+def _moves(B: Array, inner: Array, gain: float, half: int, N: Array, out: Array) -> None:
+    """Fill in the derivatives of a matched position by b's grey values.
+
+    A match satisfies B^T v = 0 with the design matrix B, derivatives of a. The derivatives of
+    B^T v by the position are B^T times the derivatives of b; with those of a, the noise that is in
+    both factors would seem to be texture. Derivatives of b are a's times the gain, plus those of
+    the residuals.
+    """
+    side = 2 * half + 1
+    # the rim of the residuals has no derivatives; the other pixels stand for it
+    share = np.float32(side * side / (side - 2 * RIM) ** 2)
+    for i in range(N_UNKNOWNS):
+        for j in range(N_UNKNOWNS):
+            total = np.float32(0)
+            for k in range(side * side):
+                total += B[i, k] * B[j, k]
+            N[j, i] = total * gain if j < _OF_PLACE else total
+        for j in range(_OF_PLACE):
+            total = np.float32(0)
+            for k in range(side * side):
+                total += B[i, k] * inner[j, k]
+            N[j, i] += share * total
+    for column in range(2):  # the first rows of N's inverse, which solve its transpose
+        for i in range(N_UNKNOWNS):
+            N[i, N_UNKNOWNS + column] = 1.0 if i == column else 0.0
+    _solve(N)
+    for row in range(2):
+        out[row] = 0
+        for i in range(N_UNKNOWNS):
+            weight = -np.float32(N[i, N_UNKNOWNS + row])
+            for k in range(side * side):
+                out[row, k] += weight * B[i, k]
+
+
+@inlined
+def _solve(N: Array) -> None:
+    """Solve equations for the columns to the right of a square matrix, in place, with pivots."""
+    n, columns = N.shape
+    for i in range(n):
+        pivot = i
+        for row in range(i + 1, n):
+            if abs(N[row, i]) > abs(N[pivot, i]):
+                pivot = row
+        for j in range(i, columns):
+            N[i, j], N[pivot, j] = N[pivot, j], N[i, j]
+        for j in range(i + 1, columns):
+            N[i, j] /= N[i, i]
+        for row in range(n):
+            if row != i:
+                for j in range(i + 1, columns):
+                    N[row, j] -= N[row, i] * N[i, j]
+
+
 @compiled
 def match_points(
     a: Array, b: Array, at: Index, start: Array, half: int
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Match windows of an image with another one by least squares.
 
     The grey values of b, interpolated under an affine transformation W, are those of a with a
@@ -177,11 +261,15 @@ def match_points(
         Ratio of grey values, b over a.
     residuals : ndarray of float32, shape (n, pixels)
         Of b's window, row by row.
+    moves : ndarray of float32, shape (n, 2, pixels)
+        Derivatives of the positions by b's grey values.
     """
     n, side = len(at), 2 * half + 1
     size = side * side
     found, gain = np.full((n, 2), np.nan), np.full(n, np.nan)
     residuals = np.full((n, size), np.nan, np.float32)
+    moves = np.full((n, 2, size), np.nan, np.float32)
+    inner, N_moves = np.zeros((_OF_PLACE, size), np.float32), np.empty((N_UNKNOWNS, N_UNKNOWNS + 2))
     B, values = np.empty((N_UNKNOWNS, size), np.float32), np.empty(size, np.float32)
     N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
     W, p, rhs = np.empty(6), np.empty(N_UNKNOWNS), np.empty(N_UNKNOWNS)
@@ -230,11 +318,8 @@ def match_points(
                 break
         if not move < _DONE_PX:
             continue
-        for k in range(size):
-            v = np.float64(values[k])
-            for i in range(N_UNKNOWNS):
-                v -= B[i, k] * p[i]
-            residuals[point, k] = v
+        _fit(B, values, p, half, residuals[point], inner)
+        _moves(B, inner, p[6], half, N_moves, moves[point])
         found[point, 0], found[point, 1] = W[4], W[5]
         gain[point] = p[6]
-    return found, gain, residuals
+    return found, gain, residuals, moves

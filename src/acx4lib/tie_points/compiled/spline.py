@@ -1,4 +1,4 @@
-"""Cubic splines through an image's pixels, evaluated at many positions, compiled."""
+"""Grey values of an image, and cubic splines through them at many positions, compiled."""
 
 from __future__ import annotations
 
@@ -16,6 +16,19 @@ def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, n
     first, last = sixth * s * s * s, sixth * t * t * t
     third = sixth * (np.float32(1) + np.float32(3) * t * (np.float32(1) + t * s))
     return first, np.float32(1) - first - third - last, third, last
+
+
+@compiled
+def mean_of_bands(image: Array, out: Array) -> None:
+    """Fill `out` with the means of an image's bands, (rows, cols, bands)."""
+    bands = image.shape[2]
+    share = np.float32(1) / np.float32(bands)
+    for row in range(image.shape[0]):
+        for col in range(image.shape[1]):
+            total = np.float32(0)
+            for band in range(bands):
+                total += np.float32(image[row, col, band])
+            out[row, col] = total * share
 
 
 @compiled

@@ -45,6 +45,13 @@ def benchmark(rows, about=ABOUT):
     return speed.Benchmark(runs=pd.DataFrame(rows), about=about)
 
 
+BESIDE_PYCOLMAP = [
+    run("ours", 0.1, problem="free-5k"),
+    run("pycolmap_default", 3.0, problem="free-5k"),
+    run("pycolmap_tuned", 0.6, problem="free-5k", cost=100.0002),
+    run("pycolmap_covariance", 1.1, problem="free-5k"),
+]
+
 COMPARED = [
     run("ours", 0.3, number=1),
     run("ours", 0.1, number=2),
@@ -165,3 +172,22 @@ def test_the_files_of_the_repository_make_a_page(pytestconfig):
     text = speed.page(stored)
     assert len(lines(text, "tab-speed-cpu")) == len(stored.problems)
     assert "nan" not in text
+
+
+def test_pycolmap_has_a_table_of_its_own_where_it_was_measured():
+    about = {**ABOUT, "versions": {**ABOUT["versions"], "pycolmap": "4.2.1"}}
+    text = speed.page(benchmark([*COMPARED, *BESIDE_PYCOLMAP], about))
+    assert "pycolmap 4.2.1" in text
+    row = next(line for line in text.splitlines() if "0.600" in line)
+    for number in ("0.100", "6.0", "1.100", "11.0", "3.000", "30.0"):
+        assert number in row
+    assert "Costs agree to 2·10⁻⁶" in text
+    assert benchmark([*COMPARED, *BESIDE_PYCOLMAP]).problems == ["a"]
+    assert "pycolmap" not in speed.page(benchmark(COMPARED))
+
+
+def test_the_first_adjustment_of_a_process_is_told_where_it_was_measured():
+    rows = [run("ours", 0.1, first_cpu_s=0.14, first_wall_s=0.2), *COMPARED[3:]]
+    sentence = "0.14 s of CPU time instead of 0.10 s with 556 points"
+    assert sentence in speed.page(benchmark(rows))
+    assert "first adjustment" not in speed.page(benchmark(COMPARED))

@@ -9,7 +9,7 @@ from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import without
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
-from acx4lib.least_squares.w_test import critical_tau
+from acx4lib.least_squares.statistical.w_test import critical_tau
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -42,6 +42,18 @@ def test_a_wrong_image_point_is_found(noisy_block, set_up):
     assert found == [("image_point", 100, -1)]
     assert 100 not in fit.network.rows
     assert fit.solution.sigma0_sq == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("set_up", [free_network, mounted_network])
+def test_a_wrong_distance_is_found_and_the_others_stay(noisy_block, rng, set_up):
+    ends = [[11, 20], [12, 31], [13, 42], [14, 25], [15, 36]]
+    off = 0.1 * rng.normal(size=5)
+    off[3] += 3.0
+    found, fit = rejections(blocks.taped(noisy_block, ends, sigma=0.1, off=off), set_up)
+    assert found == [("distance", 3, -1)]
+    assert len(fit.network.distances) == 4
+    group = fit.solution.group("distance")
+    assert np.abs(group.w).max() < 3.9
 
 
 @pytest.mark.parametrize("component", [0, 2])

@@ -110,6 +110,16 @@ def test_control_points_of_which_a_third_is_off_stay(noisy_block):
     assert fit.solution.group("control_point").used.all()
 
 
+def test_distances_of_which_three_in_eight_are_off_stay(noisy_block):
+    ends = [[11, 20], [12, 31], [13, 42], [14, 25], [15, 36], [16, 47], [17, 28], [11, 39]]
+    off = np.array([3.0, 0, 0, -3.0, 0, 4.0, 0, 0])
+    fit = adjusted(blocks.taped(noisy_block, ends, sigma=0.1, off=off))
+    (group,) = fit.stopped
+    assert (group.kind, group.n_rejected, group.n) == ("distance", 3, 8)
+    assert "3 of 8 distances" in sentence(fit.stopped)
+    assert len(fit.network.distances) == 8
+
+
 def test_half_of_the_rays_of_an_image_stay_and_it_is_named(noisy_block):
     points = noisy_block.image_points
     of_image = np.flatnonzero(points.image_idx == 4)

@@ -22,6 +22,12 @@ def test_rejected_observations_are_taken_out_of_the_block(exact_block):
         assert np.isfinite(blocks.observed_sigmas(exact_block)[kind]).all()  # unharmed
 
 
+def test_a_rejected_distance_stays_in_the_block_without_a_weight(exact_block):
+    block = blocks.taped(exact_block, [[11, 20], [12, 31]], sigma=0.1)
+    one = Rejection(kind="distance", row=1, component=-1, statistic=9.0)
+    assert without(block, [one]).distances.sigma_m.tolist() == [0.1, np.inf]
+
+
 def test_a_control_point_without_a_component_goes_as_a_whole(exact_block):
     whole = Rejection(kind="control_point", row=2, component=-1, statistic=9.0)
     out = np.isinf(without(exact_block, [whole]).control.sigma_m)

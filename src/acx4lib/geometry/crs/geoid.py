@@ -8,7 +8,7 @@ from pathlib import Path
 import pyproj
 from pyproj.exceptions import CRSError
 
-from acx4lib.geometry.crs_text import crs_fault
+from acx4lib.geometry.crs.text import crs_fault
 
 UNQUOTABLE = re.compile('[",\x00-\x1f]')
 """Characters that the path of a file in a pipeline of PROJ cannot have."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from acx4lib import expected
 from acx4lib.expected import Array, Mask
 from acx4lib.least_squares.normal_equations import Group
+from acx4lib.least_squares.statistical import distributions
 
 OUT = 1e4
 """Factor on the sigma of a rejected observation: no effect, but its residual is computed."""
@@ -111,5 +111,5 @@ def critical_tau(critical: float, redundancy: float) -> float:
     expected.positive_number("critical", critical)
     if redundancy <= 1:
         return np.inf
-    t = float(stats.t.isf(stats.norm.sf(critical), redundancy - 1))
+    t = distributions.t_isf(distributions.norm_sf(critical), redundancy - 1)
     return t * float(np.sqrt(redundancy / (redundancy - 1 + t**2)))

@@ -6,7 +6,13 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from acx4lib.least_squares.normal_equations import Group
-from acx4lib.least_squares.w_test import OUT, critical_tau, statistics, tau_limits, w_limits
+from acx4lib.least_squares.statistical.w_test import (
+    OUT,
+    critical_tau,
+    statistics,
+    tau_limits,
+    w_limits,
+)
 
 SIGMA = np.array([1.0, 2.0, 0.5, 1.5, 1.0])
 Y = np.array([10.0, 11.5, 9.8, 10.9, 14.0])

@@ -1,0 +1,1 @@
+"""Tests of observations, and the distributions of tests."""
