@@ -28,7 +28,6 @@ from IPython.core.interactiveshell import InteractiveShell
 from papermill.engines import Engine, NotebookExecutionManager, papermill_engines
 from papermill.exceptions import PapermillExecutionError
 from threadpoolctl import threadpool_limits
-from traitlets import Type
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
@@ -164,7 +163,11 @@ class Interpreter(Engine):
     ) -> None:
         """Run all cells, to the first that fails."""
         InteractiveShell.clear_instance()
-        shell = Shell.instance(config=Config({"HistoryManager": {"enabled": False}}))
+        shell = Shell.instance(
+            config=Config({"HistoryManager": {"enabled": False}}),
+            displayhook_class=Result,
+            display_pub_class=Publisher,
+        )
         for stream in ("stdout", "stderr"):
             setattr(sys, stream, Stream(shell, stream))
         shell.enable_matplotlib("inline")
@@ -257,9 +260,6 @@ class Shell(InteractiveShell):
     named : dict
         Outputs by the name that later ones may use to replace them.
     """
-
-    displayhook_class = Type(Result)
-    display_pub_class = Type(Publisher)
 
     def __init__(self, **options: Any) -> None:
         self.into: list[Any] = []

@@ -1,7 +1,8 @@
 """Chapters that depend on no flight: run when what they depend on has changed, and kept.
 
-The book of the flight that ships has them all, and the pages of the programming interface. That of
-another flight has neither; but the chapters that are kept and still hold are there.
+The book of the flight that ships has them all. That of another flight has those that are kept and
+still hold; the others are neither run for it nor in its table of contents, and neither are the
+pages of the programming interface.
 """
 
 from __future__ import annotations
