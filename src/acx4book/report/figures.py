@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from IPython.display import SVG
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
@@ -28,7 +28,17 @@ LABELLED = 40
 """Number of check points up to which all names are on the axis."""
 
 
-def vector(figure: Figure) -> SVG:
+@dataclass(frozen=True)
+class Drawing:
+    """A vector drawing that a notebook shows; IPython's own would read all of it as XML again."""
+
+    svg: str
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
+def vector(figure: Figure) -> Drawing:
     """Return a figure as a vector drawing, with the same bytes every time.
 
     Parameters
@@ -38,7 +48,8 @@ def vector(figure: Figure) -> SVG:
     buffer = io.StringIO()
     with mpl.rc_context({**style.RC, "svg.fonttype": "path"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=300)
-    return SVG(buffer.getvalue())  # type: ignore[no-untyped-call] # IPython is untyped here
+    drawn = buffer.getvalue()
+    return Drawing(drawn[drawn.index("<svg") :])  # as part of a page
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:

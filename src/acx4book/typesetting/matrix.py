@@ -43,6 +43,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
                     va="center",
                     fontsize=6.8,
                     color="white" if dark else style.INK,
+                    in_layout=False,  # inside their cells: measuring each takes half the time
                 )
         bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)
         bar.set_label("correlation (no unit)")

@@ -69,7 +69,7 @@ def points(ax):
 
 
 def test_a_vector_drawing_is_the_same_twice_and_has_no_date(residuals):
-    drawn = [vector(residual_plane({"One": residuals}, {"CAM": CAMERA})).data for _ in range(2)]
+    drawn = [vector(residual_plane({"One": residuals}, {"CAM": CAMERA})).svg for _ in range(2)]
     assert drawn[0] == drawn[1]
     assert drawn[0].lstrip().startswith("<svg") or "<svg" in drawn[0][:400]
     assert "<dc:date>" not in drawn[0]

@@ -9,8 +9,11 @@ import numpy as np
 import pandas as pd
 
 from acx4lib import expected
-from acx4lib.calibration.estimates import parameters, reported_covariance
-from acx4lib.calibration.mounting import METHODS, Mounting, Mountings, single_step
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.unknowns import free_mount
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
+from acx4lib.calibration.mounting import METHODS, Mounting, Mountings
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block, SurveyedPoints, select_images
@@ -35,6 +38,7 @@ def one_direction(block: Block) -> Mask:
 
 def calibrations(
     block: Block,
+    as_flown: Mounting | None,
     *,
     free: Sequence[str],
     fix: Sequence[str] = (),
@@ -43,9 +47,13 @@ def calibrations(
 ) -> pd.DataFrame:
     """Repeat the single step with parts of the design left out, or with a wrong assumption.
 
+    Observations that the single step rejected are left out of all, and no others are looked for.
+
     Parameters
     ----------
     block : Block
+    as_flown : Mounting or None
+        The single step of the whole block; None where it has no outcome.
     free, fix, refraction, gnss
         As in `mounting.single_step`.
 
@@ -56,11 +64,18 @@ def calibrations(
         standard deviations, and the largest correlation of f.
     """
 
-    def run(part: Block, held: Sequence[str] = fix) -> Mounting:
-        return single_step(part, free=free, fix=held, refraction=refraction, gnss=gnss)
+    def run(part: Block, held: Sequence[str] = fix) -> Bundle:
+        mount = free_mount(held)
+        return adjust(
+            mounted_orientation(part, free=free, free_mount=mount, refraction=refraction, gnss=gnss)
+        )
 
     lever_free = "lever_arm" not in fix
-    variants: dict[str, Callable[[], Mounting]] = {"as flown": lambda: run(block)}
+    if as_flown is not None:
+        block = as_flown.bundle.network.block
+    variants: dict[str, Callable[[], Bundle]] = {
+        "as flown": lambda: run(block) if as_flown is None else as_flown.bundle
+    }
     if lever_free:
         variants["lever arm held at the declared value"] = lambda: run(block, (*fix, "lever_arm"))
     variants |= {
@@ -72,16 +87,16 @@ def calibrations(
     return pd.DataFrame([_row(name, variant) for name, variant in variants.items()])
 
 
-def _row(name: str, variant: Callable[[], Mounting]) -> dict[str, object]:
+def _row(name: str, variant: Callable[[], Bundle]) -> dict[str, object]:
     try:
         found = variant()
     except AdjustmentError as error:
         return {"variant": name, "says": str(error)}
-    listed = parameters(found.calibration)
+    listed = parameters(from_bundle(found))
     row: dict[str, object] = {
         "variant": name,
-        "images": len(found.bundle.network.block.images),
-        "sigma0_squared": found.calibration.sigma0_sq,
+        "images": len(found.network.block.images),
+        "sigma0_squared": found.solution.sigma0_sq,
     }
     for p in listed:
         if p.name in SHOWN:

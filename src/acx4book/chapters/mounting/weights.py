@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -16,20 +16,25 @@ TOO_FEW = "too little redundancy"
 FORMATS = {"Redundancy": ".1f", "Effective": ".1f", "Used": ".2f"}
 
 
-def table(single: Mounting | None, applied: Mapping[str, float]) -> pd.DataFrame:
+def found(single: Mounting | None, applied: Mapping[str, float]) -> Sequence[Component]:
     """Return the variance components of the single step.
 
     Parameters
     ----------
     single : Mounting or None
-        None where the single step has no outcome.
+        None where the single step has no outcome; it then has no components.
     applied : mapping of str to float
         By what the given sigma were multiplied for it.
     """
-    if single is None:
+    return () if single is None else components(single.bundle, applied=applied)
+
+
+def table(found: Sequence[Component]) -> pd.DataFrame:
+    """Return the variance components as a table."""
+    if not found:
         nothing = dict.fromkeys(("Number", *FORMATS), np.nan)
         return pd.DataFrame([{"Observations": "no single step", **nothing}])
-    return pd.DataFrame([_row(c) for c in components(single.bundle, applied=applied)])
+    return pd.DataFrame([_row(c) for c in found])
 
 
 def _row(c: Component) -> dict[str, object]:
@@ -48,11 +53,10 @@ def factor(factor: float, sigma: float) -> Markup:
     return Markup(f"{factor:.2f} ± {sigma:.2f}")
 
 
-def sentence(single: Mounting | None, applied: Mapping[str, float]) -> str:
+def sentence(found: Sequence[Component]) -> str:
     """Say which sigma are wrong or were multiplied, as a list; or that none is."""
-    if single is None:
+    if not found:
         return NOTHING
-    found = components(single.bundle, applied=applied)
     lines = [f"- {shown(line[0].upper() + line[1:])}." for line in sentences(found)]
     if lines:
         return "\n".join(lines)

@@ -21,8 +21,9 @@ def mountings(flown):
 
 
 @pytest.fixture(scope="module")
-def table(flown):
-    return calibrations(flown.calibration, free=FREE).set_index("variant")
+def table(flown, mountings):
+    single = mountings["single_step"]
+    return calibrations(flown.calibration, single, free=FREE).set_index("variant")
 
 
 def test_one_flying_height_does_not_separate_focal_length_and_lever_arm(table):
@@ -43,6 +44,16 @@ def test_the_map_grid_as_cartesian_bends_the_focal_length_and_not_the_variance(t
     # the geodesy note has +0.0083 mm near Curitiba, for another layout
     assert wrong["f_mm"] - right["f_mm"] == pytest.approx(0.0083, abs=0.005)
     assert wrong["sigma0_squared"] == pytest.approx(right["sigma0_squared"], abs=0.01)
+
+
+def test_as_flown_is_the_single_step_itself_and_is_adjusted_where_there_is_none(
+    flown, mountings, table
+):
+    block = mountings["single_step"].bundle.network.block
+    again = calibrations(block, None, free=FREE).set_index("variant")
+    np.testing.assert_allclose(
+        again.loc["as flown"].astype(float), table.loc["as flown"].astype(float), rtol=1e-6
+    )
 
 
 def test_a_missing_method_leaves_nothing_to_compare(mountings):
