@@ -37,11 +37,14 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
+STUBS = ("library", "many-flights")
+"""Pages that show nothing of a flight, but are referred to."""
+
 CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
     *("_executed/07-report", "_executed/08-rig", "scorecard", "reproducibility"),
-    *("frames-and-notation", "bibliography", "your-own-flight"),
+    *("frames-and-notation", "bibliography", "your-own-flight", *STUBS),
 )
 """The pages that show something of a flight, and those that they refer to."""
 
@@ -98,6 +101,8 @@ def build_book(folder, flown, found):
     for name in ("_executed", "_generated"):
         (book / name).mkdir()
     (book / "intro.md").write_text("# The flight\n\n```{include} _generated/roles.md\n```\n")
+    for name in STUBS:
+        (book / f"{name}.md").write_text(f"# {name}\n")
     chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
     call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT)

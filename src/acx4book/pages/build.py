@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
-from acx4book.pages.benchmarks import bias, many, rendering, rendering_goals, sigma, speed
+from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
@@ -175,6 +175,7 @@ def texts_of_benchmarks(
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
     rendered = rendering_goals.read(BENCHMARKS)
+    yield "speed-commands.md", commands.page(commands.read(BENCHMARKS))
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)

@@ -68,7 +68,7 @@ def bring(executed: Path, *, run: bool) -> list[str]:
 def _run(kept: Path) -> None:
     """Run a chapter and keep it in the place of what was kept of it."""
     name = kept.stem.rpartition("-")[0]
-    source, new = NOTEBOOKS_PATH / f"{name}.ipynb", kept.with_suffix(".new")
+    source, new = NOTEBOOKS_PATH / f"{name}.ipynb", kept.with_name(f"new-{kept.name}")
     values = execute.with_defaults(source, {})
     execute.execute(source, new, parameters=values, on_cell=lambda *_: None)
     execute.scrub(new)

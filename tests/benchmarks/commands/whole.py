@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     about = {
         **machine.computer(),
         "versions": machine.package_versions(machine.PACKAGES),
-        "imports": IMPORTS,
+        "imports": "importing numpy, scipy, pandas, pyproj and numba",
     }
     stored.write(given.out, "commands", {"": pd.DataFrame(rows)}, about, digits=5)
 

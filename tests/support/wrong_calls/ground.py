@@ -11,7 +11,8 @@ from acx4book.paper import printed
 from acx4lib.bundle import reliability
 from acx4lib.geometry import geodesy
 from acx4lib.georeferencing import accuracy, differences, direct, standards, validation
-from acx4lib.least_squares import covariance, w_test
+from acx4lib.least_squares import covariance
+from acx4lib.least_squares.statistical import w_test
 from support import blocks
 from support.wrong_calls.material import BLOCK, FOUND, FRAME, Wrong, calibrated, fit, said
 

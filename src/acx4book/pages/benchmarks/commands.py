@@ -84,9 +84,9 @@ def _table(commands: Commands) -> str:
     )
     formats = {"Images": ",d", "Measurements": ",d", "MB": ",.0f"}
     formats |= dict.fromkeys(("Seconds", "CPU seconds", "beyond imports"), ".1f")
-    caption = Markup(
+    caption = (
         "Whole commands: the time that passes, CPU time of all processes, the part of it beyond "
-        f"`{commands.about['imports']}`, and the largest memory of all processes together"
+        f"{commands.about['imports']}, and the largest memory of all processes together"
     )
     return myst_table(table, caption, name="tab-speed-commands", formats=formats)
 

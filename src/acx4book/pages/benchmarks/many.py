@@ -59,7 +59,7 @@ def page(many: Many) -> str:
     )
     formats = {"Seconds": ".0f", "Speed-up": ".2f", "CPU seconds a flight": ".2f"}
     caption = Markup(
-        f"Seeds of the design `{about['design']}`, simulated and run: time that passes, the time "
+        f"Seeds of the design {about['design']}, simulated and run: time that passes, the time "
         f"of {FIRST} over it, processor time, and the largest memory of a worker"
     )
     machine = (

@@ -13,7 +13,7 @@ ABOUT = {
     "processor": "a processor",
     "cores": 2,
     "memory_gb": 8.0,
-    "imports": "import numpy",
+    "imports": "importing numpy",
 }
 
 
