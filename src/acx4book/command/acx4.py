@@ -46,7 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """
     os.environ |= ONE_THREAD
     terminal.prepare_streams()
-    logging.getLogger("papermill").addHandler(logging.NullHandler())
+    for library in ("papermill", "matplotlib"):  # their remarks are on their own affairs
+        logging.getLogger(library).addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
     given = sys.argv[1:] if arguments is None else [*arguments]
     command = partial(app, given, prog_name="acx4", standalone_mode=False)
