@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-LOOK_S = 0.1
+LOOK_S = 0.25
 """Time between two looks at the memory of all processes."""
 
 
