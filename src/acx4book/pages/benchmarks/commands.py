@@ -92,16 +92,16 @@ def _table(commands: Commands) -> str:
 
 
 def _growth(commands: Commands) -> str:
-    """Say how time and memory grow from the smaller to the larger of the two largest flights."""
+    """Say how CPU time and memory grow from one to the other of the two largest flights."""
     medians = commands.medians
     own = medians[medians.index.get_level_values("command") == GROWTH].sort_values("images")
     if len(own) < 2:
         return ""
     smaller, larger = (own.iloc[i] for i in (-2, -1))
-    times = {key: larger[key] / smaller[key] for key in ("images", "wall_s", "tree_mb")}
-    power = np.log(times["wall_s"]) / np.log(times["images"])
+    times = {key: larger[key] / smaller[key] for key in ("images", "cpu_s", "tree_mb")}
+    power = np.log(times["cpu_s"]) / np.log(times["images"])
     return (
-        f"With {times['images']:.1f} times the images `acx4 {GROWTH}` takes {times['wall_s']:.1f} "
-        f"times as long, the power {power:.2f} of their number, and {times['tree_mb']:.1f} times "
-        "the memory."
+        f"With {times['images']:.1f} times the images `acx4 {GROWTH}` takes {times['cpu_s']:.1f} "
+        f"times the CPU time, the power {power:.2f} of their number, and "
+        f"{times['tree_mb']:.1f} times the memory."
     )
