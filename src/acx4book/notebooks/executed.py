@@ -34,7 +34,7 @@ class Notebooks:
         Values of further parameters, such as ``seed``; each notebook gets those that it has.
     """
 
-    path: Path = NOTEBOOKS_PATH
+    path: Path = field(default_factory=lambda: NOTEBOOKS_PATH)  # no place in its signature
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
