@@ -21,6 +21,7 @@ from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import data as reference
 
 CHAPTERS: Mapping[str, tuple[str, ...]] = {
+    "foundations/1-image": (),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),
@@ -56,23 +57,27 @@ def bring(executed: Path, *, run: bool) -> list[str]:
     kept = {name: KEPT / f"{name}-{_digest(name)[:16]}.ipynb" for name in CHAPTERS}
     missing = [path for path in kept.values() if not path.is_file()]
     if run and missing:
-        KEPT.mkdir(parents=True, exist_ok=True)
+        for path in missing:
+            path.parent.mkdir(parents=True, exist_ok=True)
         with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
             list(pool.map(_run, missing))
     here = {name: path for name, path in kept.items() if path.is_file()}
     for name, path in here.items():
-        shutil.copyfile(path, executed / f"{name}.ipynb")
+        page = executed / f"{name}.ipynb"
+        page.parent.mkdir(exist_ok=True)
+        shutil.copyfile(path, page)
     return [name for name in CHAPTERS if name not in here]
 
 
 def _run(kept: Path) -> None:
     """Run a chapter and keep it in the place of what was kept of it."""
     name = kept.stem.rpartition("-")[0]
-    source, new = NOTEBOOKS_PATH / f"{name}.ipynb", kept.with_name(f"new-{kept.name}")
+    source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
+    new = kept.with_name(f"new-{kept.name}")
     values = execute.with_defaults(source, {})
     execute.execute(source, new, parameters=values, on_cell=lambda *_: None)
     execute.scrub(new)
-    for old in KEPT.glob(f"{name}-*.ipynb"):
+    for old in kept.parent.glob(f"{name}-*.ipynb"):
         old.unlink()
     new.replace(kept)
 
@@ -125,7 +130,7 @@ def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Itera
 
 def _title(page: str) -> str:
     """Return the title of a chapter; a folder has none."""
-    notebook = NOTEBOOKS_PATH / f"{PurePosixPath(page).name}.ipynb"
+    notebook = NOTEBOOKS_PATH / f"{page.removeprefix('_executed/')}.ipynb"
     if not notebook.is_file():
         return ""
     first = json.loads(notebook.read_text("utf-8"))["cells"][0]["source"]
