@@ -15,10 +15,10 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Vector = NDArray[np.floating]
+from acx4book.typesetting.sketch import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
+from acx4book.typesetting.style import INK, SOFT
 
-INK, SOFT = "#1f2933", "#67737f"
-MAPPING, BODY, CAMERA, RAY = "#2f7a3d", "#b3541e", "#2158a0", "#741f5a"
+Vector = NDArray[np.floating]
 
 # The scene, in metres of no particular size, in the mapping frame (east, north, up).
 R_B_M = Rotation.from_euler("ZYX", [40, -4, 7], degrees=True)  # body to mapping
@@ -29,8 +29,8 @@ CAMERA_AT = BODY_AT + R_B_M.apply(LEVER_ARM)
 FOCAL, HALF = 3.0, np.array([1.35, 1.0])
 IMAGE_POINT = np.array([-0.75, -0.5, -FOCAL])  # camera axes
 
-# Seen from the south-south-west, from 20 degrees above, along parallel rays.
-VIEW = Rotation.from_euler("zx", [-24, -70], degrees=True)
+VIEW = view(24, 20)
+"""From the south-south-east, 20 degrees above the horizon."""
 
 
 def seen(points: Vector) -> Vector:
@@ -43,32 +43,6 @@ def from_camera(points: Vector) -> Vector:
     return CAMERA_AT + R_B_M.apply(R_C_B.apply(points))
 
 
-def arrow(ax: Axes, tail: Vector, tip: Vector, colour: str, *, width: float = 1.8) -> None:
-    """Draw an arrow between two points on the paper."""
-    style = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=(tip[0], tip[1]), xytext=(tail[0], tail[1]), arrowprops=style, zorder=4)
-
-
-def note(ax: Axes, at: Vector, text: str, colour: str, *, shift: tuple[float, float]) -> None:
-    """Write a label beside a point on the paper, `shift` in points."""
-    ax.annotate(
-        text, xy=(at[0], at[1]), xytext=shift, textcoords="offset points", color=colour,
-        ha="center", va="center", fontsize=11, zorder=6,
-    )  # fmt: skip
-
-
-def triad(ax: Axes, origin: Vector, axes: Vector, names: list[str], colour: str) -> None:
-    """Draw the three axes of a frame, rows of `axes`, with their names at the tips."""
-    start = seen(origin)
-    for axis, name in zip(axes, names, strict=True):
-        tip = seen(origin + axis)
-        arrow(ax, start, tip, colour)
-        reach = 6 + 2.8 * len(name)  # points: half of the name's width
-        outwards = (tip - start) / np.hypot(*(tip - start))
-        note(ax, tip, name, colour, shift=(reach * outwards[0], 11 * outwards[1]))
-    ax.plot(*start, "o", color=colour, ms=4, zorder=5)
-
-
 def on_ground(points: Vector) -> Vector:
     """Follow rays from the perspective centre through points in camera axes to the ground."""
     directions = from_camera(points) - CAMERA_AT
@@ -79,7 +53,7 @@ def draw_ground(ax: Axes) -> None:
     """Draw the ground and the mapping frame on it."""
     corners = np.array([[-1.4, -2.4, 0], [12.2, -2.4, 0], [12.2, 8.4, 0], [-1.4, 8.4, 0]])
     ax.add_patch(Polygon(seen(corners), fc="#eef3ea", ec="#c9d6c3", lw=1, zorder=0))
-    triad(ax, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
+    triad(ax, VIEW, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
     note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
 
 
@@ -119,11 +93,11 @@ def draw_space(ax: Axes) -> None:
     arrow(ax, body, camera, INK, width=2.4)
     note(ax, 0.6 * body + 0.4 * camera, "lever arm $r_c^b$", INK, shift=(-34, -16))
     body_axes = R_B_M.apply(2.4 * np.eye(3))
-    triad(ax, BODY_AT, body_axes, ["$x$ forward", "$y$ left", "$z$ up"], BODY)
+    triad(ax, VIEW, BODY_AT, body_axes, ["$x$ forward", "$y$ left", "$z$ up"], BODY)
     note(ax, body, "body frame $b$\n(IMU)", BODY, shift=(-46, -6))
     draw_image_in_space(ax)
     camera_axes = R_B_M.apply(R_C_B.apply(2.2 * np.eye(3)))
-    triad(ax, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
+    triad(ax, VIEW, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
     for axis in R_B_M.apply(1.9 * np.eye(3)):
         ax.plot(*seen(np.array([CAMERA_AT, CAMERA_AT + axis])).T, color=BODY, lw=1, ls="--")
     note(ax, camera, "camera frame $c$\nwith boresight $R_c^b$", CAMERA, shift=(104, -20))

@@ -1,0 +1,189 @@
+"""Figures of chapter 2: turned axes, matrices mistaken for each other, and phi near 90 degrees."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from scipy.spatial.transform import Rotation
+
+from acx4book.foundations import example
+from acx4book.typesetting import sketch, style
+from acx4lib.expected import Array
+from acx4lib.geometry.frames import opk_jacobian, rotation_from_opk, turn
+
+TIMES = 20
+"""Factor by which omega and phi are drawn too large; as they are they would not be seen."""
+
+COLOURS = (style.ORANGE, style.TEAL, style.PLUM)
+"""One for each of the three angles."""
+
+
+def axes() -> Figure:
+    """Draw the body axes of A1 and B1 above the ground, omega and phi `TIMES` too large."""
+    seen = sketch.view(18, 22)
+    with style.applied():
+        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.4))
+        ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
+        ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec="#c9d6c3", lw=1))
+        corner = np.array([-6.2, -2.2, 0.0])
+        sketch.triad(ax, seen, corner, 1.6 * np.eye(3), ("east", "north", "up"), sketch.MAPPING)
+        for row, east in ((0, -4.0), (2, 5.6)):
+            at = np.array([east, 0.6, 4.2])
+            _body(ax, seen, at, example.attitudes()[row] * [TIMES, TIMES, 1])
+            ax.plot(*seen.apply([at, at * [1, 1, 0]])[:, :2].T, color=style.SOFT, lw=0.8, ls=":")
+            name = f"{example.EXPOSURES['image'][row]}, flown {'east' if row == 0 else 'west'}"
+            sketch.note(ax, seen.apply(at)[:2], name, style.INK, shift=(44, -46))
+        sketch.blank(fig)
+    return fig
+
+
+def _body(ax: Axes, seen: Rotation, at: Array, opk: Array) -> None:
+    """Draw the axes of a body, and thin ones that point to the east, to the north and up."""
+    for axis in 1.9 * np.eye(3):
+        ax.plot(*seen.apply([at, at + axis])[:, :2].T, color=sketch.MAPPING, lw=1, ls="--")
+    names = ("$x$ forward", "$y$ left", "$z$ up")
+    sketch.triad(ax, seen, at, 2.1 * rotation_from_opk(opk).T, names, sketch.BODY)
+
+
+# --- mistakes --------------------------------------------------------------------------------
+
+
+def mistaken(opk: Array) -> dict[str, Array]:
+    """Return what three usual mistakes make of omega, phi, kappa in place of M^T.
+
+    Parameters
+    ----------
+    opk : ndarray, shape (3,)
+        Radians.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (3, 3)
+        By the name of the mistake.
+    """
+    omega, phi, kappa = opk
+    return {
+        "transposed": rotation_from_opk(opk).T,
+        "axes for vectors": turn(0, -omega) @ turn(1, -phi) @ turn(2, -kappa),
+        "other order": turn(2, kappa) @ turn(1, phi) @ turn(0, omega),
+    }
+
+
+def nadir_shift(R: Array, wrong: Array, height_m: float) -> Array:
+    """Return how far a wrong matrix carries the point below the camera's axis, east and north, m.
+
+    Parameters
+    ----------
+    R, wrong : ndarray, shape (3, 3)
+        Camera to mapping frame.
+    height_m : float
+        Above flat ground.
+    """
+    right, false = (height_m * axis[:2, 2] / -axis[2, 2] for axis in (R, wrong))
+    shift: Array = false - right
+    return shift
+
+
+def mistakes(height_m: float) -> Figure:
+    """Draw where the axes of A1 and of B1 meet the ground with each mistaken matrix.
+
+    Parameters
+    ----------
+    height_m : float
+    """
+    with style.applied():
+        fig, panels = plt.subplots(1, 3, figsize=(style.WIDTH, 3.2), sharex=True, sharey=True)
+        for row, colour in ((0, style.BLUE), (2, style.ORANGE)):
+            opk, image = example.attitudes()[row], example.EXPOSURES["image"][row]
+            R = rotation_from_opk(opk)
+            for ax, (name, wrong) in zip(panels, mistaken(opk).items(), strict=True):
+                ax.set(title=name, xlabel="to the east (m)", aspect="equal")
+                _shift(ax, nadir_shift(R, wrong, height_m), image, colour)
+        panels[0].set(xlim=(-19, 19), ylim=(-17, 11), ylabel="to the north (m)")
+    return fig
+
+
+def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
+    """Draw how far the point below an image's axis is carried."""
+    length = np.hypot(*shift)
+    if long := length > 1:
+        sketch.arrow(ax, np.zeros(2), shift, colour)
+    else:
+        ax.plot(*shift, "o", color=colour, ms=7)
+    text = f"{image}: {length:.1f} m"
+    sketch.note(ax, shift, text, colour, shift=(0, -10) if long else (10, 11))
+
+
+# --- phi near 90 degrees ---------------------------------------------------------------------
+
+
+def turning_axes(phi: float) -> Array:
+    """Return the axes about which omega, phi and kappa turn, rows, in the mapping frame.
+
+    Parameters
+    ----------
+    phi : float
+        Radians; omega is zero.
+    """
+    return np.stack([np.eye(3)[0], np.eye(3)[1], turn(1, phi)[:, 2]])
+
+
+def angle_sigmas(phi: Array) -> tuple[Array, Array]:
+    """Return what a camera with equal sigma about all its axes has in its three angles.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (n,)
+        Radians.
+
+    Returns
+    -------
+    sigma : ndarray, shape (n, 3)
+        Of omega, phi, kappa, over the sigma about the axes.
+    correlation : ndarray, shape (n,)
+        Between omega and kappa.
+    """
+    J = opk_jacobian(np.stack([0 * phi, phi, 0 * phi], axis=-1))
+    cov = J @ np.swapaxes(J, -1, -2)
+    sigma = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
+    return sigma, cov[:, 0, 2] / (sigma[:, 0] * sigma[:, 2])
+
+
+def singularity() -> Figure:
+    """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and what sigma becomes."""
+    with style.applied():
+        fig, panels = plt.subplot_mosaic(
+            "abc;ddd", figsize=(style.WIDTH, 5.0), height_ratios=(1.1, 1)
+        )
+        for name, degrees in zip("abc", (0, 60, 90), strict=True):
+            _turning(panels[name], np.radians(degrees))
+            panels[name].set_title(f"φ = {degrees}°")
+        _sigmas(panels["d"])
+        for name in "abc":
+            panels[name].set_aspect("equal")
+            panels[name].axis("off")
+    return fig
+
+
+def _turning(ax: Axes, phi: float) -> None:
+    seen = sketch.view(-18, 26)
+    for axis, name, colour in zip(turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
+        ends = seen.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
+        last = name == "κ"
+        sketch.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
+        sketch.note(ax, ends[1], name, colour, shift=(-9 if last else 9, 9))
+    ax.set(xlim=(-1.15, 1.15), ylim=(-0.85, 1.25))
+
+
+def _sigmas(ax: Axes) -> None:
+    degrees = np.linspace(0, 88, 177)
+    sigma, correlation = angle_sigmas(np.radians(degrees))
+    ax.plot(degrees, sigma[:, 0], color=COLOURS[0], lw=2.4, label="σ of ω, the same as of κ")
+    ax.plot(degrees, sigma[:, 1], color=COLOURS[1], label="σ of φ")
+    ax.plot(degrees, correlation, color=style.INK, ls="--", label="correlation of ω and κ")
+    ax.axhline(0, color=style.SOFT, lw=0.6)
+    ax.set(xlim=(0, 90), ylim=(-1.3, 10), xlabel="φ (deg)", ylabel="over σ about an axis (1)")
+    ax.legend(loc="upper left")
