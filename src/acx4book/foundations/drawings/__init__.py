@@ -1,0 +1,1 @@
+"""The figures of part I: a module for each chapter, named as the chapter."""
