@@ -22,6 +22,7 @@ from acx4book.reference import data as reference
 
 CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "foundations/1-image": (),
+    "foundations/7-direct-georeferencing": (),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),
