@@ -5,8 +5,6 @@ The plain version that it must equal is `normal_equations.PlainNormals`.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import linalg
 
+from acx4lib import compiling
 from acx4lib.bundle.compiled import covariances, elimination
 from acx4lib.bundle.compiled.chain_rule import (
     Hanging,
@@ -51,13 +50,8 @@ def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -
     first, last = zip(*packed.parts, strict=True)
     if len(packed.parts) == 1:
         return list(map(work, first, last, *each))
-    with ThreadPoolExecutor(min(_cores(), len(packed.parts))) as pool:
+    with ThreadPoolExecutor(min(compiling.cores(), len(packed.parts))) as pool:
         return list(pool.map(work, first, last, *each))
-
-
-def _cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
