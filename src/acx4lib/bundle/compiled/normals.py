@@ -102,7 +102,7 @@ class NetworkNormals:
         """Return the image points' reduced normal equations, cost, and predicted decrease of it."""
         packed = self.packed
         totals = [
-            camera_normals(len(packed.image), self.hanging.n_cameras, packed.band)
+            camera_normals(len(packed.image), self.hanging.n_cameras, packed.n_pairs)
             for _ in packed.parts
         ]
 
@@ -116,7 +116,8 @@ class NetworkNormals:
                 np.add(total, more, out=total)
         ahead = all(ahead for ahead, _ in done)
         cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
-        return reduced_normals(totals[0], self.hanging), cost, sum(less for _, less in done)
+        reduced = reduced_normals(totals[0], self.hanging, packed.rays.pair)
+        return reduced, cost, sum(less for _, less in done)
 
     @cached_property
     def cost(self) -> float:
@@ -230,7 +231,7 @@ class NetworkNormals:
             part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
             inverse = dense.reordered(self._order)
         cut_off(part, self._order[m:] < 0)
-        cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
+        cov = camera_covariances(_padded(part, self.border), self.hanging, packed.rays.pair)
         tests = Tests(
             cov_points=np.zeros((self.n_points, 3, 3)),
             v=np.empty((len(self.sigma_px), 2)),
