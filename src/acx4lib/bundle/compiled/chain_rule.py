@@ -66,7 +66,7 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging, pair: Index) -> Bo
     by_interior = E[:, :, :, INTERIOR:RESIDUAL].copy()
     by_interior[each, camera] += before[:, :N_POSE, INTERIOR:RESIDUAL]
     gradient = before[:, :N_POSE, RESIDUAL] + E[..., RESIDUAL].sum(axis=1)
-    P = np.zeros((n_poses, pose_band(pose, pair.shape[1]), N_POSE, N_POSE))
+    P = np.zeros((n_poses * N_POSE, pose_band(pose, pair.shape[1]) * N_POSE))
     Z = np.zeros((n_images, n_cameras, N_POSE, N_POSE))
     own = np.ascontiguousarray(before[:, :N_POSE, :N_POSE])
     _pairs(pair, S, own, A, B, pose, camera, P, Z, np.empty((3, 6, 6)))
@@ -159,7 +159,9 @@ def _pairs(
             _product(N, A[j], NA)
             _product(N, B[j], NB)
             _add(Z[i, camera[j]], NB)
-            _add_congruent(P[pose[i], pose[j] - pose[i]], A[i], NA, pose[i] == pose[j] and i != j)
+            _add_congruent(P, 6 * pose[i], 6 * pose[j], A[i], NA)
+            if i != j and pose[i] == pose[j]:
+                _add_congruent(P, 6 * pose[i], 6 * pose[j], NA, A[i])
             if i != j:
                 _add_transposed_product(N, B[i], Z[j, camera[i]])
 
@@ -193,16 +195,14 @@ def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
 
 
 @uncounted
-def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
-    """Add A^T NA, and its transpose where two images have the same pose."""
+def _add_congruent(P: Array, row: int, column: int, left: Array, right: Array) -> None:
+    """Add left^T right to `Bordered.P`, from its diagonal on."""
     for a in range(6):
-        for b in range(6):
+        for b in range(max(a + row - column, 0), 6):
             total = 0.0
             for c in range(6):
-                total += A[c, a] * NA[c, b]
-            out[a, b] += total
-            if both:
-                out[b, a] += total
+                total += left[c, a] * right[c, b]
+            P[row + a, column + b - row - a] += total
 
 
 # --- and back --------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -41,8 +41,6 @@ from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
 from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
 
 R = TypeVar("R")
-
-_EACH = np.arange(6)
 
 
 def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
@@ -164,22 +162,21 @@ class NetworkNormals:
             self.joined.reduce(system, place)
         held = order[m:] < 0
         if held.any():
-            cut_off(system, held)
-            g[m:][held], diagonal[m:][held] = 0.0, 1.0
-            system.P[:, 0, _EACH, _EACH] += held.reshape(-1, 6)
+            system.hold(held)
         if damping:
             D[np.diag_indices(m)] += damping * diagonal[:m]
-            system.P[:, 0, _EACH, _EACH] += damping * diagonal[m:].reshape(-1, 6)
+            system.P[:, 0] += damping * diagonal[m:]
         return system
 
     @cached_property
     def _solver(self) -> Dense | Banded:
         system = self._system
         if not self.packed.dense:
+            large = len(system.g) > LARGEST_DENSE
             try:
-                return Banded(system)
+                return Banded(system if large else replace(system, P=system.P.copy()))
             except linalg.LinAlgError:
-                if len(system.g) > LARGEST_DENSE:
+                if large:
                     raise too_large() from None
         return Dense(N=system.dense(), diagonal=system.diagonal)
 
@@ -228,7 +225,7 @@ class NetworkNormals:
             inverse = BandedInverse(factored=solver, part=part, order=self._order)
         else:
             dense = solver.inverse()
-            part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
+            part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1] // 6)
             inverse = dense.reordered(self._order)
         cut_off(part, self._order[m:] < 0)
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.rays.pair)
@@ -271,11 +268,10 @@ def _add(system: Bordered, e: Equations, place: Index) -> None:
     np.add.at(system.diagonal, columns[used], np.sum(e.A * weighted, axis=1)[used])
     both = (row >= 0) & (column >= 0)
     corner, side = both & (row < m) & (column < m), both & (row < m) & (column >= m)
-    pose = both & (row >= m) & (column >= m)
+    pose = both & (row >= m) & (column >= row)
     np.add.at(system.D, (row[corner], column[corner]), N[corner])
     np.add.at(system.C, (row[side], column[side] - m), N[side])
-    i, j = row[pose] - m, column[pose] - m
-    np.add.at(system.P[:, 0], (i // 6, i % 6, j % 6), N[pose])
+    np.add.at(system.P, (row[pose] - m, column[pose] - row[pose]), N[pose])
 
 
 def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
