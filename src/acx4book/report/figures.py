@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
 
-from acx4book.report.groups import PROBABILITY
+from acx4book.report.groups import ratio_limits
+from acx4book.report.stability import straight_line
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
@@ -141,8 +141,7 @@ def _draw_strips(
     at = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
     weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
     total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
-    tail = (1 - PROBABILITY) / 2
-    low, high = np.sqrt(stats.chi2.ppf([[tail], [1 - tail]], total) / total)
+    low, high = np.transpose([ratio_limits(r) for r in total])
     axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)
@@ -166,10 +165,10 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
             values, sigma = boresights[f"{axis}_deg"], boresights[f"sigma_{axis}_deg"]
             _by_strip(ax, time.to_numpy(), values.to_numpy(), sigma.to_numpy(), boresights["strip"])
             ax.axhline(0, color=style.INK, lw=0.7)
-            line = stats.linregress(time, values) if np.ptp(time) > 0 else None
-            if line is not None:
+            if np.ptp(time) > 0:
                 ends = np.array([time.min(), time.max()])
-                ax.plot(ends, line.intercept + line.slope * ends, "--", color=style.INK, lw=1.0)
+                line = straight_line(time.to_numpy(), values.to_numpy())
+                ax.plot(ends, line.at_zero + line.slope * ends, "--", color=style.INK, lw=1.0)
             ax.set_ylabel(f"about {axis} (°)")
         axes[-1].set_xlabel("time after the first image (min)" if timed else "image number")
         handles, labels = axes[0].get_legend_handles_labels()

@@ -8,11 +8,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special
 
 from acx4book.chapters.validation.sentences import NOTHING
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.validation import Validation
 
@@ -86,7 +87,7 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
         fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
             z = np.sort(validation.points.d / validation.points.sigma, axis=0)
-            expected = stats.norm.ppf((np.arange(len(z)) + 0.5) / max(len(z), 1))
+            expected = special.ndtri((np.arange(len(z)) + 0.5) / max(len(z), 1))
             for axis, ax in enumerate(axes):
                 ax.plot(
                     *(expected, z[:, axis], "o"),
@@ -129,13 +130,22 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
                 density=True,
                 label="pairs found",
             )
-            predicted = stats.norm.pdf(grid[:, None], scale=pairs.sigma[:, axis]).mean(axis=1)
-            ax.plot(grid, predicted, color=style.ORANGE, label="predicted by their σ")
+            ax.plot(
+                *(grid, _density(grid, pairs.sigma[:, axis])),
+                color=style.ORANGE,
+                label="predicted by their σ",
+            )
             ax.set_title(AXES[axis])
             ax.set_xlabel("estimated less surveyed (m)")
         axes[0].set_ylabel("density (1/m)")
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig
+
+
+def _density(at: Array, sigma: Array) -> Array:
+    """Return the mean of the densities of normal distributions about zero, shape (n,)."""
+    exponents = -0.5 * (at[:, None] / sigma) ** 2
+    return np.mean(np.exp(exponents) / (np.sqrt(2 * np.pi) * sigma), axis=1)
 
 
 def mistakes(table: pd.DataFrame) -> Figure:
