@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from acx4book.report.groups import ratio_limits
+from acx4book.report.shown import Drawing
 from acx4book.report.stability import straight_line
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
@@ -28,16 +28,6 @@ LABELLED = 40
 """Number of check points up to which all names are on the axis."""
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """A vector drawing that a notebook shows; IPython's own would read all of it as XML again."""
-
-    svg: str
-
-    def _repr_svg_(self) -> str:
-        return self.svg
-
-
 def vector(figure: Figure) -> Drawing:
     """Return a figure as a vector drawing, with the same bytes every time.
 
@@ -46,10 +36,24 @@ def vector(figure: Figure) -> Drawing:
     figure : Figure
     """
     buffer = io.StringIO()
-    with mpl.rc_context({**style.RC, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=300)
+    with mpl.rc_context(
+        {**style.RC, "svg.fonttype": "path", "figure.constrained_layout.use": False}
+    ):
+        _lay_out(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
     drawn = buffer.getvalue()
     return Drawing(drawn[drawn.index("<svg") :])  # as part of a page
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes of a vector drawing for good; else it would be drawn twice."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    canvas = FigureCanvasSVG(figure)  # that measures text as it is drawn
+    figure.dpi = canvas.fixed_dpi
+    engine.execute(figure)
+    figure.set_layout_engine(None)
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:
@@ -104,7 +108,7 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
     if not strips:
         return style.nothing("There are no residuals of image points.")
     with style.applied():
-        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 3.3), sharex=True, sharey="row")
+        fig, axes = style.subplots(2, 2, figsize=(style.WIDTH, 3.3), sharex=True, sharey="row")
         for i, (title, table) in enumerate(tables.items()):
             shift = 0.16 * (i - (len(tables) - 1) / 2)
             for column, component in enumerate(COMPONENTS):
@@ -160,7 +164,7 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
     timed = bool(boresights["time_s"].notna().all())
     time = boresights["time_s"] / 60 if timed else boresights["number"]
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
         for ax, axis in zip(axes, "xyz", strict=True):
             values, sigma = boresights[f"{axis}_deg"], boresights[f"sigma_{axis}_deg"]
             _by_strip(ax, time.to_numpy(), values.to_numpy(), sigma.to_numpy(), boresights["strip"])
@@ -197,7 +201,7 @@ def check_points(points: pd.DataFrame) -> Figure:
         return style.nothing("There are no check points.")
     at = np.arange(len(points))
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
             ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)

@@ -1,25 +1,25 @@
 """The common style of all figures: palette, lines, type, and small parts that they share.
 
-Every figure is made inside `applied`, which leaves pyplot as it found it::
+Every figure is made inside `applied`. It is none of pyplot, which would keep it, or open a window::
 
     with applied():
-        fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
+        fig, axes = subplots(..., figsize=(WIDTH, 3.0))
         ...
     return fig
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
@@ -106,16 +106,24 @@ RC: Any = {
 """Settings of matplotlib."""
 
 
-@contextmanager
-def applied() -> Iterator[None]:
-    """Draw in the book's style; afterwards pyplot has no new figure and no new setting."""
-    before = set(plt.get_fignums())
-    try:
-        with mpl.rc_context(RC):
-            yield
-    finally:
-        for number in set(plt.get_fignums()) - before:
-            plt.close(number)
+def applied() -> AbstractContextManager[None]:
+    """Draw in the book's style; afterwards matplotlib has no new setting."""
+    return mpl.rc_context(RC)
+
+
+def figure(*, figsize: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches."""
+    fig = Figure(figsize=figsize)
+    FigureCanvasAgg(fig)
+    return fig
+
+
+def subplots(
+    n_rows: int = 1, n_columns: int = 1, *, figsize: tuple[float, float], **options: Any
+) -> tuple[Figure, Any]:
+    """Return a figure of a size in inches with its axes, as ``Figure.subplots`` makes them."""
+    fig = figure(figsize=figsize)
+    return fig, fig.subplots(n_rows, n_columns, **options)
 
 
 def colour(i: int) -> str:
@@ -186,7 +194,7 @@ def nothing(text: str) -> Figure:
         The sentence.
     """
     with applied():
-        fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
+        fig, ax = subplots(figsize=(WIDTH, 0.9))
         bare(ax)
         ax.set(xticks=[], yticks=[])
         ax.text(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -34,7 +33,7 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
     km = 1e-3
     limit = max(float(np.abs(points.d[:, 2]).max(initial=0.0)), 1e-3)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(5.6, 5.2))
+        fig, ax = style.subplots(figsize=(5.6, 5.2))
         ax.plot(
             *(km * cameras[:, :2].T), ".", ms=1.6, color=style.SOFT, alpha=0.6, label="exposures"
         )
@@ -84,7 +83,7 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
     if not validations:
         return style.nothing(NOTHING)
     with style.applied():
-        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
             z = np.sort(validation.points.d / validation.points.sigma, axis=0)
             expected = special.ndtri((np.arange(len(z)) + 0.5) / max(len(z), 1))
@@ -119,7 +118,7 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
     with style.applied():
-        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
         for axis, ax in enumerate(axes):
             bins = np.linspace(-limit, limit, 41)
             ax.hist(
@@ -160,7 +159,7 @@ def mistakes(table: pd.DataFrame) -> Figure:
         return style.nothing(NOTHING)
     rows = np.arange(len(table))
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
         for axis, name in enumerate(AXES):
             ax.barh(
                 *(rows + 0.26 * (axis - 1), table[f"rms_{name}_m"]),

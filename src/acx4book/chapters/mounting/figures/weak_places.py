@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -59,7 +58,7 @@ def weak_places(mounting: Mounting | None) -> Figure:
     with style.applied():
         size = np.ptp(shown, axis=0)
         height = float(np.clip(0.45 * style.WIDTH * size[1] / max(size[0], 1e-9), 2.0, 5.4)) + 1.5
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, height))
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, height))
         _draw_rays(fig, axes[0], bundle, measured)
         handles = _draw_observed(fig, axes[1], bundle)
         for ax in axes:
@@ -184,7 +183,7 @@ def image_redundancy(mounting: Mounting | None) -> Figure:
     with style.applied():
         sensor = max(c.height_px / c.width_px for c in cameras)
         height = float(np.clip(0.43 * style.WIDTH * sensor, 1.6, 4.2)) + 0.7
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             len(cameras),
             2,
             figsize=(style.WIDTH, height * len(cameras)),
