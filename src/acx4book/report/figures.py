@@ -104,7 +104,7 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
         Above: the size of the residuals divided by the size expected from the weights, with 99.9 %
         limits about one. Below: the largest normalised residual and the critical value of w.
     """
-    strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"]))
+    strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"].unique()))
     if not strips:
         return style.nothing("There are no residuals of image points.")
     with style.applied():

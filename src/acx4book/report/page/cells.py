@@ -35,15 +35,15 @@ class Part:
 
 
 def parts(
-    notebook: Path, parameters: Mapping[str, Any], on_cell: Callable[[int, int], None]
+    notebook: Path, names: dict[str, Any], on_cell: Callable[[int, int], None]
 ) -> Iterator[Part]:
     """Run a notebook and yield its texts and what its cells show, in their order.
 
     Parameters
     ----------
     notebook : Path
-    parameters : mapping
-        They stand in place of the cell with the defaults.
+    names : dict
+        The parameters, in place of the cell with the defaults; the cells add what they define.
     on_cell : callable
         Called with the number of finished cells, and of all cells.
 
@@ -53,7 +53,6 @@ def parts(
         Whatever a cell raises.
     """
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-    names = dict(parameters)
     with threadpool_limits(1, user_api="blas"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as a page shows none
         for number, cell in enumerate(cells):

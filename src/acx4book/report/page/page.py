@@ -9,9 +9,10 @@ import tempfile
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.report.material import Material, read
+from acx4book.report.material import Material
 from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.shown import Text
@@ -83,14 +84,14 @@ def write(
         Where the file cannot be written.
     """
     out = Path(out)
-    material = read(folder)
     if not out.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
     check_file(out, mark=MARK, what="a report of acx4")
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
-        shown = list(parts(NOTEBOOK, {"results_path": str(folder)}, on_cell))
+        names: dict[str, Any] = {"results_path": str(folder)}
+        shown = list(parts(NOTEBOOK, names, on_cell))
         whole = Path(temporary) / "report.html"
-        whole.write_text(page(shown, material), encoding="utf-8")
+        whole.write_text(page(shown, names["run"]), encoding="utf-8")
         check_file(out, mark=MARK, what="a report of acx4")  # again, as some seconds have passed
         whole.replace(out)
 
