@@ -207,7 +207,8 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
             "sigma": unit * values["sigma"],
             "redundancy": values["redundancy"],
             "w": values["w"],
-        }
+        },
+        copy=False,  # of arrays that nobody else has
     )
 
 
