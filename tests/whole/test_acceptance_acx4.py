@@ -93,8 +93,9 @@ def test_head_errors_of_20_flights_have_the_claimed_joint_covariance(method, n_f
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_two_step_claims_the_scatter_of_its_errors():
-    flown.assert_two_step_claims_its_scatter("acx4-ideal")
+    flown.assert_two_step_claims_its_scatter("acx4-ideal", flights=200)
 
 
 @pytest.mark.slow
