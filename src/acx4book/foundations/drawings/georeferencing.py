@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +24,7 @@ def vector_sum() -> Figure:
     m, b, c, i = (np.array(x) for x in ([0.3, 0.0], [4.6, 4.1], [5.5, 3.5], [7.6, 0.35]))
     a = c + 0.27 * (i - c)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.6))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.6))
         _scene(ax, (-0.6, 10.4), (-0.7, 5.0))
         ground = np.linspace(-0.4, 10.2, 60)
         ax.plot(ground, 0.17 * np.sin(ground / 1.6) + 0.17 * ground / 7.6, color=style.SOFT)
@@ -71,7 +70,7 @@ def ground_errors(
     kinds = [("position forward", 0), ("height", 2), ("roll", 3), ("pitch", 4), ("heading", 5)]
     errors = np.diag(np.concatenate([position_m, attitude_rad]))
     with style.applied():
-        fig, axes = plt.subplots(2, 3, figsize=(style.WIDTH, 4.1))
+        fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 4.1))
         for ax, (title, row) in zip(axes.flat, kinds, strict=False):
             d = moved_on_ground(at, height_m, errors[row, :3], errors[row, 3:])
             _arrows(ax, at, d, half_m, colour=POSITION if row < 3 else BORESIGHT)
@@ -109,7 +108,7 @@ def misclosures(xy_mm: Array, before_um: Array, after_um: Array) -> Figure:
         Micrometres; they are drawn to different scales.
     """
     with style.applied():
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 3.2), sharey=True)
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.2), sharey=True)
         for ax, d, title in zip(
             axes, (before_um, after_um), ("boresight zero", "boresight calibrated"), strict=True
         ):
@@ -131,7 +130,7 @@ def three_flights() -> Figure:
     Each of them on a line flown forth, one flown back, and one flown forth twice as high.
     """
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 6.3), sharex=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 6.3), sharex=True)
         for ax, title, subtitle, colour in zip(
             axes,
             ("boresight", "lever arm", "GNSS shift"),

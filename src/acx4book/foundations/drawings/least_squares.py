@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from matplotlib.patches import Ellipse
 
 from acx4book.foundations import example
 from acx4book.foundations.fitted import Fit
-from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied
+from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied, subplots
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.statistical import distributions
@@ -38,7 +37,7 @@ def where_rays_meet(T_m_c: Pose, results: Sequence[tuple[Array, Fit]]) -> Figure
         P from two images, and from four: `forward_intersection.intersected`.
     """
     with applied():
-        fig, (side, *near) = plt.subplots(1, 3, figsize=(WIDTH, 4.0))
+        fig, (side, *near) = subplots(1, 3, figsize=(WIDTH, 4.0))
         P = example.points()[0]
         for name, r in zip(example.EXPOSURES["image"], T_m_c.r, strict=True):
             colour, below = OF_STRIP[name[0]], name[0] == "B"
@@ -93,7 +92,7 @@ def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
         n adjustments.
     """
     with applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[1, 1.35])
+        fig, (left, right) = subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[1, 1.35])
         left.plot(*(100 * errors[:, [0, 2]]).T, ".", ms=1.6, mew=0, color=SOFT, alpha=0.5)
         cov = 1e4 * fits[0].cov[EAST_HEIGHT]
         for share in (0.39, 0.95):
@@ -138,7 +137,7 @@ def redundancy(two: Fit, four: Fit) -> Figure:
         Of A1 and A2, and of all four images.
     """
     with applied():
-        fig, ax = plt.subplots(figsize=(WIDTH, 2.6))
+        fig, ax = subplots(figsize=(WIDTH, 2.6))
         names = [f"{axis} in {image}" for image in example.EXPOSURES["image"] for axis in "xy"]
         places = np.arange(len(names))
         ax.bar(places[:4] - 0.2, two.redundancy, 0.36, color=TWO, label="A1 and A2")
