@@ -146,6 +146,39 @@ def read(path: Path) -> pd.DataFrame:
         return _parsed(path.stem, source)
 
 
+def read_some(path: Path, begin: tuple[bytes, ...]) -> pd.DataFrame:
+    """Return the rows from the first to the last that begins so, where their rows are together.
+
+    Parameters
+    ----------
+    path : Path
+        As `read` takes it.
+    begin : tuple of bytes
+        As `begins` returns it.
+
+    Returns
+    -------
+    DataFrame
+        As `read` returns it; all rows where none is found, as the file may be written otherwise.
+
+    Raises
+    ------
+    FlightError
+        Where the file is no such table.
+    """
+    if not is_there(path):
+        return read(path)
+    with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        firsts = [content.find(b"\n" + one) for one in begin]
+        if -1 in firsts or not firsts:
+            return read(path)
+        last = max(content.rfind(b"\n" + one, 0, len(content) - 1) for one in begin)
+        end = content.find(b"\n", last + 1)
+        source = io.BytesIO(content[min(firsts) + 1 : end if end >= 0 else None])
+    with _refusing(path):
+        return _parsed(path.stem, source, names=list(COLUMNS[path.stem]))
+
+
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
     """Say of a file that it is no results table, and why."""
@@ -157,7 +190,7 @@ def _refusing(path: Path) -> Iterator[None]:
         raise FlightError([problem]) from None
 
 
-def _parsed(name: str, source: Path | io.BytesIO) -> pd.DataFrame:
+def _parsed(name: str, source: Path | io.BytesIO, **options: Any) -> pd.DataFrame:
     columns = list(COLUMNS[name])
     texts = [column for column in columns if column in _TEXT]
     numbers = [column for column in columns if column not in _TEXT | _COUNT]
@@ -169,6 +202,7 @@ def _parsed(name: str, source: Path | io.BytesIO) -> pd.DataFrame:
         keep_default_na=False,
         na_values=dict.fromkeys(numbers, ""),
         **_EXACT,
+        **options,
     )
     check_columns(name, frame.columns)
     cut_off = [column for column in texts if frame[column].hasnans]
