@@ -181,8 +181,9 @@ def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
         It must not change what the parts share.
     parts : iterable
     """
+    listed = list(parts)
     with _blas().limit(limits=1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
-        return list(pool.map(function, parts))
+        return list((pool.map if len(listed) > 1 else map)(function, listed))
 
 
 @cache
