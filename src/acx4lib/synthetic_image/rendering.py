@@ -174,12 +174,45 @@ def render_rows(
     """
     expected.place("stop", stop, plan.height_px + 1)
     expected.place("start", start, stop + 1)
-    expected.whole("threads", 1 if threads is None else threads)
     _require_images(plan, images)
     first = images[0]
     out = np.empty((stop - start, plan.width_px, first.shape[2]), first.dtype)
-    _resample(plan, images, (start, stop), out, threads)
+    render_into(out, plan, images, start, threads=threads)
     return out
+
+
+def render_into(
+    out: np.ndarray,
+    plan: RenderPlan,
+    images: Sequence[np.ndarray],
+    start: int,
+    *,
+    threads: int | None = None,
+) -> None:
+    """Fill `out` with rows of the image, as `render_rows` returns them, from `start` on.
+
+    The memory of an image that is made stripe by stripe need not be made anew for each of them.
+
+    Parameters
+    ----------
+    out : ndarray, shape (rows, width, bands)
+        Contiguous, of the images' type.
+    plan, images, start, threads
+        As for `render_rows`.
+
+    Raises
+    ------
+    ValueError
+        Where the images do not match the plan, or `out` does not match both.
+    """
+    expected.whole("threads", 1 if threads is None else threads)
+    _require_images(plan, images)
+    expected.place("start", start, plan.height_px - len(out) + 1)
+    expected.shape("out", out, ("rows", plan.width_px, images[0].shape[2]))
+    if out.dtype != images[0].dtype or not out.flags.c_contiguous:
+        msg = f"out is {out.dtype}, or has gaps; must be contiguous and {images[0].dtype}"
+        raise ValueError(msg)
+    _resample(plan, images, (start, start + len(out)), out, threads)
 
 
 def resample(
