@@ -254,7 +254,7 @@ def _stripes(
 
     def stripe(start: int) -> Raster:
         out = rooms[start // TILE % 2, : rows - start]
-        render_into(out, plan, heads.images, start, threads=job.threads)
+        render_into(out, plan, heads.images, start, job.threads)
         return out
 
     with ThreadPoolExecutor(1) as pool:

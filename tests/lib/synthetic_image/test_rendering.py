@@ -349,13 +349,13 @@ def test_memory_may_be_used_again_whatever_is_in_it():
     whole = render(TINY_PLAN, views)
     out = np.full_like(whole[:50], 7)
     for start in (0, 80):
-        render_into(out, TINY_PLAN, views, start)
+        render_into(out, TINY_PLAN, views, start, 1)
         assert_array_equal(out, whole[start : start + 50])
     for wrong in (out[:, ::2], out.astype(np.uint8), out[:, :-1].copy(), out[..., :1].copy()):
         with pytest.raises(ValueError, match="out"):
-            render_into(wrong, TINY_PLAN, views, 0)
+            render_into(wrong, TINY_PLAN, views, 0, 1)
     with pytest.raises(ValueError, match="start"):
-        render_into(out, TINY_PLAN, views, len(whole) - 49)
+        render_into(out, TINY_PLAN, views, len(whole) - 49, 1)
 
 
 def test_the_number_of_threads_does_not_matter(images):
