@@ -10,13 +10,10 @@ PYTHONPATH=tests.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +30,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.results.rows import RELATIVE
-from benchmarks import machine
+from benchmarks import machine, stored
 from support.flights import simulated
 
 OUT = machine.ROOT / "data" / "benchmarks"
@@ -232,18 +229,8 @@ def single_step(flown: Flight, *, distortion_at: str) -> estimates.Calibration:
 
 def write(folder: Path, tables: Tables, about: dict[str, Any]) -> None:
     """Write a file for every table and one about them, and only then replace older ones."""
-    folder.mkdir(parents=True, exist_ok=True)
-    about = {"date": datetime.now(UTC).date().isoformat(), **about}
-    with tempfile.TemporaryDirectory(dir=folder) as fresh:
-        for name, rows in tables.items():
-            pd.DataFrame(rows).to_csv(
-                Path(fresh, f"coverage_{name}.csv"), index=False, float_format=f"%.{DIGITS}g"
-            )
-        text = json.dumps(about, indent=2) + "\n"
-        Path(fresh, "coverage.json").write_text(text, encoding="utf-8")
-        for made in sorted(Path(fresh).iterdir()):
-            made.replace(folder / made.name)
-    sys.stderr.write(f"{folder / 'coverage.json'}\n")
+    frames = {name: pd.DataFrame(rows) for name, rows in tables.items()}
+    stored.write(folder, "coverage", frames, about, digits=DIGITS)
 
 
 if __name__ == "__main__":

@@ -194,7 +194,6 @@ def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
     _need_room(job, heads)
     job, notes = _refined(job, heads)
     job = replace(job, response=_response(job, heads))
-    heads.forget()
     feather = job.options.feather_px if job.options.blend == "feather" else 0.0
     plan = render_plan(
         job.orientation,
@@ -252,9 +251,7 @@ def _stripes(
 
     def stripe(start: int) -> Raster:
         stop = min(start + TILE, rows)
-        pixels = render_rows(plan, heads.images, start, stop, threads=job.threads)
-        heads.forget()
-        return pixels
+        return render_rows(plan, heads.images, start, stop, threads=job.threads)
 
     with ThreadPoolExecutor(1) as pool:
         ahead = pool.submit(stripe, 0)

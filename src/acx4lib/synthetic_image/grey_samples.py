@@ -103,11 +103,12 @@ def overlap_samples(
     def sampled(one: tuple[tuple[int, int], Array]) -> Samples:
         pair, xy = one
         both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in pair]
-        for k in pair:
-            forget(images[k])
         return _samples(orientation, pair, xy, both)
 
-    return compiling.in_order(sampled, pairs)
+    found = compiling.in_order(sampled, pairs)
+    for image in images:
+        forget(image)
+    return found
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:

@@ -7,22 +7,21 @@ the solvers take turns. The results replace those in data/benchmarks when all ar
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from acx4lib.geometry.frames import log, rotation_from_opk
-from benchmarks import machine
+from benchmarks import machine, stored
 from benchmarks.adjusting import bench_blocks, ceres_solver, problem_file
 
 HERE = Path(__file__).parent
@@ -226,18 +225,8 @@ def agreed(name: str, ours: Row, timed: Row, exact: Row) -> Row:
 
 def write(folder: Path, rows: Sequence[Row], about: dict[str, Any]) -> None:
     """Write both files, and only then put them in the place of older ones."""
-    folder.mkdir(parents=True, exist_ok=True)
-    about = {"date": datetime.now(UTC).date().isoformat(), **about}
-    with tempfile.TemporaryDirectory(dir=folder) as fresh:
-        table, text = Path(fresh) / "adjustment.csv", Path(fresh) / "adjustment.json"
-        with table.open("w", newline="", encoding="utf-8") as file:
-            lines = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
-            lines.writeheader()
-            lines.writerows(rows)
-        text.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-        for made in (table, text):
-            made.replace(folder / made.name)
-    sys.stderr.write(f"{folder / 'adjustment.csv'}\n")
+    table = pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)  # whole numbers stay whole
+    stored.write(folder, "adjustment", {"": table}, about)
 
 
 if __name__ == "__main__":
