@@ -43,7 +43,8 @@ def halved(image: Raster) -> Raster:
     parts = np.split(image, 2, axis=2) if bands == 2 else [image]
     means = [cv2.resize(part, half, interpolation=cv2.INTER_AREA) for part in parts]
     means = [mean.reshape(half[1], half[0], -1) for mean in means]
-    small: Raster = means[0] if len(means) == 1 else np.concatenate(means, axis=2)
+    joined = means[0] if len(means) == 1 else np.concatenate(means, axis=2)
+    small: Raster = joined.astype(image.dtype, copy=False)
     if image.min() == 0:
         _mend(small, image)
     return small

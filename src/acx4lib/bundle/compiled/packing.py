@@ -121,19 +121,20 @@ def pack(
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
-    number = np.empty(len(images), dtype=np.int64)
+    number = np.empty(len(images), dtype=np.int32)
     number[images] = np.arange(len(images))
+    image = number[rows.image]
 
-    starts, points, row = _sorted(rows.point, number[rows.image], len(free_points), len(images))
+    starts, points, row = _sorted(rows.point, image, len(free_points), len(images))
     known = np.full(len(free_points), -1)
     known[also] = np.arange(len(also))
-    image = number[rows.image[row]].astype(np.int32)
+    image = image[row]
     rays = SortedRays(
         start=starts,
-        point=points.astype(np.int32),
+        point=points,
         free=free_points[points],
         also=known[points].astype(np.int32),
-        row=row.astype(np.int32),
+        row=row,
         image=image,
         xy=rows.xy[row],
         weight=rows.weight[row],
@@ -157,8 +158,8 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
     row : ndarray, shape (n,)
     """
     first, count = np.full(n_points, n_images), np.zeros(n_points, dtype=np.int64)
-    bins, points = np.zeros(n_images + 2, dtype=np.int64), np.empty(n_points, dtype=np.int64)
-    starts, row = np.zeros(n_points + 1, dtype=np.int64), np.empty(len(point), dtype=np.int64)
+    bins, points = np.zeros(n_images + 2, dtype=np.int64), np.empty(n_points, dtype=np.int32)
+    starts, row = np.zeros(n_points + 1, dtype=np.int64), np.empty(len(point), dtype=np.int32)
     n_measured = _sort(point, image, first, count, bins, points, starts, row)
     return starts[: n_measured + 1].copy(), points[:n_measured].copy(), row
 

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
+from acx4lib import compiling
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
 from acx4lib.results.files.compiled.lines import LONGEST, put_lines
@@ -63,7 +64,10 @@ _EXACT: dict[str, Any] = {} if _ALWAYS_EXACT else {"float_precision": "round_tri
 """What makes pandas read numbers to the last bit; new versions always do, and warn of it."""
 
 ROWS = 50_000
-"""Number of rows that are written together."""
+"""Number of rows that one processor makes at a time."""
+
+TOGETHER = 8
+"""How often that is done before the rows are written: they wait in memory."""
 
 _SPECIAL = ',"\n\r'
 """Characters for which a cell is quoted."""
@@ -242,12 +246,17 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     first = np.cumsum([0, *(len(own) for _, own in cells)])
     starts = np.cumsum([0, *lengths])
     content = np.frombuffer(b"".join(text for text, _ in cells), dtype=np.uint8)
-    for begin in range(0, len(frame), ROWS):
+
+    def text(begin: int) -> bytes:
         some = slice(begin, begin + ROWS)
         codes = np.array([k + code[some] for k, (code, _) in zip(first, coded, strict=False)])
         bits = np.array([column[some] for column in values]).view(np.uint64)
         out = np.empty(codes.shape[1] * longest, dtype=np.uint8)
-        yield out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
+        return out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
+
+    begins = range(0, len(frame), ROWS)
+    for k in range(0, len(begins), TOGETHER):
+        yield from compiling.in_order(text, begins[k : k + TOGETHER])
 
 
 def _cells(texts: list[str]) -> tuple[bytes, list[int]]:

@@ -226,3 +226,15 @@ def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
     for name in ("v", "redundancy"):  # in the order in which they were given
         there = getattr(found.groups[0], name)
         assert_allclose(there, getattr(expected.groups[0], name)[order], atol=1e-9)
+
+
+def test_only_pairs_of_images_that_share_points_are_numbered():
+    start, image = np.array([0, 2, 5, 6]), np.array([0, 3, 1, 1, 2, 4], dtype=np.int32)
+    nothing = [-1] * 3
+    assert packing._numbered_pairs(start, image, 5).tolist() == [
+        [0, -1, -1, 1],
+        [2, 3, -1, -1],
+        [4, *nothing],
+        [5, *nothing],
+        [6, *nothing],
+    ]
