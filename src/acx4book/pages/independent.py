@@ -24,6 +24,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "foundations/1-image": (),
     "foundations/2-rotations": (),
     "foundations/3-collinearity": (),
+    "foundations/4-distortion": ("data/paper/*.csv",),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),
