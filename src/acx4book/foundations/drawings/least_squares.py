@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from acx4book.foundations import example
-from acx4book.foundations.fitted import Fit
+from acx4book.foundations.adjusting.fitted import Fit
 from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
