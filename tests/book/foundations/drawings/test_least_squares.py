@@ -4,7 +4,7 @@ from matplotlib.patches import Ellipse
 from numpy.testing import assert_allclose
 
 from acx4book.foundations import example
-from acx4book.foundations import forward_intersection as rays
+from acx4book.foundations.adjusting import forward_intersection as rays
 from acx4book.foundations.drawings import least_squares as drawings
 from support.figures import assert_labelled, assert_texts_apart, drawn, title
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4book.foundations.fitted import fit
+from acx4book.foundations.adjusting.fitted import fit
 
 
 def test_a_mean_is_weighted_by_the_inverse_squares_of_sigma():

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acx4book.foundations import example
-from acx4book.foundations.fitted import Fit, fit
+from acx4book.foundations.adjusting.fitted import Fit, fit
 from acx4lib.expected import Array
 from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
 from acx4book.foundations import example
-from acx4book.foundations import forward_intersection as rays
+from acx4book.foundations.adjusting import forward_intersection as rays
 from acx4lib.geometry import collinearity, intersection
 from support.helpers import numeric_jacobian
 
