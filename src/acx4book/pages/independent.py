@@ -23,6 +23,7 @@ from acx4book.reference import data as reference
 CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "foundations/1-image": (),
     "foundations/7-direct-georeferencing": (),
+    "foundations/8-frames": (),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),
