@@ -24,6 +24,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "foundations/1-image": (),
     "foundations/7-direct-georeferencing": (),
     "foundations/8-frames": (),
+    "foundations/9-block-design": (),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),

@@ -47,7 +47,7 @@ def _meridian(ax: Axes) -> None:
     meets = at[0] - at[1] * up[0] / up[1]
     ax.plot(meets + 0.25 * np.cos(around), 0.25 * np.sin(around), color=style.BLUE, lw=1.2)
     for (x, y), text, colour in (
-        (np.array([meets + 0.27, 0.06]), "latitude $B$", style.BLUE),
+        (np.array([meets + 0.27, 0.06]), "$B$", style.BLUE),
         (top + 0.42 * up + [0.02, 0.0], "up", style.TEAL),
         (top + 0.42 * north + [-0.18, 0.05], "north", style.TEAL),
         ((at + top) / 2 + [0.05, -0.1], "$h$", style.INK),

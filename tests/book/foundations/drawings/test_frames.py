@@ -17,7 +17,7 @@ def test_the_point_is_on_the_ellipse_and_its_normal_is_normal(latitude):
 
 def test_the_heights_are_named():
     left, right = drawings.earth().axes
-    assert {"$h$", "latitude $B$", "north"} <= {t.get_text() for t in left.texts}
+    assert {"$h$", "$B$", "north"} <= {t.get_text() for t in left.texts}
     assert {"$h$", "$H$", "$N$", "geoid"} <= {t.get_text() for t in right.texts}
 
 
