@@ -26,6 +26,7 @@ from acx4book.typesetting.style import (
     applied,
     bare,
     legend_below,
+    subplots,
 )
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
