@@ -46,13 +46,19 @@ def scatter(flight: Flight, mounting: Mounting | None) -> str:
     if not printed.applies(flight):
         return said
     two, one = (
-        [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
+        ", ".join(_printed_sigma(name, method) for name in BORESIGHT_ANGLES)
+        for method in printed.METHODS
     )
     return (
-        f"{said} The paper prints {listed(two, '.4f')}° for its two-step angles and "
-        f"{listed(one, '.4f')}° for the single-step ones: the former have the size of a scatter, "
+        f"{said} The paper prints {two}° for its two-step angles and "
+        f"{one}° for the single-step ones: the former have the size of a scatter, "
         "the latter that of the precision of a mean."
     )
+
+
+def _printed_sigma(name: str, method: str) -> str:
+    cell = 3, name, method
+    return printed.digits(printed.printed(*cell), printed.sigma(*cell))
 
 
 def gnss_shift(single: Mounting | None) -> str:
