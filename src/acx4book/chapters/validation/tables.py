@@ -69,7 +69,7 @@ def _printed_validation(column: str) -> dict[str, str]:
     def said(name: str) -> Markup:
         return printed.shown(4, name, column)
 
-    cells = {
+    cells: dict[str, str] = {
         "Intersection pairs": said("n_pairs"),
         "Pairs that failed": said("n_fail"),
         "Check points": said("n_points"),
