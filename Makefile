@@ -47,7 +47,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test fuzz mistakes notebooks book serve bench coverage chain reference-data reference-results clean
+.PHONY: help .venv lock check test test-all fuzz mistakes notebooks book serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -89,7 +89,10 @@ check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks with
 	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
 
-test: .venv/.stamp-test ## all tests, slow ones included
+test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
+	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'
+
+test-all: .venv/.stamp-test ## all tests
 	@$(BIN)/pytest -q -n 2 --dist worksteal
 
 fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory

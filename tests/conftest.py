@@ -1,5 +1,7 @@
 """The same examples every time, few of them, and the blocks that many tests adjust."""
 
+import gc
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -13,6 +15,14 @@ pytest_plugins = ["support.flights.scene"]
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
+
+gc.disable()  # while modules are imported and tests collected, all of which stay
+
+
+def pytest_collection_finish():
+    gc.freeze()  # so that no test has them looked through
+    gc.enable()
+
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba.core.config
+from llvmlite import binding, ir
 from numba import njit
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime.nrt import rtsys
 from threadpoolctl import ThreadpoolController
 
@@ -121,8 +122,40 @@ _DAMAGED = (
 """Errors that truncated, overwritten or unreadable files of compiled code raise."""
 
 
+class _Kept(CompileResultCacheImpl):
+    """Machine code; the code that other functions are compiled with is kept beside it.
+
+    Of the latter numba reads the names at once. All of it takes longer to read than a small
+    adjustment lasts, and is needed only where something else is compiled anew.
+    """
+
+    def reduce(self, data: Any) -> Any:
+        """Return what is kept of a compiled function."""
+        (name, kind, (machine, linked)), *others = super().reduce(data)  # type: ignore[no-untyped-call] # numba has no types
+        return ((name, kind, (machine, _names_alone(linked))), *others), linked
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compiled function."""
+        kept, linked = payload
+        rebuilt = super().rebuild(target_context, kept)  # type: ignore[no-untyped-call] # as above
+        rebuilt.library._get_module_for_linking = cache(lambda: binding.parse_bitcode(linked))
+        return rebuilt
+
+
+def _names_alone(code: bytes) -> bytes:
+    """Return code that defines the same names, and nothing else."""
+    full, out = binding.parse_bitcode(code), ir.Module()
+    for named in (*full.functions, *full.global_variables):
+        if not named.is_declaration:
+            ir.GlobalVariable(out, ir.IntType(8), named.name).initializer = ir.IntType(8)(0)
+    bitcode: bytes = binding.parse_assembly(str(out)).as_bitcode()
+    return bitcode
+
+
 class _Files(FunctionCache):
     """Compiled code on disk; a file that cannot be read or written counts as missing."""
+
+    _impl_class = _Kept
 
     counts = True
     """Whether the code counts references."""
@@ -148,6 +181,8 @@ class _Files(FunctionCache):
 
 def _kept(function: F, **how: Any) -> F:
     dispatcher = njit(**how)(function)
+    # what other packages add to numba is not used here, and looking for it takes a while
+    dispatcher._compilation_chain_init_hook = lambda: None
     given = _CONFIG.CACHE_DIR
     _CONFIG.CACHE_DIR = str(_FOLDER)  # numba reads it when it looks for files
     try:
@@ -181,8 +216,9 @@ def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
         It must not change what the parts share.
     parts : iterable
     """
+    listed = list(parts)
     with _blas().limit(limits=1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
-        return list(pool.map(function, parts))
+        return list((pool.map if len(listed) > 1 else map)(function, listed))
 
 
 @cache

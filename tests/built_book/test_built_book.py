@@ -1,5 +1,6 @@
 """The built book as files: links, images, equations; nothing left over, nothing from outside."""
 
+import posixpath
 import re
 from itertools import pairwise
 from urllib.parse import unquote, urlsplit
@@ -25,18 +26,20 @@ def test_every_executed_notebook_is_a_page(html):
 
 def test_internal_links_and_anchors_resolve(html, pages):
     anchors = {name: {e["id"] for e in page.select("[id]")} for name, page in pages.items()}
+    files = {path.relative_to(html).as_posix() for path in html.rglob("*") if path.is_file()}
     broken = []
     for name, page in pages.items():
-        for link in page.select("a[href]"):
-            url = urlsplit(link["href"])
+        for address in {link["href"] for link in page.select("a[href]")}:
+            url = urlsplit(address)
             if url.scheme or url.netloc:
                 continue
-            folder = (html / name).parent
-            target = (folder / unquote(url.path)).resolve() if url.path else html / name
-            inside = target.relative_to(html).as_posix() if target.is_relative_to(html) else ""
-            here = anchors.get(inside, set()) | {""}
-            if not target.is_file() or (inside in anchors and unquote(url.fragment) not in here):
-                broken.append(f"{name}: {link['href']}")
+            beside = posixpath.join(posixpath.dirname(name), unquote(url.path))
+            target = posixpath.normpath(beside) if url.path else name
+            fragment = unquote(url.fragment)
+            if target not in files or (
+                fragment and fragment not in anchors.get(target, {fragment})
+            ):
+                broken.append(f"{name}: {address}")
     assert broken == []
 
 

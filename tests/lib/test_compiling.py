@@ -74,6 +74,31 @@ def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
         assert done.stdout.split("]") == ["[0, 1", f" {has_all}\n"]
 
 
+def test_functions_are_compiled_with_what_earlier_processes_have_kept(tmp_path):
+    (tmp_path / "functions.py").write_text(
+        "from acx4lib.compiling import compiled\n\n"
+        "@compiled\ndef twice(x):\n    return 2 * x\n\n"
+        "@compiled\ndef more(x):\n    return twice(x) + 1\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+
+    def run(call, used):
+        script = f"from functions import more, twice; print({call}, len({used}.stats.cache_hits))"
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment,
+            cwd=tmp_path,
+        )
+        return done.stdout.split()
+
+    assert run("twice(3.0)", "twice") == ["6.0", "0"]
+    assert run("more(3.0)", "twice") == ["7.0", "1"]  # compiled with what the first has kept
+    assert run("more(3.0)", "more") == ["7.0", "1"]
+
+
 def test_what_is_not_a_number_is_found_in_a_sum():
     @compiling.compiled
     def unknown(a, b):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
+
 from support.fuzz import run
+from support.helpers import repeats
 
-CASES = 500
 
-
-def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path):
+@pytest.mark.parametrize("cases", [100, repeats(500)])
+def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path, cases):
     """`make fuzz` draws others."""
-    report = run.run(tmp_path.resolve() / "fuzz", cases=CASES, seed=1)
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1)
     assert not report.findings, "\n".join(report.findings)
-    assert sum(report.outcomes.values()) == CASES
+    assert sum(report.outcomes.values()) == cases
     outcomes = {outcome for _, outcome in report.outcomes}
     assert {"accepted", "refused", "computed"} <= outcomes

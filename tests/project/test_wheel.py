@@ -28,6 +28,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 EXTRAS = PROJECT["optional-dependencies"]
 PRESENT = sysconfig.get_path("purelib")
 HOUSES = {"acx4lib", "acx4sim", "acx4book"}
+PTH = "present.pth"
 PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
 """Packages that another one brings, as a part of itself."""
 
@@ -83,7 +84,7 @@ def environment(folder, *installed, present=""):
     """A new environment with the project, beside the packages of a folder; its own folder."""
     venv.create(folder, symlinks=True)
     site = next(folder.glob("lib/python*/site-packages"))
-    (site / "present.pth").write_text(present)
+    (site / PTH).write_text(present)
     pip(folder / "bin" / "python", "install", "--ignore-installed", *installed)
     return site
 
@@ -207,18 +208,27 @@ def read_all(folder):
 
 
 @pytest.fixture(scope="module")
-def whole(wheel, tmp_path_factory):
-    """A folder beside an environment with the wheel and all that is present."""
-    folder = tmp_path_factory.mktemp("whole")
-    environment(folder / "env", wheel, present=PRESENT)
+def installed(wheel, tmp_path_factory):
+    """A folder with an environment of the wheel and the base requirements; its packages."""
+    folder = tmp_path_factory.mktemp("installed")
+    site = environment(folder / "env", wheel)
+    link_base(site)
+    return folder, site
+
+
+@pytest.fixture
+def base(installed):
+    """A folder with an environment of the wheel and the base requirements alone."""
+    folder, site = installed
+    (site / PTH).write_text("")
     return folder
 
 
-@pytest.fixture(scope="module")
-def base(wheel, tmp_path_factory):
-    """A folder beside an environment with the wheel and the base requirements alone."""
-    folder = tmp_path_factory.mktemp("base")
-    link_base(environment(folder / "env", wheel))
+@pytest.fixture
+def whole(installed):
+    """The same with all that is present, so that nothing has to be compiled twice."""
+    folder, site = installed
+    (site / PTH).write_text(PRESENT)
     return folder
 
 
@@ -267,8 +277,8 @@ def test_the_base_requirements_are_enough_for_numbers_and_images(base):
     assert "image files    1 of 60" in succeeds(base, "acx4", "check", "own")
     said = succeeds(base, "acx4", "run", "own", "--results", "numbers", "--numbers-only")
     assert said.endswith("results in numbers\n")
-    pictured.write_results(base / "results", pictured.write_flight(base / "flight"))
-    said = succeeds(base, "acx4", "render", "flight", "--results", "results", "--out", "images")
+    pictured.write_results(base / "heads", pictured.write_flight(base / "pictured"))
+    said = succeeds(base, "acx4", "render", "pictured", "--results", "heads", "--out", "images")
     assert "2 images rendered, in images" in said
 
 

@@ -10,7 +10,7 @@ from matplotlib.quiver import Quiver
 
 mpl.use("agg")
 
-UNIT = re.compile(r"\((m|km|mm|px|deg|%|1)\)$")
+UNIT = re.compile(r"\((m|km|cm|mm|px|deg|%|1)\)$")
 
 
 def drawn(fig):

@@ -38,6 +38,11 @@ def rotation_angle(R_a, R_b=None):
     return 2 * np.arcsin(np.minimum(chord / np.sqrt(8), 1.0))
 
 
+def repeats(*values):
+    """Return parameters of a test with which it shows more of what others of them show."""
+    return pytest.param(*values, marks=pytest.mark.repeats)
+
+
 # --- an adjustment written out in full -------------------------------------------------------
 
 

@@ -21,6 +21,7 @@ from acx4lib.georeferencing import accuracy, validation
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import simulated as flown
 from support.flights.simulated import HEADS, MOUNTING_NAMES, SEEDS
+from support.helpers import repeats
 
 ORIENTATIONS = ("relative_orientation", "refined")
 
@@ -81,20 +82,22 @@ def test_mounting_errors_of_20_flights_have_the_claimed_joint_covariance(method)
         ("refined", 21),
     ],
 )
-def test_head_errors_of_20_flights_have_the_claimed_joint_covariance(method, n_free):
+@pytest.mark.parametrize("seeds", [SEEDS[:8], repeats(SEEDS)], ids=len)
+def test_head_errors_have_the_claimed_joint_covariance(method, n_free, seeds):
     found = [
         flown.chi_square(
             flown.head_errors(method, seed=seed), flown.head_estimates(seed=seed)[method].cov
         )
-        for seed in SEEDS
+        for seed in seeds
     ]
     assert {n for _, n in found} == {n_free}
     flown.assert_errors_fit(found)
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_two_step_claims_the_scatter_of_its_errors():
-    flown.assert_two_step_claims_its_scatter("acx4-ideal")
+    flown.assert_two_step_claims_its_scatter("acx4-ideal", flights=200)
 
 
 @pytest.mark.slow

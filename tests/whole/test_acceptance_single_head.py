@@ -15,6 +15,7 @@ from acx4lib.calibration.mounting import METHODS
 from acx4lib.georeferencing import validation
 from support.flights import simulated as flown
 from support.flights.simulated import SEEDS
+from support.helpers import repeats
 
 DESIGN = "single-head"
 
@@ -56,8 +57,9 @@ def test_errors_of_20_flights_have_the_claimed_joint_covariance(method):
 
 
 @pytest.mark.slow
-def test_two_step_claims_the_scatter_of_its_errors():
-    flown.assert_two_step_claims_its_scatter(DESIGN)
+@pytest.mark.parametrize("flights", [50, repeats(200)])
+def test_two_step_claims_the_scatter_of_its_errors(flights):
+    flown.assert_two_step_claims_its_scatter(DESIGN, flights)
 
 
 @pytest.mark.slow

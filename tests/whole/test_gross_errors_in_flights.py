@@ -25,6 +25,7 @@ from support.flights.simulated import (
     of_calibration,
     read_back,
 )
+from support.helpers import repeats
 
 FOUND_PX = 8.0
 
@@ -114,7 +115,7 @@ def test_a_flight_with_many_gross_errors_is_cleaned():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", ["acx4-ideal", "single-head"])
+@pytest.mark.parametrize("design", ["single-head", repeats("acx4-ideal")])
 def test_flights_with_many_gross_errors_are_cleaned(design):
     """Of control and trajectory some 400 components are tested, 20 times: one fails by chance."""
     false_alarms = 0

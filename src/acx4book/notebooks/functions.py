@@ -14,11 +14,18 @@ from threadpoolctl import threadpool_limits
 
 from acx4book.notebooks.runner import Step
 from acx4lib.flight.reader import Flight
-from acx4lib.stages import heads, mounting, rig, synthetic, validation
+from acx4lib.stages import heads, mounting, rig, validation
+
+
+def _synthetic(flight: Flight, staging: Path) -> object:
+    from acx4lib.stages import synthetic  # noqa: PLC0415 loads what works on pictures
+
+    return synthetic.run(flight, staging)
+
 
 RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
     "heads": heads.run,
-    "synthetic": synthetic.run,
+    "synthetic": _synthetic,
     "mounting": mounting.run,
     "rig": rig.run,
     "validation": validation.run,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -148,7 +148,9 @@ def run(
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
         own.remove(name for stage in {"flight"} - steps.keys() for name in _beside(stage))
-        done, failed = _run_steps(steps, flight, own, tell)
+        ends = {stage for stage in steps if order.is_end(flight, stage)}
+        del flight  # a notebook reads it in its own process
+        done, failed = _run_steps(steps, ends, own, tell)
     return RunOutcome(
         ran=ran,
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
@@ -163,7 +165,7 @@ def run(
 
 
 def _run_steps(
-    steps: Mapping[str, Step], flight: Flight, own: OwnFolder, tell: Tell
+    steps: Mapping[str, Step], ends: Container[str], own: OwnFolder, tell: Tell
 ) -> tuple[list[str], list[str]]:
     """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
@@ -174,7 +176,7 @@ def _run_steps(
                 _run_step(stage, step, own, tell)
                 done.append(order.PART_OF.get(stage, stage))
             except AdjustmentError as error:
-                if not order.is_end(flight, stage):
+                if stage not in ends:
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:

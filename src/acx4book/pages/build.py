@@ -38,9 +38,6 @@ OF_RESULTS = ("06-errata", "07-report")
 OF_IDEAL = ("mounting", "validation")
 """Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
 
-FOUNDATIONS = "foundations/"
-"""Notebooks of part I, whose code is part of what they teach: it is not folded."""
-
 IDEAL = (
     ":::{note}\nThis page is computed from the design `acx4-ideal`: the flight of the other pages, "
     "but with synthetic images that one ideal camera took. What the images that are made of four "
@@ -76,8 +73,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     write_notebooks(results_path, executed, ideal_path)
     whole = ideal_path is not None
     left_out = independent.bring(executed, run=whole)
-    shown = {name for name in independent.CHAPTERS if name.startswith(FOUNDATIONS)}
-    for name in independent.CHAPTERS.keys() - left_out - shown:
+    # The code of part I is part of what it teaches.
+    for name in independent.CHAPTERS.keys() - {*left_out, *independent.FOUNDATIONS}:
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb")
     pages = [f"_executed/{name}" for name in left_out]
     independent.leave_out(book, pages if whole else [*pages, api.FOLDER])

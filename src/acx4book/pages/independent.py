@@ -20,11 +20,13 @@ from acx4book.notebooks import execute, inputs
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import data as reference
 
+FOUNDATIONS = tuple(
+    f"foundations/{path.stem}" for path in sorted((NOTEBOOKS_PATH / "foundations").glob("*.ipynb"))
+)
+"""The chapters of part I."""
+
 CHAPTERS: Mapping[str, tuple[str, ...]] = {
-    "foundations/1-image": (),
-    "foundations/2-rotations": (),
-    "foundations/3-collinearity": (),
-    "foundations/4-distortion": ("data/paper/*.csv",),
+    **dict.fromkeys(FOUNDATIONS, ("data/paper/*.csv",)),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),

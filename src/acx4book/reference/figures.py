@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -31,7 +30,7 @@ def last_digits(tables: Mapping[str, pd.DataFrame]) -> Figure:
     kinds = list(dict.fromkeys(kind for table in tables.values() for kind in table["kind"]))
     kinds = [kind for kind in kinds if kind not in LEFT_OUT]
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(tables), figsize=(style.WIDTH, 3.4), sharey=True, squeeze=False
         )
         for i, (ax, (title, table)) in enumerate(zip(axes.flat, tables.items(), strict=True)):
@@ -68,7 +67,7 @@ def forgotten_steps(table: pd.DataFrame) -> Figure:
     )
     rows = np.arange(len(table))
     with style.applied():
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 2.9), sharey=True)
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9), sharey=True)
         for ax, (column, label, fill) in zip(axes, columns, strict=True):
             size = table[column].abs().to_numpy(dtype=float)
             ax.barh(rows, size, color=[style.SOFT, *[fill] * (len(rows) - 1)], height=0.6)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from acx4book.report.material import Material
 from acx4lib.calibration.correlations import GroupTest, group_tests, undistorted
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation
+from acx4lib.least_squares.statistical import distributions
 from acx4lib.results import folder
 from acx4lib.results.read_back import read_calibration
 
@@ -81,7 +81,7 @@ def estimates(material: Material, stage_method: str) -> list[Estimate]:
     """
     rows = folder.rows(material.found, "parameters", stage_method)
     related = correlations(material, stage_method)
-    critical = float(stats.t.ppf(1 - SIGNIFICANCE / 2, _redundancy(material, stage_method)))
+    critical = distributions.t_ppf(1 - SIGNIFICANCE / 2, _redundancy(material, stage_method))
     return [
         _estimate(material, row, related=related, critical=critical) for _, row in rows.iterrows()
     ]

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from scipy import stats
 
-from acx4book.report.groups import PROBABILITY
+from acx4book.report.groups import ratio_limits
+from acx4book.report.shown import Drawing
+from acx4book.report.stability import straight_line
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
@@ -28,16 +28,6 @@ LABELLED = 40
 """Number of check points up to which all names are on the axis."""
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """A vector drawing that a notebook shows; IPython's own would read all of it as XML again."""
-
-    svg: str
-
-    def _repr_svg_(self) -> str:
-        return self.svg
-
-
 def vector(figure: Figure) -> Drawing:
     """Return a figure as a vector drawing, with the same bytes every time.
 
@@ -46,10 +36,24 @@ def vector(figure: Figure) -> Drawing:
     figure : Figure
     """
     buffer = io.StringIO()
-    with mpl.rc_context({**style.RC, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=300)
+    with mpl.rc_context(
+        {**style.RC, "svg.fonttype": "path", "figure.constrained_layout.use": False}
+    ):
+        _lay_out(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
     drawn = buffer.getvalue()
     return Drawing(drawn[drawn.index("<svg") :])  # as part of a page
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes of a vector drawing for good; else it would be drawn twice."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    canvas = FigureCanvasSVG(figure)  # that measures text as it is drawn
+    figure.dpi = canvas.fixed_dpi
+    engine.execute(figure)
+    figure.set_layout_engine(None)
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:
@@ -100,11 +104,11 @@ def residuals_by_strip(tables: Mapping[str, pd.DataFrame]) -> Figure:
         Above: the size of the residuals divided by the size expected from the weights, with 99.9 %
         limits about one. Below: the largest normalised residual and the critical value of w.
     """
-    strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"]))
+    strips = list(dict.fromkeys(name for t in tables.values() for name in t["strip"].unique()))
     if not strips:
         return style.nothing("There are no residuals of image points.")
     with style.applied():
-        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 3.3), sharex=True, sharey="row")
+        fig, axes = style.subplots(2, 2, figsize=(style.WIDTH, 3.3), sharex=True, sharey="row")
         for i, (title, table) in enumerate(tables.items()):
             shift = 0.16 * (i - (len(tables) - 1) / 2)
             for column, component in enumerate(COMPONENTS):
@@ -141,8 +145,7 @@ def _draw_strips(
     at = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
     weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
     total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
-    tail = (1 - PROBABILITY) / 2
-    low, high = np.sqrt(stats.chi2.ppf([[tail], [1 - tail]], total) / total)
+    low, high = np.transpose([ratio_limits(r) for r in total])
     axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)
@@ -161,15 +164,15 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
     timed = bool(boresights["time_s"].notna().all())
     time = boresights["time_s"] / 60 if timed else boresights["number"]
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
         for ax, axis in zip(axes, "xyz", strict=True):
             values, sigma = boresights[f"{axis}_deg"], boresights[f"sigma_{axis}_deg"]
             _by_strip(ax, time.to_numpy(), values.to_numpy(), sigma.to_numpy(), boresights["strip"])
             ax.axhline(0, color=style.INK, lw=0.7)
-            line = stats.linregress(time, values) if np.ptp(time) > 0 else None
-            if line is not None:
+            if np.ptp(time) > 0:
                 ends = np.array([time.min(), time.max()])
-                ax.plot(ends, line.intercept + line.slope * ends, "--", color=style.INK, lw=1.0)
+                line = straight_line(time.to_numpy(), values.to_numpy())
+                ax.plot(ends, line.at_zero + line.slope * ends, "--", color=style.INK, lw=1.0)
             ax.set_ylabel(f"about {axis} (°)")
         axes[-1].set_xlabel("time after the first image (min)" if timed else "image number")
         handles, labels = axes[0].get_legend_handles_labels()
@@ -198,7 +201,7 @@ def check_points(points: pd.DataFrame) -> Figure:
         return style.nothing("There are no check points.")
     at = np.arange(len(points))
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
             ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)

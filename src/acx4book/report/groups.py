@@ -6,11 +6,12 @@ Everything is computed from residuals.csv. Components that have a common weight 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pandas as pd
 
-from acx4book.report.material import Material, residuals
+from acx4book.report.material import Material
 from acx4lib.bundle.reliability import noncentrality
 from acx4lib.georeferencing.accuracy import rms_limits
 
@@ -78,6 +79,17 @@ class Quality:
     detectable_max: float
 
 
+_FOUND: WeakKeyDictionary[Material, list[Quality]] = WeakKeyDictionary()
+"""Of materials that are in use: several parts of a report show them."""
+
+
+def decisive_qualities(material: Material) -> list[Quality]:
+    """Return the quality of every group of observations of all decisive adjustments."""
+    if material not in _FOUND:
+        _FOUND[material] = [q for name in material.decisive for q in qualities(material, name)]
+    return _FOUND[material]
+
+
 def qualities(material: Material, adjustment: str) -> list[Quality]:
     """Return the quality of every group of observations of an adjustment.
 
@@ -85,6 +97,7 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
     ----------
     material : Material
     adjustment : str
+        One of `Material.decisive`.
 
     Notes
     -----
@@ -97,10 +110,16 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
     ----------
     .. [1] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
     """
-    rows = residuals(material, adjustment)
+    rows = material.residuals[adjustment]
     rows = rows[(rows["sigma"] > 0) & rows["v"].notna()]
-    keys = zip(rows["kind"], rows["component"], strict=True)
-    group = pd.Series([GROUPS[key] for key in keys], index=rows.index, dtype=object)
+    by_kind, kinds = pd.factorize(rows["kind"])
+    by_component, components = pd.factorize(rows["component"])
+    pair = pd.Series(by_kind * len(components) + by_component, index=rows.index)
+    names = {
+        k: GROUPS[kinds[k // len(components)], components[k % len(components)]]
+        for k in pair.unique()
+    }
+    group = pair.map(names)
     return [_of_group(adjustment, str(name), own) for name, own in rows.groupby(group, sort=False)]
 
 

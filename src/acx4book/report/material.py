@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,13 @@ class Material:
         return tuple(
             n for n in self.adjustments if n == self.calibration or n.startswith("heads/bundle")
         )
+
+    @cached_property
+    def residuals(self) -> Mapping[str, pd.DataFrame]:
+        """The residuals of every decisive adjustment, by its name."""
+        methods = {name: "/".join(name.split("/")[:2]) for name in self.decisive}
+        rows = {m: results.rows(self.found, "residuals", m) for m in set(methods.values())}
+        return {name: _of_camera(self, name, rows[m]) for name, m in methods.items()}
 
     @property
     def date(self) -> dt.date:
@@ -140,29 +148,22 @@ def block_of(material: Material, stage_method: str) -> Block:
     return mounted_block(material.flight, name, material.found)
 
 
-def residuals(material: Material, adjustment: str) -> pd.DataFrame:
-    """Return the residuals of one adjustment.
-
-    Parameters
-    ----------
-    material : Material
-    adjustment : str
-        One of `Material.adjustments`; ``heads/bundle/CAM1`` means the rows of this camera.
-    """
-    stage, method, *camera = adjustment.split("/", 2)
-    rows = results.rows(material.found, "residuals", f"{stage}/{method}")
+def _of_camera(material: Material, adjustment: str, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of an adjustment among those of its method: all, or those of one head."""
+    camera = adjustment.split("/")[2:]
     if not camera:
         return rows
-    images = block_of(material, adjustment).images
-    names = [c.name for c in block_of(material, adjustment).cameras]
-    camera_of = {image: names[k] for image, k in zip(images.names, images.camera_idx, strict=True)}
+    block = block_of(material, adjustment)
+    names = [c.name for c in block.cameras]
+    idx = block.images.camera_idx
+    camera_of = {image: names[k] for image, k in zip(block.images.names, idx, strict=True)}
     # the image points of a head come first; its control points, without an image, follow
     mine = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
     return rows[mine].reset_index(drop=True)
 
 
 def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
-    """Return one row per measured image point, with its position.
+    """Return one row per measured image point of a decisive adjustment, with its position.
 
     Returns
     -------
@@ -175,7 +176,7 @@ def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
     FlightError
         Where the residuals and the kept flight do not belong together.
     """
-    rows = residuals(material, adjustment)
+    rows = material.residuals[adjustment]
     rows = rows[rows["kind"] == "image_point"]
     keys, columns = ["image_or_exposure", "point"], ["v", "sigma", "redundancy", "w"]
     col, row = (

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.estimates import STRONG, Estimate, estimates, joint_tests, strong_pairs
-from acx4book.report.groups import PROBABILITY, Quality, qualities, ratio_limits
+from acx4book.report.groups import PROBABILITY, decisive_qualities, ratio_limits
 from acx4book.report.material import Material, validated
 from acx4book.report.stability import Drift
 from acx4book.report.verdict.finding import Finding
@@ -75,7 +75,7 @@ def group_table(material: Material) -> pd.DataFrame:
             "Ratio": g.ratio,
             LIMITS: "{:.2f} to {:.2f}".format(*ratio_limits(g.redundancy)),
         }
-        for g in _qualities(material)
+        for g in decisive_qualities(material)
     ]
     return pd.DataFrame(rows)
 
@@ -91,7 +91,7 @@ def reliability_table(material: Material) -> pd.DataFrame:
             "Detectable, median": _short(g.detectable),
             "Detectable, largest": _short(g.detectable_max),
         }
-        for g in _qualities(material)
+        for g in decisive_qualities(material)
     ]
     return pd.DataFrame(rows)
 
@@ -99,10 +99,6 @@ def reliability_table(material: Material) -> pd.DataFrame:
 def _short(value: float) -> float:
     """Return a number rounded to three digits."""
     return float(f"{value:.3g}")
-
-
-def _qualities(material: Material) -> list[Quality]:
-    return [quality for name in material.decisive for quality in qualities(material, name)]
 
 
 def parameter_table(material: Material) -> pd.DataFrame:

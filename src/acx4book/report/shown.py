@@ -1,9 +1,10 @@
-"""Outputs of the cells of the notebook."""
+"""What the cells of the notebook show: texts with tables, and drawings."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import pandas as pd
-from IPython.display import Markdown
 
 from acx4book.report.estimates import correlations
 from acx4book.report.material import Material, image_residuals
@@ -37,6 +38,26 @@ FORMATS = {
 """Formats of the numbers, by the name of the column."""
 
 
+@dataclass(frozen=True, repr=False)
+class Text:
+    """Markdown that a notebook shows."""
+
+    markdown: str
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown
+
+
+@dataclass(frozen=True, repr=False)
+class Drawing:
+    """A vector drawing that a notebook shows; IPython's own would read all of it as XML again."""
+
+    svg: str
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
 def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:
     """Return a table with its caption, or a sentence if it has no rows."""
     if frame.empty:
@@ -48,9 +69,9 @@ def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:
     )
 
 
-def show(*parts: str) -> Markdown:
+def show(*parts: str) -> Text:
     """Return sentences and tables as the output of a cell."""
-    return Markdown("\n\n".join(part for part in parts if part))  # type: ignore[no-untyped-call] # IPython is untyped here
+    return Text("\n\n".join(part for part in parts if part))
 
 
 def planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:

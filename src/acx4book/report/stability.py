@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from acx4book.report.material import Material, block_of, exposure_times
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import log, mean_rotation, opk_jacobian
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.statistical import distributions
 from acx4lib.results import folder
 
 AXES = ("x", "y", "z")
@@ -40,6 +41,25 @@ class Drift:
     sigma_deg: float
     p: float
     p_strips: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A straight line through values of equal weight.
+
+    Attributes
+    ----------
+    at_zero, slope : float
+    sigma_slope : float
+        Standard deviation of the slope, from the scatter about the line.
+    p : float
+        Two-sided probability of such a slope, or a larger one, if there is none; Student's test.
+    """
+
+    at_zero: float
+    slope: float
+    sigma_slope: float
+    p: float
 
 
 def boresights(material: Material) -> pd.DataFrame:
@@ -123,13 +143,13 @@ def drifts(listed: pd.DataFrame) -> list[Drift]:
     for axis in AXES:
         values = listed[f"{axis}_deg"].to_numpy()
         span = float(np.ptp(time))
-        line = stats.linregress(time, values) if span > 0 else None
+        line = straight_line(time, values) if span > 0 else None
         out.append(
             Drift(
                 axis=axis,
                 change_deg=line.slope * span if line else np.nan,
-                sigma_deg=line.stderr * span if line else np.nan,
-                p=float(line.pvalue) if line else np.nan,
+                sigma_deg=line.sigma_slope * span if line else np.nan,
+                p=line.p if line else np.nan,
                 p_strips=_between_strips(values, listed["strip"]),
             )
         )
@@ -139,4 +159,42 @@ def drifts(listed: pd.DataFrame) -> list[Drift]:
 def _between_strips(values: Array, strips: pd.Series) -> float:
     groups = [values[(strips == name).to_numpy()] for name in strips.unique() if name]
     groups = [group for group in groups if len(group) > 1]
-    return float(stats.f_oneway(*groups).pvalue) if len(groups) > 1 else np.nan
+    return equal_means_p(groups) if len(groups) > 1 else np.nan
+
+
+def straight_line(x: Array, y: Array) -> Line:
+    """Fit a straight line to values of equal weight.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        The x must differ; two points have no scatter, their sigma and p are NaN.
+    """
+    n, dx, dy = len(x), x - x.mean(), y - y.mean()
+    slope = float(dx @ dy / (dx @ dx))
+    v = dy - slope * dx
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = float(np.sqrt(np.divide(v @ v, n - 2) / (dx @ dx)))
+        t = np.abs(np.divide(slope, sigma))
+    return Line(
+        at_zero=float(y.mean() - slope * x.mean()),
+        slope=slope,
+        sigma_slope=sigma,
+        p=2 * distributions.t_sf(float(t), n - 2),
+    )
+
+
+def equal_means_p(groups: Sequence[Array]) -> float:
+    """Return the probability of means that differ so much, or more, if the true ones are equal.
+
+    Parameters
+    ----------
+    groups : sequence of ndarray, shape (n,)
+        At least two, with values of equal weight; Fisher's one-way analysis of variance.
+    """
+    together = np.concatenate(groups)
+    between = sum(len(own) * (own.mean() - together.mean()) ** 2 for own in groups)
+    within = sum(np.sum((own - own.mean()) ** 2) for own in groups)
+    dfn, dfd = len(groups) - 1, len(together) - len(groups)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return distributions.f_sf(np.divide(between / dfn, within / dfd), dfn, dfd)

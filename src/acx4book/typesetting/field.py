@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -57,7 +56,7 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     n_rows = -(-len(fields) // n_columns)
     height = 2.75 * n_rows + 0.5 if n_columns == 2 else 4.2
     with style.applied():
-        fig, grid = plt.subplots(n_rows, n_columns, figsize=(style.WIDTH, height), squeeze=False)
+        fig, grid = style.subplots(n_rows, n_columns, figsize=(style.WIDTH, height), squeeze=False)
         for ax in grid.flat[len(fields) :]:
             ax.remove()
         for ax, (name, field) in zip(grid.flat, fields.items(), strict=False):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -78,7 +77,7 @@ def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
     width = style.WIDTH / len(extents) - 0.7
     height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
-    fig, axes = plt.subplots(1, len(extents), figsize=(style.WIDTH, height), squeeze=False)
+    fig, axes = style.subplots(1, len(extents), figsize=(style.WIDTH, height), squeeze=False)
     return fig, list(axes[0])
 
 

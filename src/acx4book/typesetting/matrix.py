@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -25,7 +24,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
     n = len(names)
     with style.applied():
         side = min(style.WIDTH, 2.2 + 0.34 * n)
-        fig, ax = plt.subplots(figsize=(side + 0.6, side))
+        fig, ax = style.subplots(figsize=(side + 0.6, side))
         image = ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
         style.bare(ax)
         ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")

@@ -53,7 +53,7 @@ def smaller(image: Raster, k: int) -> Array:
     out = np.empty((rows, cols, *image.shape[2:]), dtype=np.float32)
     for i in range(rows):  # a line at a time: the image may be on a disk
         line = image[top + i * k : top + (i + 1) * k, left : left + k * cols]
-        out[i] = line.reshape(k, cols, k, -1).mean(axis=(0, 2), dtype=np.float32)
+        out[i] = line.sum(axis=0, dtype=float).reshape(cols, k, -1).sum(axis=1) / k**2
     return out
 
 

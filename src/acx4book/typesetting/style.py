@@ -1,31 +1,31 @@
 """The common style of all figures: palette, lines, type, and small parts that they share.
 
-Every figure is made inside `applied`, which leaves pyplot as it found it::
+Every figure is made inside `applied`. It is none of pyplot, which would keep it, or open a window::
 
     with applied():
-        fig, axes = plt.subplots(..., figsize=(WIDTH, 3.0))
+        fig, axes = subplots(..., figsize=(WIDTH, 3.0))
         ...
     return fig
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from acx4book.typesetting.plain_text import shown
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Index
 
 WIDTH = 7.0
 """Width of a figure, inches; the book shows it over the whole column."""
@@ -56,6 +56,12 @@ DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )
 """From negative (orange) through zero (light) to positive (blue)."""
+
+MANY = 4000
+"""Marks in one panel of which an eye can still tell some apart; of more, some are drawn."""
+
+LISTED = 18
+"""Longest legend; the colours of more names repeat too often to tell which is which."""
 
 LONGEST = 24
 """Largest number of characters of a name in a figure."""
@@ -106,16 +112,24 @@ RC: Any = {
 """Settings of matplotlib."""
 
 
-@contextmanager
-def applied() -> Iterator[None]:
-    """Draw in the book's style; afterwards pyplot has no new figure and no new setting."""
-    before = set(plt.get_fignums())
-    try:
-        with mpl.rc_context(RC):
-            yield
-    finally:
-        for number in set(plt.get_fignums()) - before:
-            plt.close(number)
+def applied() -> AbstractContextManager[None]:
+    """Draw in the book's style; afterwards matplotlib has no new setting."""
+    return mpl.rc_context(RC)
+
+
+def figure(*, figsize: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches."""
+    fig = Figure(figsize=figsize)
+    FigureCanvasAgg(fig)
+    return fig
+
+
+def subplots(
+    n_rows: int = 1, n_columns: int = 1, *, figsize: tuple[float, float], **options: Any
+) -> tuple[Figure, Any]:
+    """Return a figure of a size in inches with its axes, as ``Figure.subplots`` makes them."""
+    fig = figure(figsize=figsize)
+    return fig, fig.subplots(n_rows, n_columns, **options)
 
 
 def colour(i: int) -> str:
@@ -150,15 +164,40 @@ def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None
     ----------
     fig : Figure
     handles : sequence of Artist
-        Artists with labels.
+        Artists with labels; of more than `LISTED` there is no legend.
     ncols : int
     """
-    fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
+    if len(handles) <= LISTED:
+        fig.legend(handles=handles, loc="outside lower center", ncols=min(ncols, len(handles)))
+
+
+def largest_in_cells(at: Array, values: Array) -> Index:
+    """Return which marks are drawn: all, or of more than `MANY` the largest of every cell.
+
+    Parameters
+    ----------
+    at : ndarray, shape (n, 2)
+        Places in a map; its square cells are as many as `MANY`.
+    values : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        In the order of increasing values, so that large ones are drawn on top.
+    """
+    order = np.argsort(values, kind="stable")
+    if len(at) <= MANY:
+        return order
+    low, high = at.min(axis=0), at.max(axis=0)
+    size = max(float(np.sqrt(np.prod(high - low) / MANY)), float((high - low).max()) / MANY)
+    col, row = ((at[order] - low) // size).astype(np.intp).T
+    _, last = np.unique((col * (MANY + 1) + row)[::-1], return_index=True)
+    return order[np.sort(len(order) - 1 - last)]
 
 
 def heading(ax: Axes, title: str, subtitle: str) -> None:
-    """Write a title with a line of small print under it."""
-    ax.set_title(title, pad=15)
+    """Write a title with small print under it, one line or several."""
+    ax.set_title(title, pad=15 + 10 * subtitle.count("\n"))
     ax.annotate(
         subtitle,
         xy=(0, 1),
@@ -186,7 +225,7 @@ def nothing(text: str) -> Figure:
         The sentence.
     """
     with applied():
-        fig, ax = plt.subplots(figsize=(WIDTH, 0.9))
+        fig, ax = subplots(figsize=(WIDTH, 0.9))
         bare(ax)
         ax.set(xticks=[], yticks=[])
         ax.text(

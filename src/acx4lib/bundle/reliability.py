@@ -6,7 +6,7 @@ observation on the unknowns. Sigmas are a priori.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,9 @@ WEAK = 0.1
 
 NO_EFFECT = 1e-6
 """Effect on an unknown, in its sigmas per sigma of the observation, that is rounding error."""
+
+TOGETHER = 50_000
+"""Number of observations of which the gains are computed together."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,8 +122,7 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     require_own_datum(solution)
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
-    equations = network.equations(bundle.state)
-    found = gains(equations, solution.inverse, network.free_points, columns)
+    found = gains(network.equations(bundle.state), solution.inverse, network.free_points, columns)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
     for by_part, group in zip(found, solution.groups, strict=True):
@@ -128,10 +130,11 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         gain = of_halves(by_part) / 2 if group.kind == "distance" else by_part
         bias = reliability(group).detectable
         finite = np.where(np.isfinite(bias), bias, np.where(group.used, group.sigma, 0.0))
-        effect = gain * finite[:, :, None] / sigma
-        uncontrolled = np.isinf(bias)[:, :, None]
-        unbounded = np.where(np.abs(effect) > NO_EFFECT, np.inf, 0.0)
-        out.append(np.where(uncontrolled, unbounded, effect))
+        gain *= finite[:, :, None]
+        gain /= sigma
+        unbounded = np.isinf(bias)
+        gain[unbounded] = np.where(np.abs(gain[unbounded]) > NO_EFFECT, np.inf, 0.0)
+        out.append(gain)
     return out
 
 
@@ -164,17 +167,23 @@ def gains(
     total = np.zeros((len(V), 3, len(columns)))
     for e, part in zip(equations, directly, strict=True):
         if e.B is not None and e.point is not None:
-            weighted = np.swapaxes(e.B / e.sigma[:, :, None] ** 2, 1, 2)
-            np.add.at(total, e.point, weighted @ part)
+            for own in _pieces(len(part)):
+                weighted = np.swapaxes(e.B[own] / e.sigma[own, :, None] ** 2, 1, 2)
+                np.add.at(total, e.point[own], weighted @ part[own])
     cov_with_points = -np.linalg.solve(V, total)
     cov_with_points[~free_points] = 0.0
-    out: list[Array] = []
-    for e, own in zip(equations, directly, strict=True):
-        part = own
+    for e, part in zip(equations, directly, strict=True):
         if e.B is not None and e.point is not None:
-            part = part + e.B @ cov_with_points[e.point]
-        out.append(part / e.sigma[:, :, None] ** 2)
-    return out
+            for own in _pieces(len(part)):
+                part[own] += e.B[own] @ cov_with_points[e.point[own]]
+        np.divide(part, e.sigma[:, :, None] ** 2, out=part)
+    return directly
+
+
+def _pieces(n: int) -> Iterator[slice]:
+    """Yield parts of n observations: of all together, products would need more than the rest."""
+    for begin in range(0, n, TOGETHER):
+        yield slice(begin, begin + TOGETHER)
 
 
 def _by_columns(e: Equations, inverse: Inverse, columns: Index) -> Array:

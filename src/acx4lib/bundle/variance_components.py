@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from acx4lib import expected
+from acx4lib import compiling, expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
@@ -246,13 +246,17 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
     spread = sparse.csr_array(sparse.block_diag([np.zeros((0, 0)), *own]) @ by_points.T)
     first = np.cumsum([0, *(len(g["sigma"]) for g in groups)])
+
+    def with_all(some: Index) -> Array:
+        W = -(by_points[some] @ spread).toarray()
+        W[np.arange(len(some)), some] += 1
+        W -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
+        return np.asarray(np.add.reduceat(np.sum(W**2, axis=0), first[:-1]))
+
     for row, k in enumerate(chosen):
-        for start in range(first[k], first[k + 1], AT_A_TIME):
-            some = np.arange(start, min(start + AT_A_TIME, first[k + 1]))
-            W = -(by_points[some] @ spread).toarray()
-            W[np.arange(len(some)), some] += 1
-            W -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
-            out[row] += np.add.reduceat(np.sum(W**2, axis=0), first[:-1])
+        starts = range(first[k], first[k + 1], AT_A_TIME)
+        parts = [np.arange(start, min(start + AT_A_TIME, first[k + 1])) for start in starts]
+        out[row] = sum(compiling.in_order(with_all, parts))
     return out
 
 

@@ -178,8 +178,8 @@ def _open_reported(calibration: Calibration) -> Mask:
 def is_determined(calibration: Calibration) -> Mask:
     """Tell for every reported parameter whether the data determine it, shape (n,)."""
     f = {camera.name: camera.interior.f for camera in calibration.cameras}
-    limits = []
-    for p in parameters(calibration):
+    listed, limits = parameters(calibration), []
+    for p in listed:
         if p.key in ("f", "xp", "yp"):
             limits.append(LIMIT_INTERIOR * f[p.camera])
         elif p.key in LEVER_ARM:
@@ -188,7 +188,7 @@ def is_determined(calibration: Calibration) -> Mask:
             limits.append(LIMIT_BORESIGHT_DEG)
         else:
             limits.append(np.inf)
-    sigma = np.array([p.sigma for p in parameters(calibration)])
+    sigma = np.array([p.sigma for p in listed])
     return (sigma <= np.array(limits)) & np.isfinite(sigma)
 
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
@@ -126,6 +125,8 @@ def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
         The points are height control. Their standard deviation is the RMS height difference of
         nearest neighbours among the points of the bundle.
     """
+    from scipy.spatial import cKDTree  # noqa: PLC0415 few flights have a rig, and it loads long
+
     known = bundle.state.x_m[np.unique(bundle.network.image_points.point_idx)]
     tree = cKDTree(known[:, :2])
     nearest: Index = np.asarray(tree.query(known[:, :2], k=[2])[1])[:, 0]

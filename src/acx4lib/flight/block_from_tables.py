@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import repeat
 from pathlib import Path
 
@@ -48,6 +50,11 @@ class BlockTables:
         """All tables that it has."""
         always = (self.images, self.image_points, self.trajectory, self.control)
         return always if self.distances is None else (*always, self.distances)
+
+    @cached_property
+    def rays(self) -> Counter[str]:
+        """How often every point is measured, in the order in which they first stand."""
+        return Counter(self.image_points.text["point"])
 
 
 def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
@@ -95,8 +102,7 @@ def used_exposures(tables: BlockTables) -> Mask:
 
 def measured_control(tables: BlockTables) -> Mask:
     """Tell which control points are measured in the block, shape (n_rows,)."""
-    measured = set(tables.image_points.text["point"])
-    return np.array([name in measured for name in tables.control.text["point"]], dtype=bool)
+    return np.array([name in tables.rays for name in tables.control.text["point"]], dtype=bool)
 
 
 def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
@@ -123,7 +129,7 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
     used = used_exposures(tables)
     frame = mean_origin(setup.grid, lonlat_of(tables.trajectory, setup.grid)[used])
     trajectory = _trajectory(tables.trajectory, used, frame, setup)
-    points = tuple(dict.fromkeys(tables.image_points.text["point"]))
+    points = tuple(tables.rays)
     surveyed, is_check = _surveyed(tables, points, frame)
     present = set(tables.images.text["camera"])
     cameras = tuple(camera for name, camera in setup.cameras.items() if name in present)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -310,14 +309,13 @@ def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
 def _notes(tables: BlockTables) -> Iterator[str]:
     for table in tables.tables:
         yield from table.notes
-    rays = Counter(tables.image_points.text["point"])
-    ties = set(rays) - set(tables.control.text["point"])
+    ties = tables.rays.keys() - set(tables.control.text["point"])
     measured = set(tables.image_points.text["image"])
     images = [name for name in tables.images.text["image"] if name not in measured]
     rows, control = len(tables.trajectory), len(tables.control)
     for n, says in (
         (
-            sum(rays[name] == 1 for name in ties),
+            sum(tables.rays[name] == 1 for name in ties),
             f"of {len(ties)} tie points are measured only once",
         ),
         (len(images), f"of {len(tables.images)} images have no measurements: {_some(images)}"),

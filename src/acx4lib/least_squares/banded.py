@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -27,8 +28,9 @@ class Bordered:
 
     Attributes
     ----------
-    P : ndarray, shape (n_poses, band, 6, 6)
-        ``P[i, d]`` is the block of poses i and i + d.
+    P : ndarray, shape (6 n_poses, 6 band)
+        ``P[i, k]`` belongs to the columns i and i + k of the poses: the lower band of LAPACK,
+        transposed.
     C : ndarray, shape (n_border, 6 n_poses)
     D : ndarray, shape (n_border, n_border)
     g : ndarray, shape (n_border + 6 n_poses,)
@@ -44,17 +46,27 @@ class Bordered:
 
     def dense(self) -> Array:
         """Return the whole matrix, lower triangle and upper."""
-        m, n = self.C.shape
+        m, (n, width) = len(self.D), self.P.shape
         N = np.zeros((m + n, m + n))
-        N[:m, :m], N[m:, :m] = self.D, self.C.T
-        N[:m, m:] = self.C
-        for i, blocks in enumerate(self.P):
-            a = m + 6 * i
-            row = np.swapaxes(blocks[: len(self.P) - i], 0, 1).reshape(6, -1)
-            b = a + row.shape[1]
-            N[a : a + 6, a:b] = row
-            N[a:b, a : a + 6] = row.T
+        N[:m, :m], N[:m, m:], N[m:, :m] = self.D, self.C, self.C.T
+        rows = np.zeros(n * (n + width + 1))  # longer by one than below: each begins one later
+        rows.reshape(n, -1)[:, :width] = self.P
+        upper = rows[: n * (n + width)].reshape(n, -1)[:, :n]
+        N[m:, m:] = upper + np.triu(upper, 1).T
         return N
+
+    def hold(self, held: Mask) -> None:
+        """Replace rows and columns of the poses by those of the identity, in place.
+
+        Parameters
+        ----------
+        held : ndarray of bool, shape (6 n_poses,)
+        """
+        m = len(self.D)
+        _scale(self.P, np.where(held, 0.0, 1.0))
+        self.P[held, 0] = 1.0
+        self.C[:, held] = 0.0
+        self.g[m:][held], self.diagonal[m:][held] = 0.0, 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +75,9 @@ class BorderedCovariance:
 
     Attributes
     ----------
-    P, C, D : ndarray
+    P : ndarray, shape (n_poses, band, 6, 6)
+        ``P[i, d]`` is the block of poses i and i + d.
+    C, D : ndarray
         Like those of `Bordered`.
     """
 
@@ -83,12 +97,12 @@ class BorderedCovariance:
         return cls(P=P, C=cov[:m, m:], D=cov[:m, :m])
 
 
-def cut_off(part: Bordered | BorderedCovariance, held: Mask) -> None:
-    """Set the rows and columns of unknowns that are held to zero, in place.
+def cut_off(part: BorderedCovariance, held: Mask) -> None:
+    """Set the rows and columns of poses that are held to zero, in place.
 
     Parameters
     ----------
-    part : Bordered or BorderedCovariance
+    part : BorderedCovariance
     held : ndarray of bool, shape (6 n_poses,)
     """
     free = ~held.reshape(-1, 6)
@@ -101,6 +115,8 @@ def cut_off(part: Bordered | BorderedCovariance, held: Mask) -> None:
 class Banded:
     """A bordered system, factored: the band by Cholesky, the border by its Schur complement.
 
+    The factor takes the place of the band, which is the largest part of a large system.
+
     Raises
     ------
     LinAlgError
@@ -109,11 +125,9 @@ class Banded:
 
     def __init__(self, system: Bordered) -> None:
         m = len(system.D)
-        self.system = system
         self.scale = 1 / np.sqrt(np.where(system.diagonal > 0, system.diagonal, 1.0))
-        self.band = linalg.cholesky_banded(
-            _lower_band(system.P, self.scale[m:]), lower=True, overwrite_ab=True
-        )
+        _scale(system.P, self.scale[m:])
+        self.band = linalg.cholesky_banded(system.P.T, lower=True, overwrite_ab=True)
         C = system.C * self.scale[:m, None] * self.scale[m:]
         self.X = linalg.cho_solve_banded((self.band, True), C.T)
         corner = system.D * self.scale[:m, None] * self.scale[:m] - C @ self.X
@@ -136,13 +150,13 @@ class Banded:
 
     def inverse(self) -> BorderedCovariance:
         """Return border and band of the inverse."""
-        m, n_poses = len(self.corner), len(self.system.P)
+        m, band, n_poses = len(self.corner), len(self.band) // 6, self.band.shape[1] // 6
         D = linalg.cho_solve((self.corner, True), np.eye(m)) if m else np.zeros((0, 0))
         C = -D @ self.X.T
-        P = _selected_inverse(self.band, n_poses, self.system.P.shape[1])
+        P = _selected_inverse(self.band, n_poses, band)
         X = self.X.reshape(n_poses, 6, m)
         scale = self.scale[m:].reshape(n_poses, 6)
-        for d in range(P.shape[1]):
+        for d in range(band):
             i = np.arange(n_poses - d)
             P[i, d] += (X[i] @ D) @ np.swapaxes(X[i + d], 1, 2)
             P[i, d] *= scale[i, :, None] * scale[i + d, None, :]
@@ -162,30 +176,20 @@ class Banded:
         return float(largest[0] * largest_of_inverse[0]), weakest[:, 0]
 
     def _times_scaled(self, x: Array) -> Array:
-        s, m = self.system, len(self.system.D)
-        y = self.scale * x
-        out = np.concatenate([s.D @ y[:m] + s.C @ y[m:], y[:m] @ s.C])
-        poses, total = y[m:].reshape(-1, 6), out[m:].reshape(-1, 6)
-        for d in range(s.P.shape[1]):
-            here, there = slice(0, len(poses) - d), slice(d, None)
-            total[here] += np.einsum("iab,ib->ia", s.P[here, d], poses[there])
-            if d:
-                total[there] += np.einsum("iab,ia->ib", s.P[here, d], poses[here])
-        return self.scale * out
+        m, depth = len(self.corner), len(self.band) - 1
+        poses = x[m:] + self.X @ x[:m]
+        for transposed in (1, 0):  # the band is the product of its factor with the transpose
+            poses = linalg.blas.dtbmv(depth, self.band, poses, lower=1, trans=transposed)
+        border = self.corner @ (self.corner.T @ x[:m]) + self.X.T @ poses
+        return np.concatenate([border, poses])
 
 
-def _lower_band(P: Array, scale: Array) -> Array:
-    """Return the scaled band as LAPACK stores it: row k holds the k-th diagonal below."""
-    n_poses, band = P.shape[:2]
-    by_column = np.zeros((n_poses, 6, 6 * band + 6))
-    scale = scale.reshape(n_poses, 6)
-    for d in range(band):
-        i = slice(0, n_poses - d)
-        block = P[i, d] * scale[i, :, None] * scale[d:, None, :]
-        for a in range(6):  # the column starts at its diagonal
-            by_column[i, a, 6 * d + 6 - a : 6 * d + 12 - a] = block[:, a]
-    # the entries to the left of the diagonal belong to the upper triangle
-    return by_column[:, :, 6 : 6 * band + 6].reshape(6 * n_poses, 6 * band).T
+def _scale(P: Array, scale: Array) -> None:
+    """Multiply rows and columns of `Bordered.P` by factors, shape (6 n_poses,), in place."""
+    n, width = P.shape
+    ahead = sliding_window_view(np.append(scale, np.zeros(width)), width)[:n]
+    P *= scale[:, None]
+    P *= ahead
 
 
 def _selected_inverse(factor: Array, n_poses: int, band: int) -> Array:

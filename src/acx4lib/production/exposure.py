@@ -25,8 +25,8 @@ from acx4lib.synthetic_image.rendering import (
     FEATHER_PX,
     Interpolation,
     RenderPlan,
+    render_into,
     render_plan,
-    render_rows,
 )
 from acx4lib.synthetic_image.response import Response, estimate_response
 from acx4lib.tie_points.overlap_check import check_overlaps
@@ -194,7 +194,6 @@ def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
     _need_room(job, heads)
     job, notes = _refined(job, heads)
     job = replace(job, response=_response(job, heads))
-    heads.forget()
     feather = job.options.feather_px if job.options.blend == "feather" else 0.0
     plan = render_plan(
         job.orientation,
@@ -204,6 +203,7 @@ def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
         interpolation=job.options.interpolation,
     )
     write(job.path, _stripes(job, plan, heads, tell), _format(job, heads), _about(job, notes))
+    heads.forget()
     write_preview(job.preview, job.path)
     return Outcome(exposure=job.exposure, notes=(*notes, *_size_note(job, heads)))
 
@@ -246,15 +246,16 @@ def _stripes(
 ) -> Iterator[Raster]:
     """Yield the image from top to bottom; the next stripe is rendered while one is written.
 
-    Rendering runs in a thread of its own, which signals do not interrupt.
+    A stripe is overwritten after the next one. Rendering runs in a thread of its own, which
+    signals do not interrupt.
     """
-    rows = job.synthetic.height_px
+    rows, first = job.synthetic.height_px, heads.images[0]
+    rooms = np.empty((2, TILE, job.synthetic.width_px, first.shape[2]), first.dtype)
 
     def stripe(start: int) -> Raster:
-        stop = min(start + TILE, rows)
-        pixels = render_rows(plan, heads.images, start, stop, threads=job.threads)
-        heads.forget()
-        return pixels
+        out = rooms[start // TILE % 2, : rows - start]
+        render_into(out, plan, heads.images, start, job.threads)
+        return out
 
     with ThreadPoolExecutor(1) as pool:
         ahead = pool.submit(stripe, 0)

@@ -42,8 +42,10 @@ def halved(image: Raster) -> Raster:
     # with two bands at once, OpenCV rounds half to even
     parts = np.split(image, 2, axis=2) if bands == 2 else [image]
     means = [cv2.resize(part, half, interpolation=cv2.INTER_AREA) for part in parts]
-    small: Raster = np.concatenate([mean.reshape(half[1], half[0], -1) for mean in means], axis=2)
-    if not image.all():
+    means = [mean.reshape(half[1], half[0], -1) for mean in means]
+    joined = means[0] if len(means) == 1 else np.concatenate(means, axis=2)
+    small: Raster = joined.astype(image.dtype, copy=False)
+    if image.min() == 0:
         _mend(small, image)
     return small
 

@@ -88,7 +88,8 @@ def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[st
     path : Path
         An earlier file of this name is replaced.
     stripes : iterable of ndarray, shape (rows, width, bands)
-        From top to bottom, with any number of rows each.
+        From top to bottom, with any number of rows each. Those of `TILE` rows are used no more when
+        the next is asked for.
     form : Format
     about : mapping
         Written as JSON into the ImageDescription.
@@ -244,7 +245,7 @@ def _tiles(stripes: Iterable[Raster], width: int) -> Iterator[Raster]:
     """Yield tiles row by row; those at the border are smaller, and the writer fills them up."""
     for rows in _regrouped(stripes):
         for col in range(0, width, TILE):
-            tile = np.ascontiguousarray(rows[:, col : col + TILE])
+            tile = rows[:, col : col + TILE].copy()
             yield tile[..., 0] if tile.shape[2] == 1 else tile
 
 

@@ -191,8 +191,17 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
         stage = stage_method.partition("/")[0]
         problem = f"{results.folder}: no results of {stage_method}; run stage {stage} first"
         raise FlightError([problem])
-    frame: pd.DataFrame = getattr(results, table)
+    frame = _with(results, table, stage_method)
     return frame[_mask(table, frame, [stage_method])].reset_index(drop=True)
+
+
+def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
+    """Return a table, of a long one that nobody asked for yet only a part with the rows."""
+    if table in vars(results):
+        found: pd.DataFrame = getattr(results, table)
+        return found
+    begin = table_files.begins(table, [stage_method])
+    return table_files.read_some(results.folder / f"{table}.csv", begin)
 
 
 def cameras(results: Results, stage_method: str) -> tuple[str, ...]:

@@ -80,7 +80,8 @@ def calibration_tables(
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of the determined parameters and of their covariance."""
     keep = np.flatnonzero(is_determined(calibration))
-    listed = [parameters(calibration)[i] for i in keep]
+    everything = parameters(calibration)
+    listed = [everything[i] for i in keep]
     cov = reported_covariance(calibration)[np.ix_(keep, keep)]
     return _parameter_tables(stage, method, listed, cov)
 
@@ -206,7 +207,8 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
             "sigma": unit * values["sigma"],
             "redundancy": values["redundancy"],
             "w": values["w"],
-        }
+        },
+        copy=False,  # of arrays that nobody else has
     )
 
 

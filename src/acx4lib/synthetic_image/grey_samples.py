@@ -10,7 +10,7 @@ import numpy as np
 
 from acx4lib import compiling, expected
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.synthetic_image.compiled.patch_means import patch_means
 from acx4lib.synthetic_image.frame import footprint, head_from_synthetic
@@ -103,11 +103,12 @@ def overlap_samples(
     def sampled(one: tuple[tuple[int, int], Array]) -> Samples:
         pair, xy = one
         both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in pair]
-        for k in pair:
-            forget(images[k])
         return _samples(orientation, pair, xy, both)
 
-    return compiling.in_order(sampled, pairs)
+    found = compiling.in_order(sampled, pairs)
+    for image in images:
+        forget(image)
+    return found
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
@@ -173,24 +174,26 @@ def _patches(
     at = here[:, None] + i * (right - here)[:, None] + j * (up - here)[:, None]
     n, bands = len(xy), image.shape[2]
     mean, peak = np.zeros((n, bands)), np.zeros((n, bands), image.dtype)
-    patch_means(image, at, mean, peak)
-    # enough pixels to tell how frequent each value is
-    corner = np.floor(at).astype(np.intp) + 1
-    values = image[corner[..., 1], corner[..., 0]]
-    return _Patches(colrow=here, mean=mean, saturated=peak >= _saturation(values))
+    often = np.zeros((bands, np.iinfo(image.dtype).max + 1), np.int64)
+    patch_means(image, at, mean, peak, often)
+    return _Patches(colrow=here, mean=mean, saturated=peak >= _saturation(often))
 
 
-def _saturation(values: Image) -> Array:
+def _saturation(often: Index) -> Array:
     """Return the grey value from which pixels are saturated, shape (n_bands,).
 
     It is the largest value of the data type, or the largest value found if it is unusually
     frequent, as some heads clip at a smaller value.
+
+    Parameters
+    ----------
+    often : ndarray, shape (n_bands, values)
+        Number of pixels with each value of the data type.
     """
-    levels = np.full(values.shape[-1], float(np.iinfo(values.dtype).max))
+    levels = np.full(len(often), often.shape[1] - 1.0)
     for band, level in enumerate(levels):
-        often = np.bincount(values[..., band].ravel())
-        found = np.flatnonzero(often)
-        count = often[found]
+        found = np.flatnonzero(often[band])
+        count = often[band, found]
         below = count[:-1][found[:-1] >= found[-1] - 0.01 * level].max(initial=0)
         if 20 <= count[-1] < 0.5 * count.sum() and count[-1] > 3 * below:
             levels[band] = found[-1]

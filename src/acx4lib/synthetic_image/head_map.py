@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 
@@ -239,13 +240,9 @@ def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -
     reach = 2 * np.nanmax(np.concatenate([*sides, [0.0]]))
     size = np.array([camera.width_px, camera.height_px])
     close = np.all((colrow > -reach) & (colrow < size + reach), axis=-1)
-    near = np.zeros((len(y), len(x)), dtype=bool)
-    for i, j in zip(*np.nonzero(close), strict=True):
-        row, col = rows[i], cols[j]
-        near[max(row - COARSE, 0) : row + COARSE + 1, max(col - COARSE, 0) : col + COARSE + 1] = (
-            True
-        )
-    return near
+    near = np.zeros((len(y), len(x)), np.uint8)
+    near[np.ix_(rows, cols)] = close
+    return cv2.dilate(near, np.ones((2 * COARSE + 1, 2 * COARSE + 1), np.uint8)) > 0
 
 
 def levelled(head: HeadMap) -> HeadMap:
@@ -262,12 +259,12 @@ def levelled(head: HeadMap) -> HeadMap:
     """
     moved = head.nodes.copy()
     box = _around_seen(moved)
-    nodes = head.nodes[box]
     for axis in (0, 1):
-        if nodes.shape[axis] > 2:
-            bend = np.diff(nodes, n=2, axis=axis) / 12
-            ends = [(1, 1) if i == axis else (0, 0) for i in range(3)]
-            moved[box] -= np.nan_to_num(np.pad(bend, ends, mode="edge"))
+        nodes, to = (np.moveaxis(part[box], axis, 0) for part in (head.nodes, moved))
+        if len(nodes) > 2:
+            bend = np.nan_to_num(np.diff(nodes, n=2, axis=0) / 12, copy=False)
+            to[1:-1] -= bend
+            to[[0, -1]] -= bend[[0, -1]]  # as at their neighbours
     return replace(head, nodes=moved)
 
 

@@ -174,12 +174,27 @@ def render_rows(
     """
     expected.place("stop", stop, plan.height_px + 1)
     expected.place("start", start, stop + 1)
+    _require_images(plan, images)
+    out = np.empty((stop - start, plan.width_px, images[0].shape[2]), images[0].dtype)
+    render_into(out, plan, images, start, threads)
+    return out
+
+
+def render_into(
+    out: np.ndarray, plan: RenderPlan, images: Sequence[np.ndarray], start: int, threads: int | None
+) -> None:
+    """Fill `out`, shape (rows, width, bands), with the rows of the image from `start` on.
+
+    For stripe after stripe in the same memory; a ValueError says what is not as in `render_rows`.
+    """
     expected.whole("threads", 1 if threads is None else threads)
     _require_images(plan, images)
-    first = images[0]
-    out = np.empty((stop - start, plan.width_px, first.shape[2]), first.dtype)
-    _resample(plan, images, (start, stop), out, threads)
-    return out
+    expected.place("start", start, plan.height_px - len(out) + 1)
+    expected.shape("out", out, ("rows", plan.width_px, images[0].shape[2]))
+    if (out.dtype, out.flags.c_contiguous) != (images[0].dtype, True):
+        msg = f"out must be contiguous, of {images[0].dtype}, like the images"
+        raise ValueError(msg)
+    _resample(plan, images, (start, start + len(out)), out, threads)
 
 
 def resample(
@@ -330,14 +345,6 @@ def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
 
 
 def _recipe(plan: RenderPlan, image: np.ndarray, out: np.ndarray) -> Recipe:
-    bits, bands = 8 * image.itemsize, image.shape[2]
-    cubic = plan.interpolation == "cubic"
-    return Recipe(
-        plan.step_px,
-        bands,
-        bits,
-        8 * out.itemsize,
-        method_number(bits, bands, cubic=cubic),
-        cubic,
-        float(plan.feather_px),
-    )
+    bits, bands, cubic = 8 * image.itemsize, image.shape[2], plan.interpolation == "cubic"
+    method, feather = method_number(bits, bands, cubic=cubic), float(plan.feather_px)
+    return Recipe(plan.step_px, bands, bits, 8 * out.itemsize, method, cubic, feather)

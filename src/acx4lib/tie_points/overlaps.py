@@ -228,9 +228,7 @@ def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
     for start in range(0, len(out), rows):  # a few rows at a time: the image may be on a disk
         stop = min(start + rows, len(out))
         part = image[row + factor * start : row + factor * stop, col : col + size[1]]
-        small = cv2.resize(
-            np.ascontiguousarray(part), (out.shape[1], stop - start), interpolation=cv2.INTER_AREA
-        )
+        small = cv2.resize(part, (out.shape[1], stop - start), interpolation=cv2.INTER_AREA)
         out[start:stop] = grey(small.reshape(*small.shape[:2], -1))
     forget(image)
     return out

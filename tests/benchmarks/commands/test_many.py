@@ -7,13 +7,13 @@ from benchmarks.commands import many
 
 @pytest.mark.slow
 def test_a_row_for_every_way(tmp_path):
-    rows = list(many.measured(tmp_path, 2))
+    rows = list(many.measured(tmp_path, 1))
     assert [row["way"] for row in rows] == ["one process", "two processes", "cluster"]
-    assert all(row["flights"] == 2 and row["worker_mb"] > 50 for row in rows)
+    assert all(row["flights"] == 1 and row["worker_mb"] > 50 for row in rows)
     assert all(row["wall_s"] > 0 and row["cpu_s"] > 0 for row in rows)
     assert set(many.left(tmp_path / "cluster")) == {
         "flights.csv",
-        *("single-head-1/.acx4.json", "single-head-2/.acx4.json"),
+        "single-head-1/.acx4.json",
     }
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from acx4book.report import groups
-from acx4book.report.material import read, residuals
+from acx4book.report.material import read
 from acx4lib.results import folder as results
 from acx4lib.results.rows import COMPONENTS
 from support.run_results import SINGLE
@@ -45,7 +45,7 @@ def test_a_detectable_error_is_found_in_four_of_five_cases(run):
     """By counting: w of an observation with this error is normal about delta_0."""
     w = np.random.default_rng(1).normal(groups.DETECTABLE, 1.0, 100_000)
     assert_allclose(np.mean(w > 3.9), 0.8, atol=0.005)  # three sigma of the count is 0.004
-    rows = residuals(run, SINGLE)
+    rows = run.residuals[SINGLE]
     heading = rows[rows["component"] == "heading_deg"]
     expected = np.median(groups.DETECTABLE * 0.015 / np.sqrt(heading["redundancy"]))
     group = next(g for g in groups.qualities(run, SINGLE) if g.group == "heading")

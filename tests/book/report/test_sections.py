@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from acx4book.report.describe import identification
-from acx4book.report.material import image_residuals, residuals
+from acx4book.report.material import image_residuals
 from acx4book.report.sections import method_table, parameter_table
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
@@ -40,6 +40,6 @@ def test_residuals_stand_where_they_were_measured(run):
     seen = block.image_points
     row = np.flatnonzero((seen.image_idx == i) & (seen.point_idx == k))
     assert_allclose(seen.colrow[row[0]], [one["col_px"], one["row_px"]])
-    rows = residuals(run, SINGLE)
+    rows = run.residuals[SINGLE]
     own = rows[(rows["image_or_exposure"] == one["image"]) & (rows["point"] == one["point"])]
     assert list(own["v"]) == [one["v_col"], one["v_row"]]

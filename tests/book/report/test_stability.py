@@ -58,3 +58,23 @@ def test_a_drift_is_found_with_its_size_and_noise_is_none(rng):
     assert_allclose(exact.change_deg, 0.03)
     assert np.isnan(exact.p_strips)
     assert stability.drifts(made_up(np.zeros(3), "111")) == []
+
+
+def test_a_line_is_that_of_scipy(rng):
+    x, y = rng.uniform(0, 900, 30), rng.normal(0, 0.005, 30)
+    line, expected = stability.straight_line(x, y), stats.linregress(x, y)
+    assert_allclose(line.at_zero, expected.intercept, rtol=1e-12)
+    assert_allclose(line.slope, expected.slope, rtol=1e-12)
+    assert_allclose(line.sigma_slope, expected.stderr, rtol=1e-12)
+    assert_allclose(line.p, expected.pvalue, rtol=1e-12)
+
+
+def test_a_line_through_two_points_has_no_scatter():
+    line = stability.straight_line(np.array([1.0, 3.0]), np.array([2.0, 6.0]))
+    assert (line.at_zero, line.slope) == (0.0, 2.0)
+    assert np.isnan([line.sigma_slope, line.p]).all()
+
+
+def test_means_are_compared_as_in_scipy(rng):
+    groups = [rng.normal(0, 1, n) for n in (5, 9, 2)]
+    assert_allclose(stability.equal_means_p(groups), stats.f_oneway(*groups).pvalue, rtol=1e-12)

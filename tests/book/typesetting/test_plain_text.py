@@ -6,7 +6,7 @@ import html
 import io
 from xml.etree import ElementTree as ET
 
-import matplotlib.pyplot as plt
+import matplotlib as mpl
 import pytest
 import yaml
 from bs4 import BeautifulSoup
@@ -104,7 +104,7 @@ def test_a_name_is_text_in_html(name):
 def labels(fig) -> list[str]:
     """Return the labels of a figure; of mathematics what is drawn, part by part."""
     buffer = io.StringIO()
-    with plt.rc_context({"svg.fonttype": "none"}):
+    with mpl.rc_context({"svg.fonttype": "none"}):
         fig.savefig(buffer, format="svg")
     found = ET.fromstring(buffer.getvalue()).iter("{http://www.w3.org/2000/svg}text")
     return ["\n".join(part for part in text.itertext() if part.strip()) for text in found]
@@ -113,7 +113,7 @@ def labels(fig) -> list[str]:
 @every_name
 def test_a_name_is_drawn_as_it_is(name):
     with style.applied():
-        fig, ax = plt.subplots()
+        fig, ax = style.subplots(figsize=(4, 3))
         ax.set(xticks=[], yticks=[])
         ax.set_title(f"{style.plain(name)} and {style.plain(name)}")
         ax.plot([0, 1], label=style.plain(name))
@@ -127,7 +127,7 @@ def test_a_name_is_drawn_as_it_is(name):
 
 def test_labels_keep_their_own_mathematics_beside_a_name():
     with style.applied():
-        fig, ax = plt.subplots()
+        fig, ax = style.subplots(figsize=(4, 3))
         ax.set(xticks=[], yticks=[], title=f"{style.plain('a $x_p$ b')} $x_p$")
         assert "".join(labels(fig)[0].split()) == "a$x_p$bxp"
 

@@ -6,6 +6,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from acx4book.typesetting import style
 from support.figures import drawn
@@ -14,18 +15,11 @@ from support.figures import drawn
 def test_the_style_leaves_pyplot_as_it_found_it():
     before = dict(mpl.rcParams), plt.get_fignums()
     with style.applied():
-        fig, ax = plt.subplots()
+        fig, ax = style.subplots(figsize=(2, 2))
         assert not ax.spines["top"].get_visible()
     assert (dict(mpl.rcParams), plt.get_fignums()) == before
     assert fig.dpi == 150
     assert fig.get_facecolor() == (1, 1, 1, 1)
-
-
-def test_the_style_closes_its_figures_also_after_an_error():
-    before = plt.get_fignums()
-    with pytest.raises(ValueError, match="FixedLocator"), style.applied():
-        plt.subplots(subplot_kw={"xlim": (0, 1)}, figsize=(2, 2))[1].set_xticks([9], ["9", "9"])
-    assert plt.get_fignums() == before
 
 
 # Linear RGB as full protanopes, deuteranopes and tritanopes see it.
@@ -74,3 +68,35 @@ def test_scale_bars_have_round_lengths(longest, length):
 def test_a_figure_that_has_nothing_to_show_says_so():
     fig = drawn(style.nothing("There is nothing."))
     assert [text.get_text() for text in fig.axes[0].texts] == ["There is nothing."]
+
+
+def test_of_few_marks_all_are_drawn_the_large_ones_last(rng):
+    at, values = rng.uniform(0, 9, (style.MANY, 2)), rng.normal(size=style.MANY)
+    drawn = style.largest_in_cells(at, values)
+    assert sorted(drawn) == list(range(style.MANY))
+    assert np.all(np.diff(values[drawn]) > 0)
+
+
+@pytest.mark.parametrize("size", [(9.0, 9.0), (1.0, 300.0), (700.0, 0.0)])
+def test_of_many_marks_the_largest_of_every_place_is_drawn(rng, size):
+    n = 20 * style.MANY
+    at, values = rng.uniform(0, 1, (n, 2)) * size + 7000, rng.exponential(size=n)
+    drawn = style.largest_in_cells(at, values)
+    assert 0.5 * style.MANY < len(drawn) < 1.2 * style.MANY  # with the cells of two sides
+    assert np.argmax(values) == drawn[-1]
+    assert np.all(np.diff(values[drawn]) > 0)
+    if min(size) > 0:
+        distance, near = KDTree(at[drawn]).query(at, k=8)
+        side = np.sqrt(np.prod(size) / style.MANY)
+        # whoever is left out has a larger one in its cell
+        larger = (values[drawn][near] >= values[:, None]) & (distance <= np.sqrt(2) * side)
+        assert np.mean(larger.any(axis=1)) > 0.999  # the others have more than 8 nearer ones
+
+
+def test_a_legend_that_would_repeat_its_colours_often_is_left_out():
+    for n in (style.LISTED, style.LISTED + 1):
+        with style.applied():
+            fig, ax = style.subplots(figsize=(7, 3))
+            handles = [ax.plot([0, i], label=f"{i}")[0] for i in range(n)]
+            style.legend_below(fig, handles)
+        assert len(fig.legends) == (n <= style.LISTED)

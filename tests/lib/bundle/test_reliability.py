@@ -117,6 +117,15 @@ def test_no_parameter_is_moved_by_more_than_baardas_bound(mounted):
     assert max(np.abs(effect).max(initial=0.0) for effect in effects) > 0.5
 
 
+def test_effects_are_the_same_however_many_are_computed_together(mounted, monkeypatch):
+    whole = parameter_effects(mounted, columns_of(mounted))
+    monkeypatch.setattr("acx4lib.bundle.reliability.TOGETHER", 7)
+    for effect, expected in zip(
+        parameter_effects(mounted, columns_of(mounted)), whole, strict=True
+    ):
+        np.testing.assert_array_equal(effect, expected)
+
+
 def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block):
     """With control in plan and one position's height, that height is what all others hang on."""
     trajectory, control = exact_block.trajectory, exact_block.control

@@ -15,7 +15,7 @@ from acx4lib.georeferencing.direct import Rays, georeference
 from acx4lib.georeferencing.ground_points import ground_points
 from support import blocks
 from support.blocks import COLUMN_STEPS, moved_calibration, moved_trajectory
-from support.helpers import numeric_jacobian
+from support.helpers import numeric_jacobian, repeats
 
 SIGMA_PX, SIGMA_HEIGHT = 0.4, 0.3
 
@@ -127,8 +127,9 @@ def test_errors_are_those_of_pixel_height_trajectory_and_calibration(rig, calibr
         assert_allclose(part / np.outer(scale, scale), whole / np.outer(scale, scale), atol=1e-4)
 
 
-def test_scatter_of_everything_at_once_is_the_stated_covariance(rig, calibration, pixels):
-    """2000 draws of all errors: sampling leaves 1 / sqrt(2 * 2000) = 1.6 % of a sigma."""
+@pytest.mark.parametrize("draws", [500, repeats(2000)])
+def test_scatter_of_everything_at_once_is_the_stated_covariance(rig, calibration, pixels, draws):
+    """Draws of all errors: sampling leaves 1 / sqrt(2 n) of a sigma, 3 % with 500."""
     rays, x_m = pixels
     h = heights(rig, x_m)
     rng = np.random.default_rng(11)
@@ -136,7 +137,7 @@ def test_scatter_of_everything_at_once_is_the_stated_covariance(rig, calibration
     half_body = [np.linalg.cholesky(cov) for cov in rig.trajectory.cov]
     half_columns = np.linalg.cholesky(calibration.cov)
     drawn = []
-    for _ in range(2000):
+    for _ in range(draws):
         body = np.concatenate([half @ rng.standard_normal(6) for half in half_body])
         columns = half_columns @ rng.standard_normal(20)
         noise = SIGMA_PX * rng.standard_normal(rays.colrow.shape)
@@ -146,10 +147,10 @@ def test_scatter_of_everything_at_once_is_the_stated_covariance(rig, calibration
         drawn.append(located(block, cameras, moved, h + h_off).enh)
     off = np.stack(drawn) - rig.frame.to_grid(x_m)
     chi_square = np.einsum("sni,nij,snj->sn", off, np.linalg.inv(stated.cov), off)
-    # 3 degrees of freedom each; the mean over draws has a deviation of sqrt(6 / 2000) = 0.055
-    assert_allclose(chi_square.mean(axis=0), 3.0, atol=5 * 0.055)
+    # 3 degrees of freedom each; the mean over n draws has a deviation of sqrt(6 / n)
+    assert_allclose(chi_square.mean(axis=0), 3.0, atol=5 * np.sqrt(6 / draws))
     sigma = np.sqrt(np.diagonal(stated.cov, axis1=1, axis2=2))
-    assert_allclose(off.std(axis=0) / sigma, 1.0, atol=5 * 0.016)
+    assert_allclose(off.std(axis=0) / sigma, 1.0, atol=5 / np.sqrt(2 * draws))
 
 
 def test_a_ray_that_does_not_come_down_to_the_height_meets_nothing(rig, calibration, pixels):

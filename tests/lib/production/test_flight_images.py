@@ -1,6 +1,7 @@
 """A flight's synthetic images as files: right, made again only where needed, despite bad files."""
 
 import json
+import shutil
 
 import distributed
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import binary_erosion
 
 from acx4lib import flight as flights
 from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.production import workers
 from acx4lib.production.exposure import RenderOptions
 from acx4lib.production.flight_images import render_flight
 from acx4lib.production.tiff import read_about
@@ -31,10 +33,13 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def own(tmp_path):
+def own(made, tmp_path):
     """Return the same, to be spoilt."""
-    flight = pictured.write_flight(tmp_path / "flight")
-    return flight, pictured.write_results(tmp_path / "results", flight)
+    flight, results = made
+    return (
+        shutil.copytree(flight, tmp_path / "flight"),
+        shutil.copytree(results, tmp_path / "results"),
+    )
 
 
 @pytest.fixture
@@ -282,7 +287,8 @@ def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_a_sentence(rendered):
+def test_a_scheduler_that_does_not_answer_is_a_sentence(rendered, monkeypatch):
+    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
     with pytest.raises(FlightError, match=r"tcp://127\.0\.0\.1:9: no Dask scheduler answers"):
         rendered(workers=Workers(cluster="tcp://127.0.0.1:9"))
     with pytest.raises(FlightError, match="nonsense: no Dask scheduler answers"):

@@ -14,7 +14,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from acx4lib.synthetic_image.compiled.interpolation import SHOULDER
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.head_map import HeadMap
-from acx4lib.synthetic_image.rendering import RenderPlan, render, render_plan, render_rows, resample
+from acx4lib.synthetic_image.rendering import (
+    RenderPlan,
+    render,
+    render_into,
+    render_plan,
+    render_rows,
+    resample,
+)
 from acx4lib.synthetic_image.response import Response
 from support.pictures import printed_camera
 from support.pictures.exact_rendering import blended, exact_positions, sampled, sampled_cubic
@@ -334,6 +341,21 @@ def test_stripes_are_the_rows_of_the_whole(cuts):
     edges = [0, *sorted(cuts), tiny_synthetic.height_px]
     stripes = [render_rows(plan, views, a, b) for a, b in pairwise(edges)]
     assert_array_equal(np.concatenate(stripes), render(plan, views))
+
+
+def test_memory_may_be_used_again_whatever_is_in_it():
+    rng = np.random.default_rng(1)
+    views = [noise(rng, h.width_px, h.height_px, 3) for h in tiny.heads]
+    whole = render(TINY_PLAN, views)
+    out = np.full_like(whole[:50], 7)
+    for start in (0, 80):
+        render_into(out, TINY_PLAN, views, start, 1)
+        assert_array_equal(out, whole[start : start + 50])
+    for wrong in (out[:, ::2], out.astype(np.uint8), out[:, :-1].copy(), out[..., :1].copy()):
+        with pytest.raises(ValueError, match="out"):
+            render_into(wrong, TINY_PLAN, views, 0, 1)
+    with pytest.raises(ValueError, match="start"):
+        render_into(out, TINY_PLAN, views, len(whole) - 49, 1)
 
 
 def test_the_number_of_threads_does_not_matter(images):

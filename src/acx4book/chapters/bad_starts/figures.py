@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
@@ -24,7 +23,9 @@ def from_bad_starts(starts: FromBadStarts) -> Figure:
     """
     n = len(starts.apart)
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.0), width_ratios=(2.2, 1.0))
+        fig, (left, right) = style.subplots(
+            1, 2, figsize=(style.WIDTH, 3.0), width_ratios=(2.2, 1.0)
+        )
         at = np.arange(len(PHASES))
         images = np.moveaxis(starts.misfit_deg, 1, 0).reshape(len(PHASES), -1)
         left.fill_between(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -35,7 +34,7 @@ def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
     change = np.array([h.change_mm[0] for h in held])
     start = int(np.argmin(np.abs(change)))
     with style.applied():
-        fig, axes = plt.subplots(2, 3, figsize=(style.WIDTH, 4.6), sharex=True)
+        fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, name in enumerate(names):
             curves = _reactions([h.bundles[name] for h in held], start)
             curves.insert(2, np.array([h.above_gnss_m[name] for h in held]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -79,7 +78,7 @@ def radial_distortion(
         return style.nothing(NO_HEADS)
     printed_px = printed_px or {}
     with style.applied():
-        fig, (wide, near) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.3), width_ratios=[1.5, 1])
+        fig, (wide, near) = style.subplots(1, 2, figsize=(style.WIDTH, 3.3), width_ratios=[1.5, 1])
         lowest, highest, corner = np.inf, -np.inf, 0.0
         for i, (name, fit) in enumerate(fits.items()):
             r, px, sigma = radial_profile(fit)
@@ -141,7 +140,7 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
         return style.nothing(NO_HEADS)
     found = {name: interior_exterior(fit) for name, fit in fits.items()}
     with style.applied():
-        fig, (pairs, shares) = plt.subplots(
+        fig, (pairs, shares) = style.subplots(
             1, 2, figsize=(style.WIDTH, 3.2), width_ratios=[1.15, 1]
         )
         _draw_pairs(

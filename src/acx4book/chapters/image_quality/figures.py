@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -68,7 +67,7 @@ def deviation_fields(
     key = style.round_length(max(longest, 1e-6))
     n_rows = -(-len(fields) // columns)
     with style.applied():
-        fig, grid = plt.subplots(
+        fig, grid = style.subplots(
             n_rows, columns, figsize=(style.WIDTH, 3.15 * n_rows + 0.35), squeeze=False
         )
         for ax in grid.flat[len(fields) :]:
@@ -148,7 +147,7 @@ def seam_profiles(profile: SeamProfile) -> Figure:
         ("Blended", "beside the ideal camera's, brought to the same mean"),
     )
     with style.applied():
-        fig, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 5.2), sharex=True, sharey=True)
+        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 5.2), sharex=True, sharey=True)
         for ax, (title, subtitle) in zip(axes, titles, strict=True):
             ax.axvspan(-FEATHER_PX / 2, FEATHER_PX / 2, color=style.SKY, alpha=0.22, lw=0, zorder=0)
             ax.axvline(0, color=style.SOFT, lw=0.7, ls=":", zorder=1)
@@ -194,7 +193,7 @@ def overlap_differences(picture: OverlapPicture) -> Figure:
     limit = 0.15
     steps = tuple(picture.differences.items())
     with style.applied():
-        fig, grid = plt.subplots(2, 2, figsize=(style.WIDTH, 6.3))
+        fig, grid = style.subplots(2, 2, figsize=(style.WIDTH, 6.3))
         axes = list(grid.flat)
         low, high = np.nanpercentile(picture.grey, (1, 99))
         axes[0].imshow(picture.grey, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
@@ -240,7 +239,9 @@ def distortion_taken_up(
     """
     border = printed.statement("synthetic_border_distortion_px")
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.6), width_ratios=(1.25, 1))
+        fig, (left, right) = style.subplots(
+            1, 2, figsize=(style.WIDTH, 3.6), width_ratios=(1.25, 1)
+        )
         corner = 0.0
         for name, fit in fits.items():
             r, px, sigma = radial_profile(fit)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from acx4book.chapters.mounting.sentences import listed
 from acx4book.typesetting.labels import LABELS
@@ -15,6 +14,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import transform
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.statistical import distributions
 
 NOTHING = (
     "The two methods cannot be compared here: one gave no result, holds $f$, $x_p$ or $y_p$, or "
@@ -145,7 +145,7 @@ def sentence(mountings: Mountings, seen: pd.DataFrame) -> str:
     chi_square, n = _chi_square(found), len(off)
     if not np.isfinite(chi_square):
         return said
-    p = stats.chi2.sf(chi_square, n)
+    p = distributions.chi2_sf(chi_square, n)
     return (
         f"{said} Both methods share their measurements, so the standard deviations of this "
         f"difference are only {listed(1e3 * seen['sigma_difference_m'], '.1f')} mm, where the "

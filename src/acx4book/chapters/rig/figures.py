@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
@@ -42,7 +41,7 @@ def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
         return style.nothing(NO_RIG)
     heads = ways[RIG].heads
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(others), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
         )
         for ax, title in zip(axes[0], others, strict=True):
@@ -88,7 +87,7 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
     if RIG not in ways:
         return style.nothing(NO_RIG)
     with style.applied():
-        fig, axes = plt.subplots(1, len(shown), figsize=(style.WIDTH, 2.55), squeeze=False)
+        fig, axes = style.subplots(1, len(shown), figsize=(style.WIDTH, 2.55), squeeze=False)
         for ax, title in zip(axes[0], shown, strict=True):
             image = _draw_correlations(ax, ways[title], title)
         bar = fig.colorbar(image, ax=axes[0].tolist(), shrink=0.75, aspect=28)
@@ -138,7 +137,7 @@ def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure
     longest = max(float(np.nanmax(d, initial=0.0)) for d in lengths) / pixel
     key = style.round_length(longest) if longest > 0 else 0.0
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(shown), figsize=(style.WIDTH, 4.9), sharey=True, squeeze=False
         )
         for ax, title in zip(axes[0], shown, strict=True):

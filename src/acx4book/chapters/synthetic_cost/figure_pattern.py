@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -26,7 +25,7 @@ def pattern(found: Study) -> Figure:
     key = style.round_length(max(map(heights.largest_px, fields.values())))
     names = sorted(found.pattern["head"].unique())
     with style.applied():
-        fig, axes = plt.subplots(1, len(fields), figsize=(style.WIDTH, 4.9), sharey=True)
+        fig, axes = style.subplots(1, len(fields), figsize=(style.WIDTH, 4.9), sharey=True)
         for ax, (height_m, own) in zip(np.atleast_1d(axes), fields.items(), strict=True):
             _draw_vectors(ax, own, names, key)
             _draw_seams(ax, own, names)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -27,7 +26,7 @@ def scatter_over_sigma(found: Study) -> Figure:
     ways = {way: study.scatter(found, way) for way in (RIG, SYNTHETIC)}
     names = list(dict.fromkeys(ways[SYNTHETIC]["parameter"]))
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.3))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.3))
         for way, table in ways.items():
             known = table[table["parameter"].isin(names)]
             _draw_ratios(ax, known, names, TINTS[way])
@@ -57,7 +56,7 @@ def _draw_ratios(ax: Axes, table: pd.DataFrame, names: list[str], tint: str) -> 
 def fingerprint(found: Study) -> Figure:
     """Draw the radial distortion of exact data over the focal length of head 1, beside Table 3."""
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.4))
+        fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.4))
         for heads, differences in radial.in_sigma(found).items():
             for i, (_, own) in enumerate(differences.items()):
                 left.plot(own.index, own, DASHES[heads], color=style.colour(i), lw=1.3)
@@ -111,7 +110,7 @@ def centres(found: Study) -> Figure:
     """Draw how far X_c and Y_c of exact data lie from Table 1, over the focal length of head 1."""
     misfit = centre_misfit(found)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(0.6 * style.WIDTH, 2.9))
+        fig, ax = style.subplots(figsize=(0.6 * style.WIDTH, 2.9))
         for i, (name, own) in enumerate(misfit.items()):
             tint = style.colour(i)
             ax.plot(own.index, own, "o-", color=tint, ms=3, label=LABELS[str(name)])

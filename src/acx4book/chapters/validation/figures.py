@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special
 
 from acx4book.chapters.validation.sentences import NOTHING
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.validation import Validation
 
@@ -33,7 +33,7 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
     km = 1e-3
     limit = max(float(np.abs(points.d[:, 2]).max(initial=0.0)), 1e-3)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(5.6, 5.2))
+        fig, ax = style.subplots(figsize=(5.6, 5.2))
         ax.plot(
             *(km * cameras[:, :2].T), ".", ms=1.6, color=style.SOFT, alpha=0.6, label="exposures"
         )
@@ -83,10 +83,10 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
     if not validations:
         return style.nothing(NOTHING)
     with style.applied():
-        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
         for i, validation in enumerate(validations):
             z = np.sort(validation.points.d / validation.points.sigma, axis=0)
-            expected = stats.norm.ppf((np.arange(len(z)) + 0.5) / max(len(z), 1))
+            expected = special.ndtri((np.arange(len(z)) + 0.5) / max(len(z), 1))
             for axis, ax in enumerate(axes):
                 ax.plot(
                     *(expected, z[:, axis], "o"),
@@ -118,7 +118,7 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
     with style.applied():
-        fig, axes = plt.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
         for axis, ax in enumerate(axes):
             bins = np.linspace(-limit, limit, 41)
             ax.hist(
@@ -129,13 +129,22 @@ def pair_histograms(validations: Sequence[Validation]) -> Figure:
                 density=True,
                 label="pairs found",
             )
-            predicted = stats.norm.pdf(grid[:, None], scale=pairs.sigma[:, axis]).mean(axis=1)
-            ax.plot(grid, predicted, color=style.ORANGE, label="predicted by their σ")
+            ax.plot(
+                *(grid, _density(grid, pairs.sigma[:, axis])),
+                color=style.ORANGE,
+                label="predicted by their σ",
+            )
             ax.set_title(AXES[axis])
             ax.set_xlabel("estimated less surveyed (m)")
         axes[0].set_ylabel("density (1/m)")
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig
+
+
+def _density(at: Array, sigma: Array) -> Array:
+    """Return the mean of the densities of normal distributions about zero, shape (n,)."""
+    highest = 1 / (np.sqrt(2 * np.pi) * sigma)
+    return np.array([np.mean(highest * np.exp(-0.5 * (x / sigma) ** 2)) for x in at])
 
 
 def mistakes(table: pd.DataFrame) -> Figure:
@@ -150,7 +159,7 @@ def mistakes(table: pd.DataFrame) -> Figure:
         return style.nothing(NOTHING)
     rows = np.arange(len(table))
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
         for axis, name in enumerate(AXES):
             ax.barh(
                 *(rows + 0.26 * (axis - 1), table[f"rms_{name}_m"]),

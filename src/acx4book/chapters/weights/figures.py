@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -29,7 +28,9 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
     shown = [name for name in dict.fromkeys(scatter["parameter"]) if name in LABELS]
     shown = [name for name in shown if name[0] not in "kp"]  # distortion is the images' alone
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1, 1.15))
+        fig, (left, right) = style.subplots(
+            1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1, 1.15)
+        )
         for kind, own in heights.groupby("kind", sort=False):
             _draw_by_strip(left, own, TINTS[str(kind)])
         left.axhline(0, color=style.INK, lw=0.7)
@@ -74,7 +75,7 @@ def height_noise(table: pd.DataFrame) -> Figure:
     """
     noise_cm = 100 * table["gnss_height_m"]
     with style.applied():
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 2.7), sharex=True)
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.7), sharex=True)
         for ax, name, scale, unit in (
             (axes[0], "f_mm", 1000.0, "µm"),
             (axes[1], "lever_z_m", 100.0, "cm"),

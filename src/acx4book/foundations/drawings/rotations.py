@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +24,7 @@ def axes() -> Figure:
     """Draw the body axes of A1 and B1 above the ground, omega and phi `TIMES` too large."""
     seen = sketch.view(18, 22)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.4))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.4))
         ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
         ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec="#c9d6c3", lw=1))
         corner = np.array([-6.2, -2.2, 0.0])
@@ -95,7 +94,7 @@ def mistakes(height_m: float) -> Figure:
     height_m : float
     """
     with style.applied():
-        fig, panels = plt.subplots(1, 3, figsize=(style.WIDTH, 3.2), sharex=True, sharey=True)
+        fig, panels = style.subplots(1, 3, figsize=(style.WIDTH, 3.2), sharex=True, sharey=True)
         for row, colour in ((0, style.BLUE), (2, style.ORANGE)):
             opk, image = example.attitudes()[row], example.EXPOSURES["image"][row]
             R = rotation_from_opk(opk)
@@ -155,9 +154,8 @@ def angle_sigmas(phi: Array) -> tuple[Array, Array]:
 def singularity() -> Figure:
     """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and what sigma becomes."""
     with style.applied():
-        fig, panels = plt.subplot_mosaic(
-            "abc;ddd", figsize=(style.WIDTH, 5.0), height_ratios=(1.1, 1)
-        )
+        fig = style.figure(figsize=(style.WIDTH, 5.0))
+        panels = fig.subplot_mosaic("abc;ddd", height_ratios=(1.1, 1))
         for name, degrees in zip("abc", (0, 60, 90), strict=True):
             _turning(panels[name], np.radians(degrees))
             panels[name].set_title(f"φ = {degrees}°")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -33,7 +32,7 @@ def normalised_errors(parameters: pd.DataFrame, points: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(parameters["parameter"]))
     n_rows = -(-(len(names) + 1 + len(AXES)) // COLUMNS)
     with style.applied():
-        fig, grid = plt.subplots(n_rows, COLUMNS, figsize=(style.WIDTH, 1.45 * n_rows))
+        fig, grid = style.subplots(n_rows, COLUMNS, figsize=(style.WIDTH, 1.45 * n_rows))
         axes = list(grid.ravel())
         for name in names:
             own = parameters[parameters["parameter"] == name]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -26,7 +25,7 @@ def seconds_by_points(medians: pd.DataFrame) -> Figure:
     if medians.empty:
         return style.nothing("No numbers of tie points were compared.")
     with style.applied():
-        fig, (total, each) = plt.subplots(1, 2, figsize=(style.WIDTH, 2.9))
+        fig, (total, each) = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for solver, (label, colour, line) in SOLVERS.items():
             own = medians[medians.index.get_level_values("solver") == solver]
             own = own.sort_values("points")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -32,7 +31,7 @@ def sample_sizes() -> Figure:
     sizes = implied_sample_sizes()
     n_points = printed.value(4, "n_points", "two_step")
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.7))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2.7))
         for i, (method, rows) in enumerate(sizes.groupby("method", sort=False)):
             height = np.arange(len(rows)) + 0.16 * (2 * i - 1)
             ax.hlines(
@@ -72,7 +71,7 @@ def lever_arm(absorbed: Absorption | None = None) -> Figure:
     bars["lever arm of the single step, sign changed"] = (-table["lever_m"], style.BLUE)
     place, width = np.arange(len(table)), 0.8 / len(bars)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 2.9))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2.9))
         for i, (label, (values, colour)) in enumerate(bars.items()):
             offset = (i - (len(bars) - 1) / 2) * width
             ax.barh(place + offset, values, 0.9 * width, color=colour, label=label)

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import cv2
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -56,7 +55,7 @@ def surround_photographs(cameras: Sequence[FisheyeCamera], images: Sequence[Rast
         Outline: the calibrated part. Cross: the principal point.
     """
     with style.applied():
-        fig, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 4.95))
+        fig, axes = style.subplots(2, 2, figsize=(style.WIDTH, 4.95))
         for k, (ax, camera, image) in enumerate(zip(axes.flat, cameras, images, strict=True)):
             ax.imshow(_smaller(image, SHOWN_PX), extent=_extent(image), interpolation="nearest")
             ax.plot(*_calibrated(camera).T, color=style.ORANGE, lw=1.3)
@@ -103,7 +102,7 @@ def surround_ground(
         ),
     )
     with style.applied():
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 5.0))
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 5.0))
         for ax, (title, subtitle, views, feather_px) in zip(axes, panels, strict=True):
             _draw_ground(ax, views, feather_px)
             style.heading(ax, title, subtitle)
@@ -155,7 +154,7 @@ def surround_misfits(
     Figure
     """
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(refinements), figsize=(style.WIDTH, 2.9), sharex=True, sharey=True, squeeze=False
         )
         for ax, (name, cameras) in zip(axes.flat, refinements.items(), strict=True):
@@ -216,7 +215,7 @@ def surround_enlarged(
     alone = next(iter(stages.values()))
     with style.applied():
         n_columns = 2 + len(stages)
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             len(corners),
             n_columns,
             figsize=(style.WIDTH, style.WIDTH * len(corners) / n_columns + 0.3),

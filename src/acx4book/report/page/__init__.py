@@ -1,1 +1,4 @@
-"""The report as one document to be printed: `page`, whose text is `markdown` made HTML."""
+"""The report as one document to be printed: `cells` runs its notebook, `page` makes a file of it.
+
+Its text is `markdown` made HTML.
+"""

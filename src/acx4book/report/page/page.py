@@ -1,4 +1,4 @@
-"""One HTML file of an executed notebook: small, printable on A4, without external files."""
+"""One HTML file of the report's notebook: small, printable on A4, without external files."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import base64
 import errno
 import html
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import nbformat
-
-from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.report.material import Material, read
+from acx4book.report.material import Material
+from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
+from acx4book.report.shown import Text
 from acx4book.typesetting.plain_text import shown
 from acx4lib.results.own_folder.marks import SCRATCH
 from acx4lib.results.own_folder.places import check_file
@@ -62,7 +61,6 @@ def write(
     folder: str | Path,
     out: str | Path,
     *,
-    notebook: Path = NOTEBOOK,
     on_cell: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
     """Write the calibration report of a run as one HTML file, completely or not at all.
@@ -73,7 +71,6 @@ def write(
         Results of a run.
     out : path
         The file; an existing report is replaced, any other existing file is not.
-    notebook : Path
     on_cell : callable
         Called with the number of finished cells, and of all cells.
 
@@ -81,44 +78,36 @@ def write(
     ------
     FlightError
         Where the results are missing, not complete, or do not belong together.
-    NotebookError
-        Where the notebook fails.
     OutputError
         Where the file must not be replaced by a report.
     OSError
         Where the file cannot be written.
     """
     out = Path(out)
-    material = read(folder)
     if not out.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
     check_file(out, mark=MARK, what="a report of acx4")
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
-        executed = Path(temporary) / "notebooks" / notebook.name
-        values = execute.with_defaults(notebook, {"results_path": str(folder)})
-        execute.execute(notebook, executed, parameters=values, on_cell=on_cell)
+        names: dict[str, Any] = {"results_path": str(folder)}
+        shown = list(parts(NOTEBOOK, names, on_cell))
         whole = Path(temporary) / "report.html"
-        whole.write_text(page(nbformat.read(executed, as_version=4), material), encoding="utf-8")  # type: ignore[no-untyped-call] # untyped
+        whole.write_text(page(shown, names["run"]), encoding="utf-8")
         check_file(out, mark=MARK, what="a report of acx4")  # again, as some seconds have passed
         whole.replace(out)
 
 
-def page(notebook: nbformat.NotebookNode, material: Material) -> str:
-    """Return an executed notebook as a page: text, tables and figures, no code.
+def page(parts: Sequence[Part], material: Material) -> str:
+    """Return the parts of a report as a page: text, tables and figures, no code.
 
     Parameters
     ----------
-    notebook : NotebookNode
+    parts : sequence of Part
+        The heading comes first.
     material : Material
         Material from the same results; the heading of the page has their name.
     """
-    parts = [part for cell in notebook.cells for part in _parts(cell)]
-    labels = [label for kind, content in parts for label in _labels(kind, content)]
-    document = Document(numbers=number_labels(labels))
-    rendered = [
-        to_html(content, document) if kind == "text" else _figure(content, document)
-        for kind, content in parts
-    ]
+    document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
+    rendered = [_rendered(part, document) for part in parts]
     heading, _, first = rendered[0].partition("</h1>")
     return PAGE.format(
         title=shown(f"Calibration report: {material.flight.name}", "html"),
@@ -130,31 +119,19 @@ def page(notebook: nbformat.NotebookNode, material: Material) -> str:
     )
 
 
-def _parts(cell: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the texts and figures of a cell."""
-    if cell.cell_type == "markdown":
-        yield "text", cell.source
-        return
-    for output in cell.get("outputs", ()):
-        data = output.get("data", {})
-        if "image/svg+xml" in data:
-            yield "figure", (data["image/svg+xml"], cell.metadata.get("mystnb", {}))
-        elif "text/markdown" in data:
-            yield "text", data["text/markdown"]
+def _labels(part: Part) -> list[str]:
+    if isinstance(part.content, Text):
+        return table_labels(part.content.markdown)
+    return [part.told.get("figure", {}).get("name", "")]
 
 
-def _labels(kind: str, content: Any) -> list[str]:
-    if kind == "text":
-        return table_labels(content)
-    return [content[1].get("figure", {}).get("name", "")]
-
-
-def _figure(content: tuple[str, dict[str, Any]], document: Document) -> str:
-    drawing, told = content
+def _rendered(part: Part, document: Document) -> str:
+    if isinstance(part.content, Text):
+        return to_html(part.content.markdown, document)
     document.n_figures += 1
-    data = base64.b64encode(drawing.encode()).decode()
-    alt = html.escape(told.get("image", {}).get("alt", ""))
-    figure = told.get("figure", {})
+    data = base64.b64encode(part.content.svg.encode()).decode()
+    alt = html.escape(part.told.get("image", {}).get("alt", ""))
+    figure = part.told.get("figure", {})
     caption = to_html(figure.get("caption", ""), document).strip()
     caption = caption.removeprefix("<p>").removesuffix("</p>")
     return (

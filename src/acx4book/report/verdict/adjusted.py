@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pandas as pd
 
 from acx4book.report.estimates import STRONG, strong_pairs
-from acx4book.report.groups import CONTROLLED, Quality, qualities, ratio_limits
-from acx4book.report.material import Material, residuals, sentences
+from acx4book.report.groups import CONTROLLED, Quality, decisive_qualities, ratio_limits
+from acx4book.report.material import Material, sentences
 from acx4book.report.stability import boresights, drifts
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
@@ -70,7 +70,7 @@ def _rejected_away(material: Material, name: str) -> Iterator[str]:
     rejected = rows(material.found, "rejected", "/".join(name.split("/")[:2]))
     for kind, noun in NAMES.items():
         out = _names(rejected, kind)
-        n = len(out | _names(residuals(material, name), kind))
+        n = len(out | _names(material.residuals[name], kind))
         if too_many(len(out), n):
             yield f"{len(out)} of {n} {noun} were rejected"
 
@@ -126,7 +126,7 @@ def _sigma0(material: Material, name: str) -> float:
 
 def weights(material: Material) -> Iterator[Finding]:
     """Test the a priori standard deviations of every group of observations."""
-    groups = [group for name in material.decisive for group in qualities(material, name)]
+    groups = decisive_qualities(material)
     if not groups:
         return
     wrong = [g for g in groups if _wrong(g)]
@@ -190,7 +190,7 @@ def controlled(material: Material) -> Iterator[Finding]:
     """Count the observations that the others hardly control."""
     if not material.decisive:
         return
-    groups = [group for name in material.decisive for group in qualities(material, name)]
+    groups = decisive_qualities(material)
     weak: dict[str, int] = {}
     for group in groups:
         weak[group.group] = weak.get(group.group, 0) + group.weak

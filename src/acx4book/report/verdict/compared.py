@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from scipy import stats
-
 from acx4book.report.groups import PROBABILITY
 from acx4book.report.material import Material, sentences, validated
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import listed
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.accuracy import rms_limits
+from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.adjustments import SCALE_LIMIT
 
 FEWEST = 2
@@ -101,7 +100,7 @@ def _odd_together(entry: Mapping[str, Any]) -> Iterator[str]:
 
 def _odd_means(points: Mapping[str, Any]) -> Iterator[str]:
     """Yield the axes in which the mean is more than chance, tested with its own sigma."""
-    critical = float(stats.norm.isf(LIMIT_P / 2))
+    critical = -distributions.norm_ppf(LIMIT_P / 2)
     for mean, sigma, axis in zip(points["mean"], points["mean_sigma"], AXES, strict=True):
         if abs(mean) > critical * sigma:
             yield f"a mean of {mean:+.2f} m in {axis}"

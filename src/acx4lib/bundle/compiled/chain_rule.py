@@ -46,7 +46,7 @@ class Hanging:
     n_cameras: int
 
 
-def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
+def reduced_normals(normals: CameraNormals, hanging: Hanging, pair: Index) -> Bordered:
     """Return the normal equations of border and poses.
 
     The border has `PER_CAMERA` columns for each camera.
@@ -55,6 +55,8 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
     ----------
     normals : CameraNormals
     hanging : Hanging
+    pair : ndarray, shape (n_images, band)
+        As in `SortedRays`.
     """
     M, S, E, I = normals  # noqa: E741
     A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
@@ -64,10 +66,10 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging) -> Bordered:
     by_interior = E[:, :, :, INTERIOR:RESIDUAL].copy()
     by_interior[each, camera] += before[:, :N_POSE, INTERIOR:RESIDUAL]
     gradient = before[:, :N_POSE, RESIDUAL] + E[..., RESIDUAL].sum(axis=1)
-    P = np.zeros((n_poses, pose_band(pose, S.shape[1]), N_POSE, N_POSE))
+    P = np.zeros((n_poses * N_POSE, pose_band(pose, pair.shape[1]) * N_POSE))
     Z = np.zeros((n_images, n_cameras, N_POSE, N_POSE))
     own = np.ascontiguousarray(before[:, :N_POSE, :N_POSE])
-    _pairs(S, own, A, B, pose, camera, P, Z, np.empty((3, 6, 6)))
+    _pairs(pair, S, own, A, B, pose, camera, P, Z, np.empty((3, 6, 6)))
 
     interior = np.zeros((n_cameras, n_images, N_INTERIOR, N_POSE))
     interior[:] = np.transpose(by_interior, (1, 0, 3, 2))
@@ -131,6 +133,7 @@ def _corner(
 
 @uncounted
 def _pairs(
+    pair: Index,
     S: Array,
     own: Array,
     A: Array,
@@ -142,23 +145,23 @@ def _pairs(
     room: Array,
 ) -> None:
     """Add all pairs of images to pairs of poses, P, and to pairs with mountings, Z."""
-    n_images, band = S.shape[:2]
+    n_images, band = pair.shape
     N, NA, NB = room[0], room[1], room[2]
     for i in range(n_images):
         for j in range(i, min(i + band, n_images)):
-            linked = i == j
+            if pair[i, j - i] < 0:
+                continue
             for a in range(6):
                 for b in range(6):
-                    N[a, b] = S[i, j - i, a, b]
-                    linked = linked or N[a, b] != 0.0
-            if not linked:
-                continue
+                    N[a, b] = S[pair[i, j - i], a, b]
             if i == j:
                 _add(N, own[i])
             _product(N, A[j], NA)
             _product(N, B[j], NB)
             _add(Z[i, camera[j]], NB)
-            _add_congruent(P[pose[i], pose[j] - pose[i]], A[i], NA, pose[i] == pose[j] and i != j)
+            _add_congruent(P, 6 * pose[i], 6 * pose[j], A[i], NA)
+            if i != j and pose[i] == pose[j]:
+                _add_congruent(P, 6 * pose[i], 6 * pose[j], NA, A[i])
             if i != j:
                 _add_transposed_product(N, B[i], Z[j, camera[i]])
 
@@ -192,16 +195,14 @@ def _add_transposed_product(left: Array, right: Array, out: Array) -> None:
 
 
 @uncounted
-def _add_congruent(out: Array, A: Array, NA: Array, both: bool) -> None:
-    """Add A^T NA, and its transpose where two images have the same pose."""
+def _add_congruent(P: Array, row: int, column: int, left: Array, right: Array) -> None:
+    """Add left^T right to `Bordered.P`, from its diagonal on."""
     for a in range(6):
-        for b in range(6):
+        for b in range(max(a + row - column, 0), 6):
             total = 0.0
             for c in range(6):
-                total += A[c, a] * NA[c, b]
-            out[a, b] += total
-            if both:
-                out[b, a] += total
+                total += left[c, a] * right[c, b]
+            P[row + a, column + b - row - a] += total
 
 
 # --- and back --------------------------------------------------------------------------------
@@ -227,16 +228,16 @@ def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
     return np.concatenate([turned, interior, np.ones((len(turned), 1))], axis=1)
 
 
-def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> CameraCovariances:
-    """Return the covariances of camera poses and interior orientations within the band.
+def camera_covariances(cov: BorderedCovariance, hanging: Hanging, pair: Index) -> CameraCovariances:
+    """Return the covariances of camera poses that share points, and of interior orientations.
 
     Parameters
     ----------
     cov : BorderedCovariance
         Its border has `PER_CAMERA` columns for each camera, zero where one is held.
     hanging : Hanging
-    band : int
-        Images whose numbers differ by less share points.
+    pair : ndarray, shape (n_images, band)
+        As in `SortedRays`.
     """
     A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
     n_cameras, n_images = hanging.n_cameras, len(pose)
@@ -247,9 +248,9 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
     U_pose = np.ascontiguousarray(U[..., N_INTERIOR:])
     mount_rows = corner[camera][:, N_INTERIOR:]
     U = U + np.einsum("iab,iblm->ilam", B, mount_rows, optimize=True)
-    Q = aligned(n_images, 2 * band - 1, 6, 8)
+    Q = aligned(pair.max() + 1, 2, 6, 8)
     by_mount = np.ascontiguousarray(U[..., N_INTERIOR:])
-    _camera_pairs(cov.P, A, B, U_pose, by_mount, pose, camera, Q, np.empty((6, 6)))
+    _camera_pairs(pair, cov.P, A, B, U_pose, by_mount, pose, camera, Q, np.empty((6, 6)))
     F = aligned(n_images, n_cameras, 6, 16)
     F[..., INTERIOR:RESIDUAL] = U[..., :N_INTERIOR]
     F_T = aligned(n_images, n_cameras, 9, 8)
@@ -259,7 +260,7 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
     H[..., INTERIOR:RESIDUAL] = inner
     each = np.arange(n_images)
     K = aligned(n_images, 16, 16)
-    K[:, :6, :6] = Q[:, band - 1, :, :6]
+    K[:, :6, :6] = Q[pair[:, 0], 0, :, :6]
     K[:, :6, INTERIOR:RESIDUAL] = U[each, camera][..., :N_INTERIOR]
     K[:, INTERIOR:RESIDUAL, :6] = np.swapaxes(K[:, :6, INTERIOR:RESIDUAL], 1, 2)
     K[:, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL] = inner[camera, camera]
@@ -268,6 +269,7 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, band: int) -> 
 
 @uncounted
 def _camera_pairs(
+    pair: Index,
     P: Array,
     A: Array,
     B: Array,
@@ -278,10 +280,13 @@ def _camera_pairs(
     Q: Array,
     PA: Array,
 ) -> None:
-    """Fill in the covariances of all pairs of images in the band, and their transposes."""
-    n_images, middle = len(pose), Q.shape[1] // 2
+    """Fill in the covariances of all pairs of images, and their transposes."""
+    n_images, band = pair.shape
     for i in range(n_images):
-        for j in range(i, min(i + middle + 1, n_images)):
+        for j in range(i, min(i + band, n_images)):
+            at = pair[i, j - i]
+            if at < 0:
+                continue
             block = P[pose[i], pose[j] - pose[i]]
             for a in range(6):  # block @ A_j^T
                 for b in range(6):
@@ -296,5 +301,7 @@ def _camera_pairs(
                         total += A[i, a, c] * PA[c, b]
                         total += U[i, camera[j], a, c] * B[j, b, c]
                         total += B[i, a, c] * U_pose[j, camera[i], b, c]
-                    Q[i, middle + j - i, a, b] = total
-                    Q[j, middle + i - j, b, a] = total
+                    Q[at, 0, a, b] = total
+                    Q[at, 1, b, a] = total
+                    if i == j:  # symmetric to the last bit
+                        Q[at, 0, b, a] = Q[at, 1, a, b] = total

@@ -36,8 +36,8 @@ class CameraCovariances(NamedTuple):
 
     Attributes
     ----------
-    Q : ndarray, shape (n_images, 2 * band - 1, 6, 8)
-        Entry d: pose of image i with the pose of image i + d - (band - 1).
+    Q : ndarray, shape (n_pairs, 2, 6, 8)
+        Poses of the two images of each of `SortedRays.pair`, and the transpose.
     F : ndarray, shape (n_images, n_cameras, 6, 16)
         Pose with interior orientation, which fills columns 6 to 14.
     F_T : ndarray, shape (n_images, n_cameras, 9, 8)
@@ -63,7 +63,7 @@ def _with_cameras(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) 
     """Fill X and X_sums with the covariances of a point with the poses and the interiors."""
     T, G, X, X_sums = room.T, room.Y, room.X, room.X_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
-    middle, n_cameras = cov.Q.shape[1] // 2, cov.H.shape[0]
+    n_cameras = cov.H.shape[0]
     _square(room.W, room.V_inv)
     for c in range(n_cameras):
         _gain(room.Y_sums, c * 48, room.V_inv, 0, room.sums, c * 48)
@@ -74,8 +74,8 @@ def _with_cameras(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) 
         i = rays.image[start + k]
         for j in range(n):
             other = rays.image[start + j]
-            block = (other * cov.Q.shape[1] + middle + i - other) * 48
-            _take_off_by_pose(X, k * 48, G, j * 48, cov.Q, block)
+            block = 2 * rays.pair[other, i - other] if j < k else 2 * rays.pair[i, other - i] + 1
+            _take_off_by_pose(X, k * 48, G, j * 48, cov.Q, block * 48)
         for c in range(n_cameras):
             block = i * n_cameras + c
             _take_off_by_interior(X, k * 48, room.Y_sums, c * 48 + 6, cov.F_T, block * 72)

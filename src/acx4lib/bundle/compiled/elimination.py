@@ -47,8 +47,8 @@ class CameraNormals(NamedTuple):
     ----------
     M : ndarray, shape (n_images, 16, 16)
         Normal matrix of each image's rays before elimination; upper triangle.
-    S : ndarray, shape (n_images, band, 6, 8)
-        The part that elimination adds for images i and i + d; two columns of padding.
+    S : ndarray, shape (n_pairs, 6, 8)
+        The part that elimination adds for `SortedRays.pair`; two columns of padding.
     E : ndarray, shape (n_images, n_cameras, 6, 16)
         The same for image and interior orientation.
     I : ndarray, shape (n_cameras, n_cameras, 16, 16)
@@ -61,11 +61,11 @@ class CameraNormals(NamedTuple):
     I: Array  # noqa: E741 (of Interior)
 
 
-def camera_normals(n_images: int, n_cameras: int, band: int) -> CameraNormals:
+def camera_normals(n_images: int, n_cameras: int, n_pairs: int) -> CameraNormals:
     """Return normal equations that are all zero."""
     return CameraNormals(
         M=aligned(n_images, 16, 16),
-        S=aligned(n_images, band, 6, 8),
+        S=aligned(n_pairs, 6, 8),
         E=aligned(n_images, n_cameras, 6, 16),
         I=aligned(n_cameras, n_cameras, 16, 16),
     )
@@ -176,7 +176,7 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
     """Subtract a point's part from the normal equations; return its own decrease of the cost."""
     J, T, Y, Y_sums = room.seen.J, room.T, room.Y, room.Y_sums
     start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
-    band, n_cameras = out.S.shape[1], out.I.shape[0]
+    n_cameras = out.I.shape[0]
     for c in range(n_cameras):
         _whitened(Y_sums, c * 48, room.W, 0, room.sums, c * 48)
     for k in range(n):
@@ -186,9 +186,10 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
         i = rays.image[start + k]
         for j in range(k, n):
             d = rays.image[start + j] - i
-            _take_off_pair(out.S, (i * band + d) * 48, Y, k * 48, Y, j * 48)
+            pair = rays.pair[i, d] * 48
+            _take_off_pair(out.S, pair, Y, k * 48, Y, j * 48)
             if d == 0 and j > k:  # the point is measured twice in one image
-                _take_off_pair(out.S, i * band * 48, Y, j * 48, Y, k * 48)
+                _take_off_pair(out.S, pair, Y, j * 48, Y, k * 48)
         for c in range(n_cameras):
             _take_off_border(out.E, (i * n_cameras + c) * 96, Y, k * 48, Y_sums, c * 48)
     for a in range(n_cameras):

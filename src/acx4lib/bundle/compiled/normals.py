@@ -5,17 +5,16 @@ The plain version that it must equal is `normal_equations.PlainNormals`.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 from scipy import linalg
 
+from acx4lib import compiling
 from acx4lib.bundle.compiled import covariances, elimination
 from acx4lib.bundle.compiled.chain_rule import (
     Hanging,
@@ -43,21 +42,14 @@ from acx4lib.least_squares.normal_equations import Equations, Group, Precision, 
 
 R = TypeVar("R")
 
-_EACH = np.arange(6)
-
 
 def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -> list[R]:
     """Return the results of the work for all parts; several parts run on threads."""
     first, last = zip(*packed.parts, strict=True)
     if len(packed.parts) == 1:
         return list(map(work, first, last, *each))
-    with ThreadPoolExecutor(min(_cores(), len(packed.parts))) as pool:
+    with ThreadPoolExecutor(min(compiling.cores(), len(packed.parts))) as pool:
         return list(pool.map(work, first, last, *each))
-
-
-def _cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,7 +100,7 @@ class NetworkNormals:
         """Return the image points' reduced normal equations, cost, and predicted decrease of it."""
         packed = self.packed
         totals = [
-            camera_normals(len(packed.image), self.hanging.n_cameras, packed.band)
+            camera_normals(len(packed.image), self.hanging.n_cameras, packed.n_pairs)
             for _ in packed.parts
         ]
 
@@ -122,7 +114,8 @@ class NetworkNormals:
                 np.add(total, more, out=total)
         ahead = all(ahead for ahead, _ in done)
         cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
-        return reduced_normals(totals[0], self.hanging), cost, sum(less for _, less in done)
+        reduced = reduced_normals(totals[0], self.hanging, packed.rays.pair)
+        return reduced, cost, sum(less for _, less in done)
 
     @cached_property
     def cost(self) -> float:
@@ -169,22 +162,21 @@ class NetworkNormals:
             self.joined.reduce(system, place)
         held = order[m:] < 0
         if held.any():
-            cut_off(system, held)
-            g[m:][held], diagonal[m:][held] = 0.0, 1.0
-            system.P[:, 0, _EACH, _EACH] += held.reshape(-1, 6)
+            system.hold(held)
         if damping:
             D[np.diag_indices(m)] += damping * diagonal[:m]
-            system.P[:, 0, _EACH, _EACH] += damping * diagonal[m:].reshape(-1, 6)
+            system.P[:, 0] += damping * diagonal[m:]
         return system
 
     @cached_property
     def _solver(self) -> Dense | Banded:
         system = self._system
         if not self.packed.dense:
+            large = len(system.g) > LARGEST_DENSE
             try:
-                return Banded(system)
+                return Banded(system if large else replace(system, P=system.P.copy()))
             except linalg.LinAlgError:
-                if len(system.g) > LARGEST_DENSE:
+                if large:
                     raise too_large() from None
         return Dense(N=system.dense(), diagonal=system.diagonal)
 
@@ -233,10 +225,10 @@ class NetworkNormals:
             inverse = BandedInverse(factored=solver, part=part, order=self._order)
         else:
             dense = solver.inverse()
-            part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1])
+            part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1] // 6)
             inverse = dense.reordered(self._order)
         cut_off(part, self._order[m:] < 0)
-        cov = camera_covariances(_padded(part, self.border), self.hanging, packed.band)
+        cov = camera_covariances(_padded(part, self.border), self.hanging, packed.rays.pair)
         tests = Tests(
             cov_points=np.zeros((self.n_points, 3, 3)),
             v=np.empty((len(self.sigma_px), 2)),
@@ -276,11 +268,10 @@ def _add(system: Bordered, e: Equations, place: Index) -> None:
     np.add.at(system.diagonal, columns[used], np.sum(e.A * weighted, axis=1)[used])
     both = (row >= 0) & (column >= 0)
     corner, side = both & (row < m) & (column < m), both & (row < m) & (column >= m)
-    pose = both & (row >= m) & (column >= m)
+    pose = both & (row >= m) & (column >= row)
     np.add.at(system.D, (row[corner], column[corner]), N[corner])
     np.add.at(system.C, (row[side], column[side] - m), N[side])
-    i, j = row[pose] - m, column[pose] - m
-    np.add.at(system.P[:, 0], (i // 6, i % 6, j % 6), N[pose])
+    np.add.at(system.P, (row[pose] - m, column[pose] - row[pose]), N[pose])
 
 
 def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:

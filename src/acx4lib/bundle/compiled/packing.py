@@ -38,8 +38,6 @@ class Packed:
         The block's images in the order of the rays' numbers.
     pose : ndarray, shape (n_poses,)
         The block's poses in the order of the bands.
-    band : int
-        Images whose numbers are less than this apart may share points.
     dense : bool
         Whether the reduced system is a dense matrix.
     parts : tuple of tuple of int
@@ -49,9 +47,13 @@ class Packed:
     rays: SortedRays
     image: Index
     pose: Index
-    band: int
     dense: bool
     parts: tuple[tuple[int, int], ...]
+
+    @property
+    def n_pairs(self) -> int:
+        """Number of pairs of images that share points, an image with itself included."""
+        return int(self.rays.pair.max()) + 1
 
     def weighted(self, weight: Array) -> Packed:
         """Return the same rays with other weights, those of the measurements, in their order."""
@@ -119,29 +121,30 @@ def pack(
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
-    number = np.empty(len(images), dtype=np.int64)
+    number = np.empty(len(images), dtype=np.int32)
     number[images] = np.arange(len(images))
+    image = number[rows.image]
 
-    starts, points, row = _sorted(rows.point, number[rows.image], len(free_points), len(images))
+    starts, points, row = _sorted(rows.point, image, len(free_points), len(images))
     known = np.full(len(free_points), -1)
     known[also] = np.arange(len(also))
+    image = image[row]
     rays = SortedRays(
         start=starts,
-        point=points.astype(np.int32),
+        point=points,
         free=free_points[points],
         also=known[points].astype(np.int32),
-        row=row.astype(np.int32),
-        image=number[rows.image[row]].astype(np.int32),
+        row=row,
+        image=image,
         xy=rows.xy[row],
         weight=rows.weight[row],
+        pair=_numbered_pairs(starts, image, len(images)),
     )
-    band = _image_band(rays.start, rays.image)
+    band = rays.pair.shape[1]
     of_pose = place[pose_of_image[images]]
     dense = dense or pose_band(of_pose, band) > DENSE_SHARE * n_poses
     most = 2 if len(images) * band > WIDE else MOST_PARTS
-    return Packed(
-        rays=rays, image=images, pose=pose, band=band, dense=dense, parts=_parts(starts, most)
-    )
+    return Packed(rays=rays, image=images, pose=pose, dense=dense, parts=_parts(starts, most))
 
 
 def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[Index, Index, Index]:
@@ -155,8 +158,8 @@ def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[I
     row : ndarray, shape (n,)
     """
     first, count = np.full(n_points, n_images), np.zeros(n_points, dtype=np.int64)
-    bins, points = np.zeros(n_images + 2, dtype=np.int64), np.empty(n_points, dtype=np.int64)
-    starts, row = np.zeros(n_points + 1, dtype=np.int64), np.empty(len(point), dtype=np.int64)
+    bins, points = np.zeros(n_images + 2, dtype=np.int64), np.empty(n_points, dtype=np.int32)
+    starts, row = np.zeros(n_points + 1, dtype=np.int64), np.empty(len(point), dtype=np.int32)
     n_measured = _sort(point, image, first, count, bins, points, starts, row)
     return starts[: n_measured + 1].copy(), points[:n_measured].copy(), row
 
@@ -219,11 +222,23 @@ def _link(starts: Index, pose: Index, linked: Mask) -> None:
                 linked[pose[a], pose[b]] = True
 
 
-def _image_band(start: Index, image: Index) -> int:
-    """Return the largest difference of image numbers at a point, plus one."""
-    if len(image) == 0:
-        return 1
-    return int(np.max(image[start[1:] - 1] - image[start[:-1]])) + 1
+def _numbered_pairs(start: Index, image: Index, n_images: int) -> Index:
+    """Return `SortedRays.pair`."""
+    band = 1 + int(np.max(image[start[1:] - 1] - image[start[:-1]], initial=0))
+    pair = np.full((n_images, band), -1, dtype=np.int32)
+    pair[:, 0] = 0
+    _mark(start, image, pair)
+    shared = pair == 0
+    pair[shared] = np.arange(np.count_nonzero(shared))
+    return pair
+
+
+@uncounted
+def _mark(start: Index, image: Index, pair: Index) -> None:
+    for p in range(len(start) - 1):
+        for a in range(start[p], start[p + 1]):
+            for b in range(a + 1, start[p + 1]):
+                pair[image[a], image[b] - image[a]] = 0
 
 
 def _parts(starts: Index, most: int) -> tuple[tuple[int, int], ...]:

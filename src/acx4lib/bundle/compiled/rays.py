@@ -42,6 +42,8 @@ class SortedRays(NamedTuple):
         Measured, mm.
     weight : ndarray, shape (n,)
         Reciprocal standard deviation, 1/mm.
+    pair : ndarray, shape (n_images, band)
+        Number of images i and i + d among the pairs that share points; -1 where they share none.
     """
 
     start: Index
@@ -52,6 +54,7 @@ class SortedRays(NamedTuple):
     image: Index
     xy: Array
     weight: Array
+    pair: Index
 
 
 class Scene(NamedTuple):

@@ -253,15 +253,13 @@ def height_problems(tables: BlockTables) -> Iterator[Problem]:
 
 def _highest_seen(tables: BlockTables) -> dict[str, int]:
     """Return for each exposure with measured control the row of its highest control point."""
-    rows = {name: row for row, name in enumerate(tables.control.text["point"])}
     exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
     height = tables.control.numbers["height_m"]
     highest: dict[str, int] = {}
     text = tables.image_points.text
-    for image, point in zip(text["image"], text["point"], strict=True):
-        row = rows.get(point)
-        if row is not None:
-            before = highest.setdefault(exposure[image], row)
-            if height[row] > height[before]:
-                highest[exposure[image]] = row
+    rows = index_of(text["point"], tables.control.text["point"])
+    for i in np.flatnonzero(rows >= 0).tolist():
+        name, row = exposure[text["image"][i]], int(rows[i])
+        if height[row] > height[highest.setdefault(name, row)]:
+            highest[name] = row
     return highest

@@ -13,6 +13,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import (
     BlockTables,
+    index_of,
     lonlat_of,
     measured_control,
     used_exposures,
@@ -74,9 +75,9 @@ def _highest_below(tables: BlockTables) -> Array:
     exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
     highest = dict.fromkeys(tables.control.text["point"], float(np.median(used)))
     text = tables.image_points.text
-    for image, point in zip(text["image"], text["point"], strict=True):
-        if point in highest:
-            highest[point] = max(highest[point], float(height[exposure[image]]))
+    for i in np.flatnonzero(index_of(text["point"], [*highest]) >= 0).tolist():
+        point = text["point"][i]
+        highest[point] = max(highest[point], float(height[exposure[text["image"][i]]]))
     return np.array(list(highest.values()))
 
 

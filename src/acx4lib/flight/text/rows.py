@@ -7,7 +7,6 @@ import io
 from array import array
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field
-from itertools import islice
 
 import numpy as np
 
@@ -16,6 +15,9 @@ from acx4lib.flight.problems import Problem, counted
 
 AT_A_TIME = 4096
 """Number of rows that are processed together."""
+
+_NO_MARKS = bytes(set(range(256)) - set(b',"\r\n'))
+"""All bytes but those that can cut a text into cells and rows."""
 
 TOO_MANY = 10_000
 """Number of rows of a wrong width after which reading stops: such a file is no table."""
@@ -67,14 +69,17 @@ class Rows:
         """Add further rows."""
         if set(map(len, rows)) != {self.width}:
             lines, rows = self._even(lines, rows)
-        for k in range(len(rows) - 1, -1, -1):
-            if any(map(str.strip, rows[k])):
+        self.add_columns(lines, list(zip(*rows, strict=True)))
+
+    def add_columns(self, lines: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
+        """Add further rows, each of the header's width, column by column."""
+        for k in range(len(lines) - 1, -1, -1):
+            if any(column[k].strip() for column in columns):
                 self.used = max(self.used, len(self.lines) + k + 1)
                 break
         self.lines.extend(lines)
-        cells = list(zip(*rows, strict=True))
         for name, k in self.wanted.items():
-            own = cells[k] if cells else ()
+            own = columns[k] if columns else ()
             alike = self.alike.get(name)
             self.columns[name].extend(own if alike is None else map(alike.setdefault, own, own))
 
@@ -115,7 +120,8 @@ class Rows:
 
 def read_header(text: str, file: str) -> tuple[list[str], tuple[Problem, ...]]:
     """Return the cells of the first row, or why they cannot be read."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    first = text.partition("\n")[0]
+    reader = csv.reader(io.StringIO(text if '"' in first else first, newline=""), strict=True)
     try:
         return next(reader, []), ()
     except csv.Error as error:
@@ -144,10 +150,18 @@ def read_rows(
     tail = text[len(body) :]
     n_ends = max(tail.count("\n"), tail.count("\r"))
     rows = Rows(width=width, wanted=wanted, names=names, blank_at_end=max(n_ends - 1, 0))
+    plain = _plain_parts(body, width)
+    if plain is not None:
+        for part in plain:
+            cells, first = part.replace("\n", ",").split(","), 2 + len(rows.lines)
+            columns = [cells[k::width] for k in range(width)]
+            rows.add_columns(range(first, first + len(columns[0])), columns)
+        rows.end()
+        return rows, ()
     numbered = _Numbered(body)
     try:
-        for lines, cells in numbered.parts():
-            rows.add(lines, cells)
+        for lines, some in numbered.parts():
+            rows.add(lines, some)
             if len(rows.ragged) + len(rows.blank) > TOO_MANY:
                 return rows, ()
     except csv.Error as error:
@@ -156,34 +170,44 @@ def read_rows(
     return rows, ()
 
 
+def _plain_parts(text: str, width: int) -> list[str] | None:
+    """Return the lines under the header in parts; None unless commas alone cut all into cells.
+
+    No cell of these is longer than the module csv allows.
+    """
+    text = text.replace("\r\n", "\n")
+    marks = text.encode().translate(None, _NO_MARKS) + b"\n"
+    row = b"," * (width - 1) + b"\n"
+    if width == 1 or marks != row * (text.count("\n") + 1):
+        return None
+    parts, begin, longest = [], len(text.partition("\n")[0]) + 1, csv.field_size_limit()
+    while begin < len(text):
+        last = len(text) - begin <= longest
+        end = len(text) if last else text.rfind("\n", begin, begin + longest)
+        if end < 0:
+            return None
+        parts.append(text[begin:end])
+        begin = end + 1
+    return parts
+
+
 class _Numbered:
     """Rows with the numbers of their first lines, some thousand at a time, without the header."""
 
     def __init__(self, text: str) -> None:
         self.reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-        self.quotes = '"' in text
         self.line = 1
         """Line on which the last row began."""
 
     def parts(self) -> Iterator[tuple[Sequence[int], list[list[str]]]]:
-        part = self._slow if self.quotes else self._quick
         next(self.reader, None)
         while True:
-            lines, rows = part()
+            lines, rows = self._part()
             if not rows:
                 return
             yield lines, rows
 
-    def _quick(self) -> tuple[Sequence[int], list[list[str]]]:
-        """Return the next rows of a text without quotes: every line is a row."""
-        start = self.reader.line_num + 1
-        try:
-            rows = list(islice(self.reader, AT_A_TIME))
-        finally:
-            self.line = self.reader.line_num
-        return range(start, start + len(rows)), rows
-
-    def _slow(self) -> tuple[Sequence[int], list[list[str]]]:
+    def _part(self) -> tuple[Sequence[int], list[list[str]]]:
         lines, rows = [], []
         for _ in range(AT_A_TIME):
             self.line = self.reader.line_num + 1

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
+from acx4lib import compiling
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
 from acx4lib.results.files.compiled.lines import LONGEST, put_lines
@@ -63,7 +64,13 @@ _EXACT: dict[str, Any] = {} if _ALWAYS_EXACT else {"float_precision": "round_tri
 """What makes pandas read numbers to the last bit; new versions always do, and warn of it."""
 
 ROWS = 50_000
-"""Number of rows that are written together."""
+"""Number of rows that one processor makes at a time."""
+
+TOGETHER = 8
+"""How often that is done before the rows are written: they wait in memory."""
+
+_SPECIAL = ',"\n\r'
+"""Characters for which a cell is quoted."""
 
 BYTES = 4_000_000
 """Number of bytes of old rows that are copied together."""
@@ -101,7 +108,7 @@ def _coded(values: pd.Series) -> tuple[Index, list[str]]:
         code, known = values.cat.codes.to_numpy(dtype=np.intp), values.cat.categories
     else:
         code, known = pd.factorize(values)
-    return np.where(code < 0, len(known), code), [*map(str, known), ""]
+    return np.where(code < 0, len(known), code), [*map(str, known.tolist()), ""]
 
 
 # --- read ------------------------------------------------------------------------------------
@@ -139,6 +146,39 @@ def read(path: Path) -> pd.DataFrame:
         return _parsed(path.stem, source)
 
 
+def read_some(path: Path, begin: tuple[bytes, ...]) -> pd.DataFrame:
+    """Return the rows from the first to the last that begins so, where their rows are together.
+
+    Parameters
+    ----------
+    path : Path
+        As `read` takes it.
+    begin : tuple of bytes
+        As `begins` returns it.
+
+    Returns
+    -------
+    DataFrame
+        As `read` returns it; all rows where none is found, as the file may be written otherwise.
+
+    Raises
+    ------
+    FlightError
+        Where the file is no such table.
+    """
+    if not is_there(path):
+        return read(path)
+    with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        firsts = [content.find(b"\n" + one) for one in begin]
+        if -1 in firsts or not firsts:
+            return read(path)
+        last = max(content.rfind(b"\n" + one, 0, len(content) - 1) for one in begin)
+        end = content.find(b"\n", last + 1)
+        source = io.BytesIO(content[min(firsts) + 1 : end if end >= 0 else None])
+    with _refusing(path):
+        return _parsed(path.stem, source, names=list(COLUMNS[path.stem]))
+
+
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
     """Say of a file that it is no results table, and why."""
@@ -150,7 +190,7 @@ def _refusing(path: Path) -> Iterator[None]:
         raise FlightError([problem]) from None
 
 
-def _parsed(name: str, source: Path | io.BytesIO) -> pd.DataFrame:
+def _parsed(name: str, source: Path | io.BytesIO, **options: Any) -> pd.DataFrame:
     columns = list(COLUMNS[name])
     texts = [column for column in columns if column in _TEXT]
     numbers = [column for column in columns if column not in _TEXT | _COUNT]
@@ -162,6 +202,7 @@ def _parsed(name: str, source: Path | io.BytesIO) -> pd.DataFrame:
         keep_default_na=False,
         na_values=dict.fromkeys(numbers, ""),
         **_EXACT,
+        **options,
     )
     check_columns(name, frame.columns)
     cut_off = [column for column in texts if frame[column].hasnans]
@@ -199,21 +240,36 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     order = [texts.index(c) if c in texts else -1 - numbers.index(c) for c in COLUMNS[name]]
     coded = [_coded(frame[column]) for column in texts]
     values = [frame[column].to_numpy(dtype=float) for column in numbers]
-    cells = [[_cell(text) for text in known] for _, known in coded]
-    longest = sum(max(map(len, own)) for own in cells) + LONGEST * len(numbers) + len(order)
-    first = np.cumsum([0, *map(len, cells)])
-    starts = np.cumsum([0, *(len(cell) for own in cells for cell in own)])
-    content = np.frombuffer(b"".join(cell for own in cells for cell in own), dtype=np.uint8)
-    for begin in range(0, len(frame), ROWS):
+    cells = [_cells(known) for _, known in coded]
+    lengths = [length for _, own in cells for length in own]
+    longest = sum(max(own) for _, own in cells) + LONGEST * len(numbers) + len(order)
+    first = np.cumsum([0, *(len(own) for _, own in cells)])
+    starts = np.cumsum([0, *lengths])
+    content = np.frombuffer(b"".join(text for text, _ in cells), dtype=np.uint8)
+
+    def text(begin: int) -> bytes:
         some = slice(begin, begin + ROWS)
         codes = np.array([k + code[some] for k, (code, _) in zip(first, coded, strict=False)])
         bits = np.array([column[some] for column in values]).view(np.uint64)
         out = np.empty(codes.shape[1] * longest, dtype=np.uint8)
-        yield out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
+        return out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
+
+    begins = range(0, len(frame), ROWS)
+    for k in range(0, len(begins), TOGETHER):
+        yield from compiling.in_order(text, begins[k : k + TOGETHER])
+
+
+def _cells(texts: list[str]) -> tuple[bytes, list[int]]:
+    """Return texts as they stand in a file, one behind the other, and the length of each."""
+    joined = "".join(texts)
+    if joined.isascii() and not any(special in joined for special in _SPECIAL):
+        return joined.encode(), list(map(len, texts))
+    cells = list(map(_cell, texts))
+    return b"".join(cells), list(map(len, cells))
 
 
 def _cell(text: str) -> bytes:
-    if any(special in text for special in ',"\n\r'):
+    if any(special in text for special in _SPECIAL):
         text = '"{}"'.format(text.replace('"', '""'))
     return text.encode()
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from acx4lib.compiling import compiled
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Index
 
 
 @compiled
-def patch_means(image: Array, at: Array, mean: Array, peak: Array) -> None:
+def patch_means(image: Array, at: Array, mean: Array, peak: Array, often: Index) -> None:
     """Fill in the means of bilinear samples, and the largest of the pixels that they are made of.
+
+    Count how often the pixel right of and below each sample has each value: enough pixels to tell
+    how frequent a value is.
 
     Parameters
     ----------
@@ -19,6 +22,8 @@ def patch_means(image: Array, at: Array, mean: Array, peak: Array) -> None:
         col, row of the samples of each patch; they have pixels on all sides.
     mean : ndarray, shape (n, bands)
     peak : ndarray of the image's type, shape (n, bands)
+    often : ndarray of int64, shape (bands, values)
+        To be added to.
     """
     n, samples = at.shape[:2]
     bands = image.shape[2]
@@ -36,5 +41,7 @@ def patch_means(image: Array, at: Array, mean: Array, peak: Array) -> None:
                     value = image[row + down, col + across, band]
                     total[band] += np.float64(value) * np.float64(weight)
                     peak[p, band] = max(peak[p, band], value)
+                    if k == 3:
+                        often[band, value] += 1
         for band in range(bands):
             mean[p, band] = total[band] / samples

@@ -155,7 +155,7 @@ def _compose(W: Array, p: Array, half: int) -> float:
 def _fit(B: Array, values: Array, p: Array, half: int, residuals: Array, inner: Array) -> None:
     """Fill in the residuals of a window, and their derivatives, which its rim does not have.
 
-    The unit of coordinates among the derivatives is half the side of what has them.
+    The unit of coordinates is that of `_derivatives`.
     """
     side = 2 * half + 1
     for k in range(side * side):
@@ -163,7 +163,6 @@ def _fit(B: Array, values: Array, p: Array, half: int, residuals: Array, inner: 
         for i in range(N_UNKNOWNS):
             v -= B[i, k] * p[i]
         residuals[k] = v
-    reach = max(half - RIM, 1)
     for j in range(RIM, side - RIM):
         for i in range(RIM, side - RIM):
             k = j * side + i
@@ -171,7 +170,7 @@ def _fit(B: Array, values: Array, p: Array, half: int, residuals: Array, inner: 
             gx = (8 * near - (residuals[k + 2] - residuals[k - 2])) / 12
             near = residuals[k + side] - residuals[k - side]
             gy = (8 * near - (residuals[k + 2 * side] - residuals[k - 2 * side])) / 12
-            x, y = (i - half) / reach, (j - half) / reach
+            x, y = (i - half) / half, (j - half) / half
             inner[0, k], inner[1, k] = gx, gy
             inner[2, k], inner[3, k] = gx * x, gx * y
             inner[4, k], inner[5, k] = gy * x, gy * y

@@ -7,6 +7,7 @@ import pytest
 
 from acx4book.command.acx4 import main
 from acx4book.report.material import image_residuals, read
+from acx4book.report.page.page import MARK
 from acx4lib.errors import FlightError
 from support.run_results import SINGLE, edit
 
@@ -56,13 +57,13 @@ def test_the_report_is_one_file_that_asks_for_nothing(acx4, made, run, tmp_path)
 def test_bad_results_are_one_line_and_leave_an_older_report_alone(acx4, folder, spoil, says):
     spoil(folder)
     out = folder.parent / "report.html"
-    out.write_text("older")
+    out.write_bytes(MARK)
     status, said, err = acx4("report", folder, "--out", out)
     assert (status, said) == (2, "")
     assert len(err.splitlines()) == 1
     assert says in err
     assert str(folder) in err
-    assert out.read_text() == "older"
+    assert out.read_bytes() == MARK
 
 
 def test_a_place_that_cannot_be_written_is_one_line_before_anything_runs(acx4, made, tmp_path):

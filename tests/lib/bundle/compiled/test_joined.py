@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
-from acx4lib.bundle.compiled import normals, packing
+from acx4lib.bundle.compiled import normals
 from acx4lib.bundle.compiled.joined import by_points
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.eliminated_points import of_points
-from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
+from acx4lib.least_squares.normal_equations import point_normals
 from support import blocks
 
 ENDS = np.array([[12, 20], [20, 30], [3, 40], [0, 1], [14, 45], [5, 33], [12, 20]])
@@ -39,25 +39,9 @@ NETWORKS = {
 }
 
 
-def plain(net, state, damping=0.0):
-    return PlainNormals(
-        n_columns=net.n_columns,
-        free_points=net.free_points,
-        equations=net.equations(state),
-        damping=damping,
-    )
-
-
-@pytest.fixture(params=["dense", "banded"])
-def form(request, monkeypatch):
-    if request.param == "banded":
-        monkeypatch.setattr(packing, "DENSE_COLUMNS", 0)
-        monkeypatch.setattr(packing, "DENSE_SHARE", 2.0)
-
-
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_step_is_the_plain_one(block, name, damping, form):
+def test_a_step_is_the_plain_one(block, name, damping, form, plain):
     net = NETWORKS[name](block)
     found, expected = net.normals(net.start, damping), plain(net, net.start, damping)
     assert isinstance(found, normals.NetworkNormals)
@@ -71,7 +55,7 @@ def test_a_step_is_the_plain_one(block, name, damping, form):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_covariances_and_tests_are_the_plain_ones(block, name, form):
+def test_covariances_and_tests_are_the_plain_ones(block, name, form, plain):
     net = NETWORKS[name](block)
     state, _ = adjustment.solve(net, net.start)
     found, expected = net.normals(state).precision(), plain(net, state).precision()

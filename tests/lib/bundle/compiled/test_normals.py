@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
+from acx4lib import compiling
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
@@ -102,31 +103,13 @@ NETWORKS = {
 }
 
 
-def plain(net, state, damping=0.0):
-    return PlainNormals(
-        n_columns=net.n_columns,
-        free_points=net.free_points,
-        equations=net.equations(state),
-        damping=damping,
-    )
-
-
-@pytest.fixture(params=["dense", "banded"])
-def form(request, monkeypatch):
-    if request.param == "banded":
-        monkeypatch.setattr(packing, "DENSE_COLUMNS", 0)
-        monkeypatch.setattr(packing, "DENSE_SHARE", 2.0)
-    return request.param
-
-
 @pytest.fixture(params=[1, 3], ids=["one part", "three parts"])
 def parts(request, monkeypatch):
     monkeypatch.setattr(packing, "RAYS_PER_PART", 1 if request.param > 1 else 10**9)
     monkeypatch.setattr(packing, "MOST_PARTS", request.param)
 
 
-def assert_equal_normals(net, state, *, damping):
-    compiled, oracle = net.normals(state, damping), plain(net, state, damping)
+def assert_equal_normals(compiled, oracle):
     assert isinstance(compiled, normals.NetworkNormals)
     assert compiled.n_observations == oracle.n_observations
     assert compiled.cost == pytest.approx(oracle.cost, rel=1e-13)
@@ -140,18 +123,18 @@ def assert_equal_normals(net, state, *, damping):
 
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_step_is_the_plain_one(flight, name, damping, form):
+def test_a_step_is_the_plain_one(flight, name, damping, form, plain):
     net = NETWORKS[name](flight)
-    assert_equal_normals(net, net.start, damping=damping)
+    assert_equal_normals(net.normals(net.start, damping), plain(net, net.start, damping))
 
 
-def test_parts_change_nothing(flight, form, parts):
+def test_parts_change_nothing(flight, form, parts, plain):
     net = NETWORKS["a rig of four heads"](flight)
-    assert_equal_normals(net, net.start, damping=0.0)
+    assert_equal_normals(net.normals(net.start), plain(net, net.start))
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_covariances_and_tests_are_the_plain_ones(flight, name, form):
+def test_covariances_and_tests_are_the_plain_ones(flight, name, form, plain):
     net = NETWORKS[name](flight)
     state, _ = adjustment.solve(net, net.start)
     found, expected = net.normals(state).precision(), plain(net, state).precision()
@@ -172,15 +155,15 @@ def test_covariances_and_tests_are_the_plain_ones(flight, name, form):
         assert_allclose(group.redundancy, oracle.redundancy, atol=1e-10)
 
 
-def test_a_point_measured_twice_in_one_image_counts_twice(flight):
+def test_a_point_measured_twice_in_one_image_counts_twice(flight, plain):
     block = flight.calibration
     again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
     doubled = replace(block, image_points=block.image_points[again])
     net = uses.mounted_orientation(doubled, free=("f",))
-    assert_equal_normals(net, net.start, damping=0.0)
+    assert_equal_normals(net.normals(net.start), plain(net, net.start))
 
 
-def test_a_point_behind_a_camera_costs_infinitely_much(flight):
+def test_a_point_behind_a_camera_costs_infinitely_much(flight, plain):
     net = NETWORKS["single step"](flight)
     turned = replace(net.start.T_m_b, R=net.start.T_m_b.R @ np.diag([1.0, -1.0, -1.0]))
     state = replace(net.start, T_m_b=turned)
@@ -205,7 +188,7 @@ def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
 def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
     net = NETWORKS["single step"](flight)
     first = net.normals(net.start).step()
-    monkeypatch.setattr(normals, "_cores", lambda: 1)
+    monkeypatch.setattr(compiling, "cores", lambda: 1)
     second = net.normals(net.start).step()
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b)
@@ -243,3 +226,15 @@ def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
     for name in ("v", "redundancy"):  # in the order in which they were given
         there = getattr(found.groups[0], name)
         assert_allclose(there, getattr(expected.groups[0], name)[order], atol=1e-9)
+
+
+def test_only_pairs_of_images_that_share_points_are_numbered():
+    start, image = np.array([0, 2, 5, 6]), np.array([0, 3, 1, 1, 2, 4], dtype=np.int32)
+    nothing = [-1] * 3
+    assert packing._numbered_pairs(start, image, 5).tolist() == [
+        [0, -1, -1, 1],
+        [2, 3, -1, -1],
+        [4, *nothing],
+        [5, *nothing],
+        [6, *nothing],
+    ]

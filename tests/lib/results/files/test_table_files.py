@@ -162,3 +162,26 @@ def test_what_is_no_table_is_said_with_its_cure(tmp_path):
     os.mkfifo(path)
     with pytest.raises(FlightError, match="is no regular file; remove it and run again"):
         table_files.read(path)
+
+
+def test_the_rows_of_a_method_are_those_of_the_whole_table(tmp_path):
+    path = tmp_path / "rejected.csv"
+    cells = [("a\nb", "", '"', 1.0, ""), ("2", "", "é", np.nan, "x"), ("3", "", "", 2.0, "")]
+    frame = rejected([cell for cell in cells for _ in range(3)])
+    frame["method"] = [*3 * ["two_step"], *2 * ["rig"], "two_step", "rig", *2 * ["single_step"]]
+    path.write_bytes(text_of("rejected", frame))
+    whole = table_files.read(path)
+    for method, first, last in (("two_step", 0, 5), ("rig", 3, 6), ("single_step", 7, 8)):
+        begin = table_files.begins("rejected", [f"mounting/{method}"])
+        expected = whole.loc[first:last].reset_index(drop=True)
+        pd.testing.assert_frame_equal(table_files.read_some(path, begin), expected)
+
+
+def test_a_table_that_was_written_otherwise_is_read_whole(tmp_path):
+    path = tmp_path / "rejected.csv"
+    frame = rejected([("1", "", "", 1.0, ""), ("2", "", "", 2.0, "")])
+    frame.to_csv(path, index=False, quoting=csv.QUOTE_NONNUMERIC)
+    text = path.read_bytes().split(b"\n", 1)[1]
+    path.write_bytes(table_files.header("rejected") + text)
+    begin = table_files.begins("rejected", ["mounting/rig"])
+    assert len(table_files.read_some(path, begin)) == 2

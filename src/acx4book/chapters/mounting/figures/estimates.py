@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -41,7 +40,7 @@ def mounting_per_image(
         msg = f"{method} has no mounting per image"
         raise ValueError(msg)
     with style.applied():
-        fig, axes = plt.subplots(2, 3, figsize=(style.WIDTH, 3.9), sharex=True, sharey="row")
+        fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 3.9), sharex=True, sharey="row")
         _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
         for axis, name in enumerate(("x", "y", "z")):
             axes[0, axis].set_title(f"about and along {name}")
@@ -107,7 +106,7 @@ def lever_arm_seen(table: pd.DataFrame) -> Figure:
     ]
     rows = np.arange(len(table))
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
         for offset, value, mark, name, tint in (
             (-0.2, "at_mean_height_m", "x", "from the mean flying height", style.SOFT),
             (0.0, "lever_seen_m", "o", "by least squares", style.ORANGE),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -48,8 +47,8 @@ def weak_places(mounting: Mounting | None) -> Figure:
     Returns
     -------
     Figure
-        Left, the largest detectable error in any image measurement of a point. Right, that of any
-        coordinate of a control point or a position.
+        Left, the largest detectable error in any image measurement of a point; of very many points
+        the weakest in every cell. Right, that of any coordinate of a control point or a position.
     """
     if mounting is None:
         return style.nothing(NO_RESULT)
@@ -59,7 +58,7 @@ def weak_places(mounting: Mounting | None) -> Figure:
     with style.applied():
         size = np.ptp(shown, axis=0)
         height = float(np.clip(0.45 * style.WIDTH * size[1] / max(size[0], 1e-9), 2.0, 5.4)) + 1.5
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, height))
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, height))
         _draw_rays(fig, axes[0], bundle, measured)
         handles = _draw_observed(fig, axes[1], bundle)
         for ax in axes:
@@ -75,13 +74,14 @@ def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
     found = reliability(bundle.solution.group("image_point"))
     of_point = np.zeros(bundle.network.n_points)
     np.maximum.at(of_point, bundle.network.image_points.point_idx, found.detectable.max(axis=1))
-    order = measured[np.argsort(of_point[measured])]
+    places = _km(bundle, bundle.state.x_m[measured])
+    some = style.largest_in_cells(places, of_point[measured])
     low, high = RANGE_PX
-    east, north = _km(bundle, bundle.state.x_m[order]).T
+    east, north = places[some].T
     marks = ax.scatter(
         east,
         north,
-        c=np.clip(of_point[order], low, high),
+        c=np.clip(of_point[measured[some]], low, high),
         norm=LogNorm(low, high),
         cmap=style.SEQUENCE,
         s=11,
@@ -91,7 +91,10 @@ def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
     )
     _bar(fig, ax, marks, "largest detectable error of a ray (px)", [2, 3, 5, 10, 20])
     over = int(np.sum(of_point[measured] > high))
-    style.heading(ax, "Object points", f"{len(measured)} points, {over} of them above {high:g} px")
+    said = f"{len(measured)} points, {over} of them above {high:g} px"
+    if len(some) < len(measured):
+        said += f"\ndrawn: {len(some)}, the weakest of every cell"
+    style.heading(ax, "Object points", said)
 
 
 def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
@@ -184,7 +187,7 @@ def image_redundancy(mounting: Mounting | None) -> Figure:
     with style.applied():
         sensor = max(c.height_px / c.width_px for c in cameras)
         height = float(np.clip(0.43 * style.WIDTH * sensor, 1.6, 4.2)) + 0.7
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             len(cameras),
             2,
             figsize=(style.WIDTH, height * len(cameras)),

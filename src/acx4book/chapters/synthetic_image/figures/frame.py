@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -50,7 +49,7 @@ def footprints(
     """
     n = len(orientations)
     with style.applied():
-        fig, axes = plt.subplots(1, n, figsize=_size(synthetic, n), squeeze=False)
+        fig, axes = style.subplots(1, n, figsize=_size(synthetic, n), squeeze=False)
         most = 0
         for ax, orientation, title in zip(axes[0], orientations, titles, strict=True):
             found = coverage(orientation, synthetic)
@@ -156,7 +155,7 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     key_at = 0.95, -25 / 72 / (height - 1.2)  # on the line of the axis label
     scale = size / (key * pixel)
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(fields), figsize=(width, height), sharey=True, squeeze=False
         )
         for ax, (title, found) in zip(axes[0], fields.items(), strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
@@ -120,13 +119,13 @@ def _overlap_axes(window: Window) -> tuple[Figure, tuple[Axes, Axes, Axes]]:
     aspect = (window[1] - window[0]) / (window[3] - window[2])
     if aspect < 0.8:
         tall = (style.WIDTH - 0.3) * aspect + 0.45
-        fig = plt.figure(figsize=(style.WIDTH, tall + 2.1))
+        fig = style.figure(figsize=(style.WIDTH, tall + 2.1))
         grid = fig.add_gridspec(2, 2, height_ratios=[tall, 2.1], width_ratios=[1, 3.4])
         places = grid[0, :], grid[1, 0], grid[1, 1]
     else:
         tall = float(np.clip(3.4 * aspect, 3.6, 5.6))
         wide = tall / aspect + 0.2
-        fig = plt.figure(figsize=(style.WIDTH, tall + 0.5))
+        fig = style.figure(figsize=(style.WIDTH, tall + 0.5))
         ratios = [wide, style.WIDTH - wide - 0.4]
         grid = fig.add_gridspec(2, 2, width_ratios=ratios, height_ratios=[1.2, 1])
         places = grid[:, 0], grid[0, 1], grid[1, 1]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -78,7 +77,7 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
     first = orientation.heads[0]
     tall = n_rows * (wide * first.height_px / first.width_px + 0.3) + 0.1
     with style.applied():
-        fig = plt.figure(figsize=(style.WIDTH, tall))
+        fig = style.figure(figsize=(style.WIDTH, tall))
         ratios = [FRAMES_WIDTH / n_cols] * n_cols + [style.WIDTH - FRAMES_WIDTH]
         cells = fig.add_gridspec(n_rows, n_cols + 1, width_ratios=ratios)
         for k, image in enumerate(small):
@@ -196,7 +195,7 @@ def synthetic_picture(
     places = _busiest(image)
     tall = wide * synthetic.height_px / synthetic.width_px
     with style.applied():
-        fig = plt.figure(figsize=(style.WIDTH, tall + 0.45))
+        fig = style.figure(figsize=(style.WIDTH, tall + 0.45))
         grid = fig.add_gridspec(len(places), 2, width_ratios=[wide, tall / len(places)])
         ax = fig.add_subplot(grid[:, 0])
         in_mm(ax, displayed(small, stretch), reduced_camera(synthetic, k))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -49,7 +48,7 @@ def response_curves(fit: ResponseFit | None, orientation: RelativeOrientation) -
     n_bands = fit.response.coefficients.shape[1]
     names = [style.plain(head.name) for head in orientation.heads]
     with style.applied():
-        fig = plt.figure(figsize=(style.WIDTH, 3.35 + 0.26 * len(fit.overlaps)))
+        fig = style.figure(figsize=(style.WIDTH, 3.35 + 0.26 * len(fit.overlaps)))
         parts: Any = fig.subfigures(2, 1, height_ratios=[2.35, 0.75 + 0.26 * len(fit.overlaps)])
         upper, lower = parts
         axes = upper.subplots(1, n_bands, sharey=True, squeeze=False)[0]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -123,7 +122,7 @@ def seams(
     places = _places(images, heads, pictures.synthetic, response)
     plans = ((0, None, 0.0), (1, None, 0.0), (1, response, 0.0), (1, response, feather_px / k))
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             *(len(places), 1 + len(plans)),
             figsize=(style.WIDTH, 1.55 * len(places) + 0.2),
             width_ratios=[0.72] + [1.0] * len(plans),

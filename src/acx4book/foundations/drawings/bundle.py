@@ -1,0 +1,200 @@
+"""Figures of the bundle: what is zero, what it costs, what a camera cannot hide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from acx4book.foundations.adjusting import operations, whole_system
+from acx4book.foundations.adjusting.self_calibration import View
+from acx4book.typesetting.style import (
+    BLUE,
+    BRICK,
+    ORANGE,
+    PAPER,
+    PLUM,
+    SKY,
+    SOFT,
+    TEAL,
+    WIDTH,
+    applied,
+    bare,
+    legend_below,
+    subplots,
+)
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+
+KINDS = {"boresight": BRICK, "poses": BLUE, "points": TEAL, "poses with points": SKY}
+"""Colours of entries by the unknowns that they belong to."""
+
+ROUNDING = 1e-8
+"""Length of a step, in standard deviations, below which there are only rounding errors."""
+
+SMALL = 7.8
+"""Size of letters on lines."""
+
+
+def patterns(A: Array, reduced: Array) -> Figure:
+    """Draw where the example's design matrix and normal matrices are not zero.
+
+    Parameters
+    ----------
+    A : ndarray, shape (46, 33)
+        Of `whole_system.equations`.
+    reduced : ndarray, shape (27, 27)
+        Normal matrix after the points were eliminated.
+    """
+    owner = np.zeros(A.shape[1], dtype=int)
+    owner[whole_system.POSES], owner[whole_system.POINTS] = 1, 2
+    between = np.array([[0, 0, 0], [0, 1, 3], [0, 3, 2]])
+    kinds = between[owner[:, None], owner]
+    with applied():
+        fig, axes = subplots(1, 3, figsize=(WIDTH, 4.1))
+        _cells(axes[0], A != 0, np.broadcast_to(owner, A.shape), f"$A$: {len(A)} rows")
+        _cells(axes[1], A.T @ A != 0, kinds, f"$N$: {A.shape[1]} rows")
+        _cells(axes[2], reduced != 0, kinds[:27, :27], f"$N$ reduced: {len(reduced)} rows")
+        for row, text in ((8, "image points"), (22, "positions"), (34, "attitudes"), (43, "P, Q")):
+            axes[0].text(-0.8, row, text, rotation=90, ha="right", va="center", fontsize=SMALL)
+        patches = [Patch(color=colour, label=kind) for kind, colour in KINDS.items()]
+        legend_below(fig, patches, ncols=4)
+    return fig
+
+
+def _cells(ax: Axes, filled: Array, kinds: Index, title: str) -> None:
+    colours = ListedColormap([PAPER, *KINDS.values()])
+    shown = np.where(filled, 1 + kinds, 0)
+    ax.pcolormesh(shown, cmap=colours, vmin=0, vmax=4, edgecolor="white", linewidth=0.3)
+    bare(ax)
+    ax.set(xticks=[], yticks=[], xlim=(0, shown.shape[1]), ylim=(len(shown), 0), title=title)
+    ax.set_aspect("equal", anchor="N")
+
+
+def of_block(block: Block) -> Figure:
+    """Draw which images see which points, and which images share a point.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    seen = np.zeros((len(block.images), len(block.points)))
+    seen[block.image_points.image_idx, block.image_points.point_idx] = 1.0
+    first = np.argmax(seen, axis=0)
+    order = np.argsort(first, kind="stable")
+    shared = seen @ seen.T
+    with applied():
+        fig, (left, right) = subplots(1, 2, figsize=(WIDTH, 3.0), width_ratios=[2.2, 1])
+        left.pcolormesh(seen[:, order], cmap=ListedColormap([PAPER, SKY]), rasterized=True)
+        left.set(xlabel="points, in order of first image (1)", ylabel="images (1)")
+        left.set_title("image sees point")
+        cells = np.where(shared > 0, 1.0, 0.0)
+        right.pcolormesh(cells, cmap=ListedColormap([PAPER, BLUE]), edgecolor="white", lw=0.2)
+        right.set(xlabel="images (1)", ylabel="images (1)", title="images share a point")
+        right.set_aspect("equal", anchor="N")
+        for ax in (left, right):
+            ax.invert_yaxis()
+            ax.grid(visible=False)
+    return fig
+
+
+def cost(*, points_per_image: int = 100, rays: float = 6.0, width: int = 60) -> Figure:
+    """Draw the multiplications of one iteration by the size of the block, in three ways.
+
+    Parameters
+    ----------
+    points_per_image : int
+        Number of points divided by the number of images.
+    rays : float
+        Images of a point.
+    width : int
+        Images between two that share a point, at most.
+    """
+    n_images = np.unique(np.geomspace(4, 10_000, 40).astype(int))
+    ways: dict[str, tuple[str, Array]] = {
+        "whole system": (BRICK, np.zeros(len(n_images))),
+        "points eliminated": (BLUE, np.zeros(len(n_images))),
+        "and a band": (TEAL, np.zeros(len(n_images))),
+    }
+    for i, n in enumerate(n_images.tolist()):
+        n_points = points_per_image * n
+        band = operations.banded_cholesky(6 * n, 6 * width)
+        own = operations.elimination(n_points, rays, n_shared=14)
+        ways["whole system"][1][i] = operations.whole(n, n_points, n_shared=14)
+        ways["points eliminated"][1][i] = operations.reduced(n, n_points, rays, n_shared=14)
+        ways["and a band"][1][i] = own + band
+    with applied():
+        fig, ax = subplots(figsize=(WIDTH, 3.2))
+        for name, (colour, count) in ways.items():
+            ax.loglog(n_images, count, color=colour)
+            label: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
+            ax.annotate(name, (1.15 * n_images[-1], count[-1]), **label)
+        ax.set(xlabel="images (1)", ylabel="multiplications (1)", xlim=(4, 60_000))
+    return fig
+
+
+def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
+    """Draw how long the steps of an iteration are, from several starts.
+
+    Parameters
+    ----------
+    steps : mapping of str to sequence of float
+        By the start: lengths of the steps in standard deviations of the unknowns; those below
+        `ROUNDING` are drawn there.
+    """
+    with applied():
+        fig, ax = subplots(figsize=(WIDTH, 2.9))
+        colours = (BLUE, TEAL, ORANGE, PLUM)
+        for (name, lengths), colour in zip(steps.items(), colours, strict=False):
+            at = np.arange(1, len(lengths) + 1)
+            ax.semilogy(at, np.maximum(lengths, ROUNDING), "o-", color=colour, label=name)
+        ax.axhline(1.0, color=SOFT, lw=1.0, ls="--")
+        ax.annotate(
+            "one standard deviation", (len(lengths), 2.0), ha="right", color=SOFT, fontsize=SMALL
+        )
+        ax.set(xlabel="step (1)", ylabel="length (1)")
+        ax.legend(title="κ wrong by", loc="lower left")
+    return fig
+
+
+def what_is_left(views: Mapping[str, View], *, change_mm: float = 1.0) -> Figure:
+    """Draw what a change of the camera does to an image, and what no change of pose can hide.
+
+    Parameters
+    ----------
+    views : mapping of str to View
+        By a title; the change itself is drawn for the first.
+    change_mm : float
+        Of f and of xp.
+    """
+    parts = (("$f$", 0, BLUE), ("$x_p$", 1, ORANGE))
+    with applied():
+        fig, axes = subplots(2, 1 + len(views), figsize=(WIDTH, 2.7))
+        first = next(iter(views.values()))
+        for row, (name, column, colour) in zip(axes, parts, strict=True):
+            change = change_mm * first.by_camera[:, column].reshape(-1, 2)
+            _arrows(row[0], first.xy, change, colour, factor=5.0)
+            row[0].set_ylabel(f"{name} + {change_mm:g} mm")
+            for ax, view in zip(row[1:], views.values(), strict=True):
+                left = change_mm * view.left[:, column].reshape(-1, 2)
+                _arrows(ax, view.xy, left, colour, factor=100.0)
+        axes[0, 0].set_title("the change (× 5)")
+        for ax, title in zip(axes[0, 1:], views, strict=True):
+            ax.set_title(f"{title} (× 100)")
+    return fig
+
+
+def _arrows(ax: Axes, xy: Array, d: Array, colour: str, *, factor: float) -> None:
+    """Draw displacements, mm in the image, enlarged; a point without any is a dot."""
+    ax.plot(*xy.T, ".", ms=2.5, color=SOFT)
+    ax.quiver(
+        *xy.T, *(factor * d).T, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.008
+    )
+    bare(ax)
+    ax.set(xticks=[], yticks=[], xlim=(-26, 26), ylim=(-20, 20))
+    ax.set_aspect("equal")

@@ -1,0 +1,151 @@
+"""Figures of least squares: where rays meet, what sigma promises, who checks whom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+
+from acx4book.foundations import example
+from acx4book.foundations.adjusting.fitted import Fit
+from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied, subplots
+from acx4lib.expected import Array
+from acx4lib.geometry.frames import Pose
+from acx4lib.least_squares.statistical import distributions
+
+EAST_HEIGHT = np.ix_([0, 2], [0, 2])
+OF_STRIP = {"A": BLUE, "B": ORANGE}
+TWO, FOUR = BLUE, TEAL
+"""Colours of what comes from two images and from all four."""
+
+SMALL = 7.8
+"""Size of letters on lines."""
+
+
+def where_rays_meet(T_m_c: Pose, results: Sequence[tuple[Array, Fit]]) -> Figure:
+    """Draw the rays to P from the side, and the ellipses of two and of four images, enlarged.
+
+    Parameters
+    ----------
+    T_m_c : Pose
+        Of the four images.
+    results : sequence of (ndarray, Fit)
+        P from two images, and from four: `forward_intersection.intersected`.
+    """
+    with applied():
+        fig, (side, *near) = subplots(1, 3, figsize=(WIDTH, 4.0))
+        P = example.points()[0]
+        for name, r in zip(example.EXPOSURES["image"], T_m_c.r, strict=True):
+            colour, below = OF_STRIP[name[0]], name[0] == "B"
+            side.plot(*np.transpose([r, P])[[0, 2]], color=colour, lw=1.2)
+            side.plot(r[0], r[2], "v", color=colour, ms=6)
+            outward = float(np.sign(r[0])) * 10, -14 if below else 6
+            label: dict[str, Any] = {"ha": "center", "color": colour, "fontsize": SMALL}
+            side.annotate(name, r[[0, 2]], outward, textcoords="offset points", **label)
+        side.plot(P[0], P[2], "D", color=INK, mfc="none")
+        side.annotate("P", P[[0, 2]], (6, -3), textcoords="offset points")
+        side.set(xlabel="east (m)", ylabel="height (m)", title="to scale")
+        side.set(xlim=(-130, 130), ylim=(-15, 545))
+        side.set_aspect("equal")
+        for ax, axis, name in zip(near, (0, 1), ("east", "north"), strict=True):
+            _near(ax, results, axis)
+            ax.set(xlabel=f"{name} (cm)", ylabel="height (cm)", title="at P, enlarged")
+    return fig
+
+
+def _near(ax: Axes, results: Sequence[tuple[Array, Fit]], axis: int) -> None:
+    """Draw the ellipses of one sigma in a vertical plane, cm from the surveyed P."""
+    own, P = [axis, 2], example.points()[0]
+    for (x_m, fit), colour, text in zip(results, (TWO, FOUR), ("A1, A2", "all four"), strict=True):
+        centre = 100 * (x_m - P)[own]
+        ax.add_patch(ellipse(centre, 1e4 * fit.cov[np.ix_(own, own)], colour))
+        ax.plot(*centre, "o", color=colour)
+        label: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
+        ax.annotate(text, (7, centre[1]), **label)
+    ax.plot(0, 0, "D", color=INK, mfc="none")
+    ax.annotate("surveyed", (7, 0), color=INK, fontsize=SMALL, va="center")
+    ax.set(xlim=(-18, 22), ylim=(-40, 46))
+    ax.set_aspect("equal")
+
+
+def ellipse(centre: Array, cov: Array, colour: str, *, k: float = 1.0) -> Ellipse:
+    """Return the ellipse of k sigma of a covariance matrix, shape (2, 2)."""
+    values, vectors = np.linalg.eigh(cov)
+    width, height = 2 * k * np.sqrt(values)
+    angle = np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0]))
+    shape: dict[str, Any] = {"fill": False, "edgecolor": colour, "linewidth": 1.6}
+    return Ellipse((centre[0], centre[1]), width, height, angle=angle, **shape)
+
+
+def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
+    """Draw what many repetitions do: errors of P with their ellipses, and the test's statistic.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n, 3)
+        m.
+    fits : sequence of Fit
+        n adjustments.
+    """
+    with applied():
+        fig, (left, right) = subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[1, 1.35])
+        left.plot(*(100 * errors[:, [0, 2]]).T, ".", ms=1.6, mew=0, color=SOFT, alpha=0.5)
+        cov = 1e4 * fits[0].cov[EAST_HEIGHT]
+        for share in (0.39, 0.95):
+            k = np.sqrt(distributions.chi2_ppf(share, 2))
+            left.add_patch(ellipse(np.zeros(2), cov, FOUR, k=k))
+            tip = (0.0, k * np.sqrt(cov[1, 1]))
+            left.annotate(
+                f"{100 * share:.0f} %",
+                tip,
+                (14, tip[1]),
+                color=FOUR,
+                fontsize=SMALL,
+                va="center",
+                arrowprops={"arrowstyle": "-", "color": FOUR, "lw": 0.6},
+            )
+        left.set(xlabel="error in east (cm)", ylabel="error in height (cm)", title="errors of P")
+        left.set(xlim=(-30, 30), ylim=(-55, 55))
+        left.set_aspect("equal")
+        _against_chi_square(right, np.array([each.square for each in fits]), fits[0].degrees)
+    return fig
+
+
+def _against_chi_square(ax: Axes, squares: Array, degrees: int) -> None:
+    at = np.linspace(0.01, 20, 400)
+    step = at[1] - at[0]
+    below = np.array([distributions.chi2_cdf(x, degrees) for x in at])
+    ax.hist(squares, bins=np.arange(0, 20.5, 0.5).tolist(), density=True, color="#cfd6dc")
+    ax.plot(at, np.gradient(below, step), color=FOUR)
+    limit = distributions.chi2_isf(0.05, degrees)
+    ax.axvline(limit, color=INK, lw=1.0, ls="--")
+    ax.annotate("exceeded by\n1 in 20", (limit + 0.3, 0.1), fontsize=SMALL)
+    ax.set(xlim=(0, 20), yticks=[], xlabel="weighted sum of squared residuals (1)")
+    ax.set_title(f"{degrees} degrees of freedom")
+
+
+def redundancy(two: Fit, four: Fit) -> Figure:
+    """Draw the redundancy numbers of image coordinates, with two images and with four.
+
+    Parameters
+    ----------
+    two, four : Fit
+        Of A1 and A2, and of all four images.
+    """
+    with applied():
+        fig, ax = subplots(figsize=(WIDTH, 2.6))
+        names = [f"{axis} in {image}" for image in example.EXPOSURES["image"] for axis in "xy"]
+        places = np.arange(len(names))
+        ax.bar(places[:4] - 0.2, two.redundancy, 0.36, color=TWO, label="A1 and A2")
+        ax.bar(places + 0.2, four.redundancy, 0.36, color=FOUR, label="all four images")
+        for i, r in enumerate(two.redundancy):
+            ax.annotate(f"{r:.2f}", (i - 0.2, r + 0.02), ha="center", fontsize=SMALL, color=TWO)
+        ax.set_xticks(places, names)
+        ax.set(ylim=(0, 1), ylabel="redundancy number (1)")
+        ax.grid(visible=False, axis="x")
+        ax.legend(ncols=2, loc="upper left")
+    return fig

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from matplotlib.patches import Ellipse
+from numpy.testing import assert_allclose
+
+from acx4book.foundations import example
+from acx4book.foundations.adjusting import forward_intersection as rays
+from acx4book.foundations.drawings import least_squares as drawings
+from support.figures import assert_labelled, assert_texts_apart, drawn, title
+
+
+@pytest.fixture(scope="module")
+def results():
+    T, xy = rays.cameras(), example.measured()[:, 0]
+    return rays.intersected(T[:2], xy[:2]), rays.intersected(T, xy)
+
+
+def test_an_ellipse_has_the_points_of_equal_probability():
+    cov = np.array([[4.0, 1.5], [1.5, 2.0]])
+    vertices = drawings.ellipse(np.array([1.0, 2.0]), cov, "k", k=2.0).get_verts() - [1.0, 2.0]
+    square = np.einsum("ni,ij,nj->n", vertices, np.linalg.inv(cov), vertices)
+    # corners of the curves lie on the ellipse, their control points outside
+    assert_allclose(square.min(), 4.0)
+    assert_allclose(np.median(square), 4.05, atol=0.05)
+
+
+def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
+    fig = drawn(drawings.where_rays_meet(rays.cameras(), results))
+    assert_labelled(fig)
+    assert_texts_apart(fig)
+    side, *near = fig.axes
+    ends = [line.get_xydata()[-1] for line in side.lines if len(line.get_xydata()) == 2]
+    assert_allclose(ends, np.tile(example.points()[0, [0, 2]], (4, 1)))
+    for ax in near:
+        back = ax.transData.inverted()
+        heights = [p.get_extents().transformed(back).height for p in ax.patches]
+        assert_allclose(heights, [200 * np.sqrt(fit.cov[2, 2]) for _, fit in results], rtol=0.02)
+
+
+def test_the_histogram_is_that_of_the_repetitions(results):
+    fits = [results[1][1]] * 20
+    fig = drawings.promise(np.zeros((20, 3)), fits)
+    drawn(fig)
+    errors, test = fig.axes
+    assert sum(isinstance(patch, Ellipse) for patch in errors.patches) == 2
+    heights = np.array([bar.get_height() for bar in test.patches])
+    assert_allclose(heights[int(fits[0].square / 0.5)], 2.0)  # all of them, in half a unit
+    assert "5 degrees" in title(test)
+
+
+def test_bars_are_redundancy_numbers(results):
+    fig = drawings.redundancy(results[0][1], results[1][1])
+    bars = [bar.get_height() for bar in fig.axes[0].patches]
+    assert_allclose(bars, [*results[0][1].redundancy, *results[1][1].redundancy])
+    assert_allclose([sum(bars[:4]), sum(bars[4:])], [1.0, 5.0])
