@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,7 +20,9 @@ FLAT = 0.75
 def earth() -> Figure:
     """Draw a meridian of the ellipsoid with two frames, and beside it the three surfaces."""
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.3), width_ratios=(1.15, 1))
+        fig, (left, right) = style.subplots(
+            1, 2, figsize=(style.WIDTH, 3.3), width_ratios=(1.15, 1)
+        )
         _meridian(left)
         _heights(right)
     return fig
@@ -99,7 +100,7 @@ def projection(scales: Mapping[float, tuple[Array, Array]], *, focal_mm: float) 
         For the second axis: the change of a focal length that map coordinates cause.
     """
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1.4, 1))
+        fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1.4, 1))
         for (height, (east, scale)), colour in zip(
             scales.items(), (style.BLUE, style.ORANGE), strict=True
         ):
