@@ -11,13 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from acx4book.foundations import example
-<<<<<<< HEAD
-from acx4book.foundations.fitted import Fit
-from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied, subplots
-=======
 from acx4book.foundations.adjusting.fitted import Fit
-from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied
->>>>>>> wt-found2
+from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied, subplots
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.statistical import distributions
