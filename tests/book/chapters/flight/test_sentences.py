@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from acx4book.chapters.flight import sentences
 
 
@@ -16,15 +14,9 @@ def test_directions_are_said(flight):
     assert "in one direction only" in sentences.directions(flight)
 
 
-def test_a_flight_without_surveyed_points_has_no_height_above_ground(flight):
-    block = without_control(flight.heads)
-    said = sentences.directions(replace(flight, blocks={"heads": block}))
+def test_a_flight_without_surveyed_points_has_no_height_above_ground(without_ground):
+    said = sentences.directions(without_ground)
     assert said.startswith("*heads*: height above ground not known, flown in ")
-
-
-def without_control(block):
-    nothing = np.zeros(len(block.control), dtype=bool)
-    return replace(block, control=block.control[nothing])
 
 
 def test_the_answer_names_each_block_and_what_it_is_for(flight):

@@ -20,6 +20,16 @@ from acx4lib.flight.reader import Flight
 PANE = 0.36
 """Where on the rays the images are drawn, as a share of the way to the ground."""
 
+ALT = (
+    "An aeroplane over a field, drawn in space. From it the rays of every camera head widen to "
+    "the ground, each in a colour of its own. Half-way they pass through the images, coloured "
+    "panes that overlap; a thick frame around them is the synthetic image. On the ground the "
+    "same panes are large areas that overlap along their inner borders, with the same thick "
+    "frame. The frames of the other exposures of the strip lie one over the other, and triangles "
+    "mark surveyed points."
+)
+"""What is seen."""
+
 AEROPLANE = np.array(
     [
         *((1.1, 0.0), (0.9, 0.1), (0.35, 0.12), (0.2, 1.3), (-0.1, 1.3), (-0.2, 0.12)),
@@ -128,6 +138,21 @@ def exposure(flight: Flight) -> Figure:
     return fig
 
 
+def caption(flight: Flight) -> str:
+    """Say what the drawing shows, with the numbers of the flight."""
+    found = scene(flight)
+    if found is None:
+        return ""
+    n, each = len(found.images), np.ptp(found.synthetic[found.middle], axis=0)[:2]
+    cameras = f"{n} heads take {n} images at once" if n > 1 else "One camera takes one image"
+    thick = "the synthetic image that is made of them" if n > 1 else "its frame"
+    return (
+        f"{cameras}, {found.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
+        f"cameras of the flight {flight.name}. Thick: {thick}, {each[0]:.0f} x {each[1]:.0f} m on "
+        "the ground. Thin: the other exposures of the strip."
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Look:
     """A central projection of a scene.
@@ -166,8 +191,9 @@ def _draw_ground(ax: Axes, found: Scene, look: Look) -> None:
         ax.add_patch(_area(look(frame), style.SOFT, alpha=0.06))
         ax.add_patch(_outline(look(frame), style.SOFT, lw=0.5))
     low, high = (f(found.synthetic.reshape(-1, 3), axis=0) for f in (np.min, np.max))
-    near = np.all((found.control > low - 150) & (found.control < high + 150), axis=1)
-    ax.plot(*look(found.control[near | (found.control[:, 2] > 0)]).T, "^", color=style.INK, ms=3.2)
+    margin = 0.12 * (high - low)
+    near = np.all((found.control >= low - margin) & (found.control <= high + margin), axis=1)
+    ax.plot(*look(found.control[near]).T, "^", color=style.INK, ms=3.2)
 
 
 def _draw_rays(ax: Axes, found: Scene, look: Look) -> None:
@@ -202,10 +228,17 @@ def _draw_aeroplane(ax: Axes, found: Scene, look: Look) -> None:
 def _label(ax: Axes, found: Scene, look: Look) -> None:
     """Write what is seen beside it."""
     centre, frame = found.centre, found.synthetic[found.middle]
-    for i, (name, corners) in enumerate(zip(found.names, found.images, strict=True)):
+    for name, corners in zip(found.names, found.images, strict=True):
         outermost = corners[np.argmax(np.hypot(*corners.T[:2]))]
-        at = look(0.6 * corners.mean(axis=0) + 0.4 * outermost)
-        note(ax, at, style.plain(name), style.colour(i), shift=(0, 0))
+        at = look(0.8 * corners.mean(axis=0) + 0.2 * outermost)
+        ax.annotate(
+            style.plain(name),
+            (at[0], at[1]),
+            color=style.INK,
+            ha="center",
+            va="center",
+            weight="bold",
+        )  # colours of the palette are too light for letters
     pane = centre + PANE * (frame - centre)
     right = max(look(pane), key=lambda at: float(at[0]))
     left = min(look(pane), key=lambda at: float(at[0]))
