@@ -1,0 +1,16 @@
+"""All lab sheets."""
+
+from acx4book.teaching.case import Sheet
+from acx4book.teaching.sheets import mounting
+
+SHEETS: dict[str, Sheet] = {sheet.name: sheet for sheet in (mounting.SHEET,)}
+"""By name, in the order of the course."""
+
+
+def sheet_of(text: str) -> Sheet:
+    """Return the sheet of a number or a name, such as ``6`` or ``lab-6``; ValueError if unknown."""
+    name = text if text.startswith("lab-") else f"lab-{text}"
+    if name not in SHEETS:
+        msg = f"unknown sheet {text!r}; known: {', '.join(SHEETS)}"
+        raise ValueError(msg)
+    return SHEETS[name]
