@@ -23,6 +23,7 @@ from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
+from acx4book.teaching.showing import tables as lab_tables
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -83,6 +84,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book),
+        *lab_tables.texts(),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):

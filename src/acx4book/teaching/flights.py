@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,11 +63,11 @@ def drawn_camera(seed: int) -> Camera:
         "p2": either(2e-6, 4e-6),
         "k1": float(rng.choice([-1.0, 1.0])) * camera.k1 * rng.uniform(0.8, 1.2),
     }
-    whole = {name: float(f"{value:.6g}") for name, value in drawn.items()}
-    omega, phi, kappa = (round(angle, 4) for angle in angles)
-    x, y, z = (round(value, 4) for value in lever)
+    inner: dict[str, Any] = {name: float(f"{value:.9g}") for name, value in drawn.items()}
+    omega, phi, kappa = (round(angle, 7) for angle in angles)
+    x, y, z = (round(value, 7) for value in lever)
     return replace(
-        camera, **whole, boresight_deg=(omega, phi, round(90.0 + kappa, 4)), lever_m=(x, y, z)
+        camera, **inner, boresight_deg=(omega, phi, round(90.0 + kappa, 7)), lever_m=(x, y, z)
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet
 from acx4book.teaching.handed_in import Answer
 
-SIGMA_FACTOR = 1.6
+SIGMA_FACTOR = 1.3
 """A standard deviation is right up to this factor: methods and redundancies differ."""
 
 ALIKE = 1.08
@@ -60,7 +60,7 @@ def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verd
         for q in sheet.questions
         if (a := answers.get(q.name)) is not None and a.value is not None and _unit(q, a)
     }
-    wrong = {n: v for n, v in values.items() if not abs(v - right[n].truth) <= right[n].bound}
+    wrong = {n: v for n, v in values.items() if not apart(n, v, right[n].truth) <= right[n].bound}
     sigmas = {
         q.name: s
         for q in sheet.questions
@@ -70,7 +70,14 @@ def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verd
     mistakes = [*sheet.mistakes(case, right)] if wrong or wrong_sigma else []
     why = explained(wrong, right, mistakes)
     why_sigma = explained_sigma(wrong_sigma, right, mistakes)
-    return [_verdict(q, answers.get(q.name), right[q.name], why, why_sigma) for q in sheet.questions]
+    return [
+        _verdict(q, answers.get(q.name), right[q.name], why, why_sigma) for q in sheet.questions
+    ]
+
+
+def apart(name: str, a: float, b: float) -> float:
+    """Return how far two answers to a question are apart; whole turns of angles do not count."""
+    return abs((a - b + 180.0) % 360.0 - 180.0) if name.endswith("_deg") else abs(a - b)
 
 
 def _unit(question: Question, answer: Answer) -> bool:
@@ -144,9 +151,9 @@ def _fit(left: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[str
     fits = {}
     for name, value in left.items():
         gives = mistake.gives.get(name)
-        if gives is None or abs(gives - right[name].value) <= right[name].bound:
+        if gives is None or apart(name, gives, right[name].truth) <= right[name].bound:
             continue  # it would not have been seen
-        off = abs(value - gives) / (right[name].bound * mistake.scale)
+        off = apart(name, value, gives) / (right[name].bound * mistake.scale)
         if off <= 1.0:
             fits[name] = off
     return fits

@@ -1,9 +1,20 @@
 """All lab sheets."""
 
 from acx4book.teaching.case import Sheet
-from acx4book.teaching.sheets import mounting
+from acx4book.teaching.sheets import (
+    design,
+    gross_errors,
+    intersection,
+    lens,
+    mounting,
+    pixels,
+    proof,
+    rotations,
+)
 
-SHEETS: dict[str, Sheet] = {sheet.name: sheet for sheet in (mounting.SHEET,)}
+_ORDER = (pixels, rotations, intersection, lens, gross_errors, mounting, proof, design)
+
+SHEETS: dict[str, Sheet] = {module.SHEET.name: module.SHEET for module in _ORDER}
 """By name, in the order of the course."""
 
 

@@ -98,8 +98,8 @@ def _of_image(methods: Mountings) -> Pose:
     return per_image[IMAGE]
 
 
-def _reported(T: Pose) -> list[float]:
-    return [*T.r.tolist(), *np.degrees(T.opk).tolist()]
+def _reported(T: Pose) -> Array:
+    return np.concatenate([T.r, np.degrees(T.opk)])
 
 
 def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
@@ -144,9 +144,9 @@ def _wrong_axes(case: Case, right: Rights) -> Iterator[Mistake]:
 
 
 def _convergence(case: Case, R_g_b: Array, R_b_c: Array) -> Iterator[Mistake]:
-    """Yield the boresight of an image whose body was turned from true north, not from grid north."""
+    """Yield the boresight from headings that were taken to count from grid north."""
     frame = case.block.frame
-    place = frame.to_geographic(case.block.T_m_b_images[[IMAGE]].r)[:, :2]
+    place = frame.to_geographic(case.block.T_m_b_images.r[[IMAGE]])[:, :2]
     gamma = float(frame.grid.convergence(place)[0])
     R_t_b = turn(2, -gamma) @ R_g_b
     yield Mistake(
