@@ -64,3 +64,10 @@ def test_figures_have_a_caption_and_say_what_is_seen(chapter):
             assert told["figure"]["caption"].endswith(".")
             assert told["figure"]["name"].startswith("fig-")
             assert len(told["image"]["alt"]) > 40
+
+
+def test_equations_with_a_number_need_no_environment_around_them(chapter):
+    r"""Sphinx puts every equation with \\ into a *split*, in which MathJax allows no \tag."""
+    for text in texts(chapter):
+        for equation in re.findall(r"(?s)\$\$(.+?)\$\$", text):
+            assert not (r"\tag" in equation and r"\\" in equation), equation
