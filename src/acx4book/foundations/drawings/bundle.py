@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
@@ -27,6 +26,7 @@ from acx4book.typesetting.style import (
     applied,
     bare,
     legend_below,
+    subplots,
 )
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
@@ -56,7 +56,7 @@ def patterns(A: Array, reduced: Array) -> Figure:
     between = np.array([[0, 0, 0], [0, 1, 3], [0, 3, 2]])
     kinds = between[owner[:, None], owner]
     with applied():
-        fig, axes = plt.subplots(1, 3, figsize=(WIDTH, 4.1))
+        fig, axes = subplots(1, 3, figsize=(WIDTH, 4.1))
         _cells(axes[0], A != 0, np.broadcast_to(owner, A.shape), f"$A$: {len(A)} rows")
         _cells(axes[1], A.T @ A != 0, kinds, f"$N$: {A.shape[1]} rows")
         _cells(axes[2], reduced != 0, kinds[:27, :27], f"$N$ reduced: {len(reduced)} rows")
@@ -89,7 +89,7 @@ def of_block(block: Block) -> Figure:
     order = np.argsort(first, kind="stable")
     shared = seen @ seen.T
     with applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.0), width_ratios=[2.2, 1])
+        fig, (left, right) = subplots(1, 2, figsize=(WIDTH, 3.0), width_ratios=[2.2, 1])
         left.pcolormesh(seen[:, order], cmap=ListedColormap([PAPER, SKY]), rasterized=True)
         left.set(xlabel="points, in order of first image (1)", ylabel="images (1)")
         left.set_title("image sees point")
@@ -129,7 +129,7 @@ def cost(*, points_per_image: int = 100, rays: float = 6.0, width: int = 60) -> 
         ways["points eliminated"][1][i] = operations.reduced(n, n_points, rays, n_shared=14)
         ways["and a band"][1][i] = own + band
     with applied():
-        fig, ax = plt.subplots(figsize=(WIDTH, 3.2))
+        fig, ax = subplots(figsize=(WIDTH, 3.2))
         for name, (colour, count) in ways.items():
             ax.loglog(n_images, count, color=colour)
             label: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
@@ -148,7 +148,7 @@ def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
         `ROUNDING` are drawn there.
     """
     with applied():
-        fig, ax = plt.subplots(figsize=(WIDTH, 2.9))
+        fig, ax = subplots(figsize=(WIDTH, 2.9))
         colours = (BLUE, TEAL, ORANGE, PLUM)
         for (name, lengths), colour in zip(steps.items(), colours, strict=False):
             at = np.arange(1, len(lengths) + 1)
@@ -174,7 +174,7 @@ def what_is_left(views: Mapping[str, View], *, change_mm: float = 1.0) -> Figure
     """
     parts = (("$f$", 0, BLUE), ("$x_p$", 1, ORANGE))
     with applied():
-        fig, axes = plt.subplots(2, 1 + len(views), figsize=(WIDTH, 2.7))
+        fig, axes = subplots(2, 1 + len(views), figsize=(WIDTH, 2.7))
         first = next(iter(views.values()))
         for row, (name, column, colour) in zip(axes, parts, strict=True):
             change = change_mm * first.by_camera[:, column].reshape(-1, 2)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -45,7 +44,7 @@ def differences(d_xy: Array, R_m_c: Array) -> Figure:
     in_camera = np.concatenate([d_xy, np.zeros((4, 2, 1))], axis=-1)
     d_m = np.einsum("nij,npj->npi", R_m_c, in_camera)[..., :2] * height[..., None] / example.F_MM
     with style.applied():
-        fig, (image, ground) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.9))
+        fig, (image, ground) = style.subplots(1, 2, figsize=(style.WIDTH, 3.9))
         for i, strip in enumerate("AABB"):
             how = {"color": STRIPS[strip], "width": 0.008, "angles": "xy", "scale_units": "xy"}
             image.quiver(*example.measured()[i].T, *d_xy[i].T, scale=1 / 16, **how)
@@ -138,7 +137,7 @@ def columns(height_m: float) -> Figure:
     xy = grid()
     fields: Mapping[str, Array] = effects(xy, height_m)
     with style.applied():
-        fig, panels = plt.subplots(2, 4, figsize=(style.WIDTH, 3.3), sharex=True, sharey=True)
+        fig, panels = style.subplots(2, 4, figsize=(style.WIDTH, 3.3), sharex=True, sharey=True)
         for ax, (name, d) in zip(panels.flat, fields.items(), strict=False):
             longest = np.hypot(*d.T).max()
             _field(ax, xy, d * 5.5 / longest, KINDS[name.split()[0]])
@@ -187,7 +186,7 @@ def look_alike(height_m: float) -> Figure:
         ("what is left", left, 5, style.BRICK),
     )
     with style.applied():
-        fig, panels = plt.subplots(1, 3, figsize=(style.WIDTH, 2.4))
+        fig, panels = style.subplots(1, 3, figsize=(style.WIDTH, 2.4))
         for ax, (name, d, times, colour) in zip(panels, drawn, strict=True):
             _field(ax, xy, times * d / LOOK_ALIKE_MM, colour)
             rms = 1000 * np.sqrt(np.mean(np.sum(d * d, axis=1)))

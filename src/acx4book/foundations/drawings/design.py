@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ READABLE = 0.3
 def plans(designs: Mapping[str, Sequence[Line]]) -> Figure:
     """Draw the lines of designs, the footprints of their middle images, and the control points."""
     with style.applied():
-        fig, axes = plt.subplots(
+        fig, axes = style.subplots(
             1, len(designs), figsize=(style.WIDTH, 2.1), sharex=True, sharey=True
         )
         for ax, (name, lines) in zip(axes, designs.items(), strict=True):
@@ -81,7 +80,7 @@ def correlations(designs: Mapping[str, pd.DataFrame]) -> Figure:
         By the name of the design: square, with the same names.
     """
     with style.applied():
-        fig, axes = plt.subplots(1, len(designs), figsize=(style.WIDTH, 4.0), sharey=True)
+        fig, axes = style.subplots(1, len(designs), figsize=(style.WIDTH, 4.0), sharey=True)
         for ax, (title, table) in zip(axes, designs.items(), strict=True):
             names = [str(name).partition(",")[0] for name in table.index]
             _matrix(ax, table.to_numpy(), names)
@@ -119,11 +118,11 @@ def against_ratio(table: pd.DataFrame) -> Figure:
     """
     groups = (("lever x, m", "lever y, m", "lever z, m"), ("xp, mm", "yp, mm", "f, mm"))
     with style.applied():
-        fig, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 3.0))
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.0))
         for ax, names in zip(axes, groups, strict=True):
             for name, colour in zip(names, (style.BLUE, style.ORANGE, style.TEAL), strict=True):
                 label, unit = name.split(", ")
                 ax.plot(table.columns, table.loc[name], "o-", color=colour, label=label)
-            ax.set(yscale="log", xlabel="second height over first", ylabel=f"σ, {unit}")
+            ax.set(yscale="log", xlabel="second height over first", ylabel=f"σ ({unit})")
             ax.legend()
     return fig

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -41,7 +40,7 @@ def curves() -> Figure:
     pixel = UM * printed.pixel_mm("CAM1")
     r = np.linspace(0, border("CAM1"), 120)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.3))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.3))
         for head, colour in zip(printed.HEADS, style.PALETTE, strict=False):
             values = UM * radial(printed.interior(1, head), r)
             ax.plot(r, values, color=colour, label=head)
@@ -78,7 +77,7 @@ def vectors(head: str) -> Figure:
     lens = printed.interior(1, head)
     decentring = Interior(f=lens.f, xp=lens.xp, yp=lens.yp, p1=lens.p1, p2=lens.p2)
     with style.applied():
-        fig, (left, right) = plt.subplots(1, 2, figsize=(style.WIDTH, 3.2), sharey=True)
+        fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.2), sharey=True)
         _field(left, head, lens, times=80, colour=style.BLUE)
         _field(right, head, decentring, times=300, colour=style.PLUM)
         style.heading(left, f"{head}, as in Table 1", "distortion, 80 times as long")
@@ -135,7 +134,7 @@ def balanced(head: str) -> Figure:
     change = radial(lens, r)
     other = r - (1 + scale) * (r - change)
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.0))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.0))
         ax.axhline(0, color=style.SOFT, lw=0.8)
         ax.plot(r, UM * change, color=style.BLUE, label=f"f = {lens.f:.3f} mm")
         ax.plot(r, UM * other, color=style.ORANGE, label=f"f = {lens.f * (1 + scale):.3f} mm")
@@ -183,7 +182,7 @@ def directions(head: str) -> Figure:
     r = np.linspace(4, border(head), 100)
     colours = (style.BRICK, style.BLUE, style.TEAL)
     with style.applied():
-        fig, panels = plt.subplots(1, 2, figsize=(style.WIDTH, 3.5), sharey=True)
+        fig, panels = style.subplots(1, 2, figsize=(style.WIDTH, 3.5), sharey=True)
         for ax, times in zip(panels, (1, 10), strict=True):
             found = mistaken(times * k1, r)
             for (name, error), colour in zip(found.items(), colours, strict=True):
@@ -213,7 +212,7 @@ def terms(method: str) -> Figure:
         "$k_3 r^7$": lens.k3 * r**7,
     }
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 3.2))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.2))
         ax.axhline(0, color=style.SOFT, lw=0.8)
         for (name, values), colour in zip(parts.items(), style.PALETTE, strict=False):
             ax.plot(r, UM * values, color=colour, label=name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,7 +16,7 @@ F, H, TO_A = 2.1, 6.0, 3.4
 def ray() -> Figure:
     """Draw a section through a camera: perspective centre, image, ray, and ground."""
     with style.applied():
-        fig, ax = plt.subplots(figsize=(style.WIDTH, 4.6))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 4.6))
         to_a = TO_A * F / H
         for run, drop, tint in ((TO_A, H, "#e4efe9"), (to_a, F, "#d3e2f4")):
             corners = np.array([[0, 0], [0, -drop], [run, -drop]])
@@ -66,7 +65,7 @@ def _lengths(ax: Axes, to_a: float) -> None:
 def first_pixels() -> Figure:
     """Draw the corner of an image with (0, 0) at a pixel's centre, and at its corner."""
     with style.applied():
-        fig, panels = plt.subplots(1, 2, figsize=(style.WIDTH, 2.9))
+        fig, panels = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for ax, at, place in zip(panels, (0.5, 0.0), ("centre", "corner"), strict=True):
             for column, row in np.ndindex(4, 3):
                 ax.add_patch(Rectangle((column, row), 1, 1, fc="none", ec=style.SOFT, lw=0.8))
