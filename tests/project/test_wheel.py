@@ -125,6 +125,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected |= {f"{house}/py.typed" for house in HOUSES}
     expected.add("acx4book/report/page/report.css")
     for place, files in (
+        ("acx4book/chapters/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
         ("acx4book/paper/tables", "data/paper/*.csv"),
         ("acx4book/reference/measurements", "data/reference/*.csv"),
@@ -252,6 +253,21 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
     page = (whole / "results" / "report.html").read_text(encoding="utf-8")
     assert "data:image/svg+xml;base64," in page
     assert "@page" in page  # of the style sheet
+
+
+@pytest.mark.slow
+def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
+    """The one of the mounting calibration: it simulates its flight, and asks nobody for anything."""
+    empty = whole / "empty"
+    (empty / "env").parent.mkdir()
+    (empty / "env").symlink_to(whole / "env")
+    write = "from pathlib import Path; from acx4book.pages.back import clean; clean.write(Path())"
+    succeeds(empty, "python", "-c", write)
+    done = run(empty, "python", "-m", "papermill", "03-mounting-calibration.ipynb", "done.ipynb")
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (empty / "flight-acx4-ideal" / "flight.toml").is_file()
+    assert (empty / "results-03-mounting-calibration" / "parameters.csv").is_file()
+    assert "tab-mounting" in (empty / "done.ipynb").read_text(encoding="utf-8")
 
 
 def test_nothing_is_written_into_the_installed_library(whole):
