@@ -147,7 +147,7 @@ def test_the_requirements_are_those_of_pyproject(wheel):
     extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
     required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
     assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
-    assert set(said.get_all("Provides-Extra")) == {"book", "reference", "cluster"}
+    assert set(said.get_all("Provides-Extra")) == {"book", "pdf", "reference", "cluster"}
 
 
 def imported(house):
@@ -170,7 +170,7 @@ def distributions(modules):
 
 @pytest.mark.parametrize(
     ("house", "extras"),
-    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "reference"))],
+    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "pdf", "reference"))],
 )
 def test_what_a_package_imports_is_required(house, extras):
     required = names_of([*PROJECT["dependencies"], *(r for e in extras for r in EXTRAS[e])])
@@ -257,9 +257,9 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
 
 @pytest.mark.slow
 def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
-    """The one of the mounting calibration: it simulates its flight, and asks nobody for anything."""
+    """The one of the mounting calibration, which simulates its flight."""
     empty = whole / "empty"
-    (empty / "env").parent.mkdir()
+    empty.mkdir()
     (empty / "env").symlink_to(whole / "env")
     write = "from pathlib import Path; from acx4book.pages.back import clean; clean.write(Path())"
     succeeds(empty, "python", "-c", write)
@@ -267,7 +267,7 @@ def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
     assert done.returncode == 0, done.stderr[-2000:]
     assert (empty / "flight-acx4-ideal" / "flight.toml").is_file()
     assert (empty / "results-03-mounting-calibration" / "parameters.csv").is_file()
-    assert "tab-mounting" in (empty / "done.ipynb").read_text(encoding="utf-8")
+    assert "tab-adjustments" in (empty / "done.ipynb").read_text(encoding="utf-8")
 
 
 def test_nothing_is_written_into_the_installed_library(whole):
