@@ -20,6 +20,7 @@ from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
+from acx4book.pages.back import changelog, citation, clean, licences
 from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
@@ -88,12 +89,14 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book),
         *lab_tables.texts(),
+        *texts_of_back_matter(),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
         with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
             figure.savefig(generated / name, metadata={"Date": None})
     frames.draw(generated)
+    clean.write(generated / clean.FOLDER)
     api.write(book)
 
 
@@ -215,6 +218,13 @@ def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
     codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
     for number, said in enumerate(example.outputs(codes), 1):
         yield f"library-{number}.txt", said
+
+
+def texts_of_back_matter() -> Iterator[tuple[str, str]]:
+    """Yield the names and texts of what the project's own files say, in the current folder."""
+    yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
+    yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
+    yield "licences.md", licences.page()
 
 
 def figures_of_benchmarks(
