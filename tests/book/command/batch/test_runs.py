@@ -10,7 +10,7 @@ import time
 import distributed
 import pytest
 
-from acx4book.batch import executors, jobs, runs, table
+from acx4book.command.batch import executors, jobs, runs, table
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import OutputError
