@@ -89,7 +89,7 @@ check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks with
 	@$(BIN)/mypy
 	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
 	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
-	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
+	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS) $(wildcard notebooks/*/*.ipynb))
 	@$(BIN)/codespell src notebooks book *.md
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
