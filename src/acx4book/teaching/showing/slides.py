@@ -1,4 +1,4 @@
-"""One lecture as a page of its own: a slide is a title, a few sentences, and a figure of the book."""
+"""One lecture as a page of its own: a slide is a title, some sentences, a figure of the book."""
 
 from __future__ import annotations
 
