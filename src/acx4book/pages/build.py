@@ -25,6 +25,7 @@ from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
+from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
 from acx4book.typesetting import drawing
 from acx4lib.flight.reader import Flight, read_kept
@@ -96,6 +97,9 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
             figure.savefig(generated / name, metadata={"Date": None})
     frames.draw(generated)
+    drawn = [*figure_pack.figures(executed)]
+    (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
+    (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
     api.write(book)
 
