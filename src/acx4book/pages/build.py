@@ -12,7 +12,6 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib as mpl
 import nbformat
 from matplotlib.figure import Figure
 
@@ -23,6 +22,7 @@ from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import scorecard_page
+from acx4book.typesetting.drawing import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -86,8 +86,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
-        with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
-            figure.savefig(generated / name, metadata={"Date": None})
+        (generated / name).write_text(vector(figure), encoding="utf-8")
     frames.draw(generated)
     api.write(book)
 

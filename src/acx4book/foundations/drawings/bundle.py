@@ -20,6 +20,7 @@ from acx4book.typesetting.style import (
     PAPER,
     PLUM,
     SKY,
+    SMALL,
     SOFT,
     TEAL,
     WIDTH,
@@ -36,9 +37,6 @@ KINDS = {"boresight": BRICK, "poses": BLUE, "points": TEAL, "poses with points":
 
 ROUNDING = 1e-8
 """Length of a step, in standard deviations, below which there are only rounding errors."""
-
-SMALL = 7.8
-"""Size of letters on lines."""
 
 
 def patterns(A: Array, reduced: Array) -> Figure:
@@ -70,7 +68,7 @@ def patterns(A: Array, reduced: Array) -> Figure:
 def _cells(ax: Axes, filled: Array, kinds: Index, title: str) -> None:
     colours = ListedColormap([PAPER, *KINDS.values()])
     shown = np.where(filled, 1 + kinds, 0)
-    ax.pcolormesh(shown, cmap=colours, vmin=0, vmax=4, edgecolor="white", linewidth=0.3)
+    ax.pcolormesh(shown, cmap=colours, vmin=0, vmax=4, edgecolor=PAPER, linewidth=0.3)
     bare(ax)
     ax.set(xticks=[], yticks=[], xlim=(0, shown.shape[1]), ylim=(len(shown), 0), title=title)
     ax.set_aspect("equal", anchor="N")
@@ -94,7 +92,7 @@ def of_block(block: Block) -> Figure:
         left.set(xlabel="points, in order of first image (1)", ylabel="images (1)")
         left.set_title("image sees point")
         cells = np.where(shared > 0, 1.0, 0.0)
-        right.pcolormesh(cells, cmap=ListedColormap([PAPER, BLUE]), edgecolor="white", lw=0.2)
+        right.pcolormesh(cells, cmap=ListedColormap([PAPER, BLUE]), edgecolor=PAPER, lw=0.2)
         right.set(xlabel="images (1)", ylabel="images (1)", title="images share a point")
         right.set_aspect("equal", anchor="N")
         for ax in (left, right):

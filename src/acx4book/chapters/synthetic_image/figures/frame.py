@@ -21,8 +21,8 @@ from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import Coverage, coverage, footprint
 from acx4lib.tie_points.ties import Overlap
 
-COUNTS = ("#f0bfae", "#eef2f6", "#c3d6e8", "#8fb2d3", "#5b8dbd")
-"""Grounds of what no head sees, and of what one to four or more heads see."""
+COUNTS = ("#d9603f66", "#4a86c010", "#4a86c040", "#4a86c080", "#4a86c0c0")
+"""Grounds of what no head sees, and of what one to four or more heads see; light shines through."""
 
 SHOWN = ("before", "mean shift", "rotations")
 """Ways to refine that `refinements` shows beside each other."""
@@ -218,5 +218,10 @@ def _draw_vectors(
     )
     label = f"{key:g} px"
     ax.quiverkey(
-        arrows, *key_at, scale * key * pixel, label, labelpos="W", fontproperties={"size": 7}
+        arrows,
+        *key_at,
+        scale * key * pixel,
+        label,
+        labelpos="W",
+        fontproperties=style.LETTERS,
     )
