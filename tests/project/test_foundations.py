@@ -1,4 +1,4 @@
-"""The chapters of part I: their form, and all their code, that of the solutions included."""
+"""The chapters of part I and their template: the form, and all code, that of solutions included."""
 
 import ast
 import re
@@ -8,7 +8,11 @@ import pytest
 
 from support.helpers import ROOT
 
-CHAPTERS = sorted((ROOT / "notebooks" / "foundations").glob("*.ipynb"))
+NOTEBOOKS = ROOT / "notebooks"
+CHAPTERS = [
+    *sorted((NOTEBOOKS / "foundations").glob("*.ipynb")),
+    NOTEBOOKS / "template/chapter.ipynb",
+]
 
 
 @pytest.fixture(params=CHAPTERS, ids=lambda path: path.stem)

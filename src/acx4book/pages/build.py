@@ -12,7 +12,6 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib as mpl
 import nbformat
 from matplotlib.figure import Figure
 
@@ -20,11 +19,14 @@ from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
+from acx4book.pages.back import changelog, citation, clean, licences
 from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
-from acx4book.typesetting import drawing
+from acx4book.teaching.showing import figure_pack, slides
+from acx4book.teaching.showing import tables as lab_tables
+from acx4book.typesetting.drawing import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -33,6 +35,8 @@ from acx4sim.files.writer import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")
 """What long runs left, below the current folder: that of the working copy."""
+
+FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
 OF_RESULTS = ("06-errata", "07-report")
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
@@ -86,12 +90,17 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *texts_of_front(results_path, executed, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book),
+        *lab_tables.texts(),
+        *texts_of_back_matter(),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
-        with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
-            figure.savefig(generated / name, metadata={"Date": None})
+        (generated / name).write_text(vector(figure), encoding="utf-8")
     frames.draw(generated)
+    drawn = [*figure_pack.figures(executed)]
+    (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
+    (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
+    clean.write(generated / clean.FOLDER)
     api.write(book)
 
 
@@ -176,7 +185,8 @@ def texts_of_front(
     """Yield names and texts of the front page and of the four questions, a drawing among them."""
     found, flown = _run(results_path)
     drawn = exposure.exposure(flown)
-    yield "front.md", drawing.inline(drawn, alt=exposure.ALT, caption=exposure.caption(flown))
+    yield "front.svg", vector(drawn)
+    yield "front.md", FRONT.format(alt=exposure.ALT, caption=exposure.caption(flown))
     applies = printed.applies(flown)
     answers = questions.answers(executed)
     yield from questions.texts(answers, beside_print=applies).items()
@@ -213,6 +223,13 @@ def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
     codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
     for number, said in enumerate(example.outputs(codes), 1):
         yield f"library-{number}.txt", said
+
+
+def texts_of_back_matter() -> Iterator[tuple[str, str]]:
+    """Yield the names and texts of what the project's own files say, in the current folder."""
+    yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
+    yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
+    yield "licences.md", licences.page()
 
 
 def figures_of_benchmarks(

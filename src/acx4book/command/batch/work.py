@@ -1,0 +1,153 @@
+"""One flight of many: run unless it is done, whatever goes wrong."""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from acx4book.command.batch import standing, table
+from acx4book.command.batch.jobs import Job
+from acx4book.notebooks import runner
+from acx4book.notebooks.ways import way_of
+from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
+from acx4lib.flight import reader
+from acx4lib.results.own_folder import claims
+
+COMMAND_OF_SIMULATED = "acx4 simulate"
+"""In the mark of a simulated flight."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """The outcome for a flight.
+
+    Attributes
+    ----------
+    status : int
+        As `acx4 run` would end for this flight alone: 0, 1 or 2.
+    reason : str
+        Why it is not 0, in one line.
+    kept : bool
+        Whether the results were there already.
+    row, times : mapping of str to str
+        Of the tables of all flights, by the names of `table.COLUMNS` and `table.TIME_COLUMNS`.
+    """
+
+    status: int = 0
+    reason: str = ""
+    kept: bool = False
+    row: Mapping[str, str] = field(default_factory=dict)
+    times: Mapping[str, str] = field(default_factory=dict)
+
+
+def run(job: Job) -> Outcome:
+    """Run a flight, and return what came of it; no error of the flight is raised.
+
+    What was simulated before is not simulated again, and what was run before not run again,
+    unless the flight, the software or the settings have changed since.
+
+    Parameters
+    ----------
+    job : Job
+    """
+    start = _clocks()
+    try:
+        kept, wrong = _run(job)
+    except Exception as error:  # the others go on
+        status, lines = _said(error)
+        row = _row(job) if status == 1 else {}
+    else:
+        status, lines, row = int(bool(wrong)), list(wrong), _row(job)
+        if kept:
+            return Outcome(status=status, reason=_reason(job, lines), kept=True, row=row)
+    return Outcome(status=status, reason=_reason(job, lines), row=row, times=_times(start))
+
+
+def lost(error: BaseException) -> Outcome:
+    """Return the outcome for a flight whose worker did not live to tell.
+
+    Parameters
+    ----------
+    error : BaseException
+        What the executor says of it.
+    """
+    said = " ".join(str(error).split()) or type(error).__name__
+    return Outcome(status=1, reason=visible(f"{said}; short of memory? use fewer workers"))
+
+
+def _run(job: Job) -> tuple[bool, Sequence[str]]:
+    """Return whether the results were there, and what is wrong with them."""
+    if job.design:
+        _simulate(job)
+    flight = reader.read(job.flight)
+    if standing.is_whole(flight, job.results, job.settings):
+        return True, list(runner.wrong(job.results, job.settings.stages))
+    way = way_of(job.settings.notebooks)
+    outcome = runner.run(job.flight, job.results, way=way, stages=job.settings.stages)
+    return False, outcome.not_determined
+
+
+def _simulate(job: Job) -> None:
+    from acx4sim.designs import DESIGNS  # noqa: PLC0415 most flights are not simulated
+    from acx4sim.files.writer import write  # noqa: PLC0415 as above
+
+    if not job.flight.exists():
+        with claims.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
+            write(DESIGNS[job.design](seed=job.seed), draft)
+
+
+def _row(job: Job) -> dict[str, str]:
+    """Return what the results say of the flight as it is."""
+    try:
+        return table.row_of(job.results, standing.stages_of(job.results))
+    except Acx4Error:
+        return {}
+
+
+# --- what went wrong -------------------------------------------------------------------------
+
+
+def _said(error: Exception) -> tuple[int, list[str]]:
+    """Return the status of an error, and what it says, in lines."""
+    if isinstance(error, Acx4Error):
+        lines = [*getattr(error, "__notes__", ()), *str(error).splitlines()]
+        return (2 if isinstance(error, FlightError | OutputError) else 1), lines
+    if isinstance(error, OSError):
+        named = f"{error.filename}: " if error.filename is not None else ""
+        return 2, [f"{named}{error.strerror or error}"]
+    return 1, [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
+
+
+def _reason(job: Job, lines: Sequence[str]) -> str:
+    """Return lines as one, with files named from the flight's and the results' own folder."""
+    if not lines:
+        return ""
+    more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
+    said = f"{lines[0]}{more}"
+    for folder in (job.flight, job.results):
+        said = said.replace(f"{folder}/", "")
+    return visible(" ".join(said.split()))
+
+
+# --- what it took ----------------------------------------------------------------------------
+
+
+def _clocks() -> tuple[float, float]:
+    return time.perf_counter(), sum(os.times()[:4])
+
+
+def _times(start: tuple[float, float]) -> dict[str, str]:
+    seconds, cpu = (now - before for now, before in zip(_clocks(), start, strict=True))
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    return {
+        "seconds": f"{seconds:.3f}",
+        "cpu_s": f"{cpu:.3f}",
+        "peak_mb": f"{peak:.0f}",
+        "worker": f"{socket.gethostname()}/{os.getpid()}",
+    }

@@ -1,0 +1,37 @@
+"""Small flights without errors in their files."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import acx4sim
+from acx4book.command.batch import jobs, runs
+from acx4lib.results import folder as results
+from support.flights import sized
+
+SEEDS = (1, 2, 3)
+
+
+@pytest.fixture(scope="session")
+def small_flights(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("many")
+    paths = [folder / f"flight{seed}" for seed in SEEDS]
+    for seed, path in zip(SEEDS, paths, strict=True):
+        acx4sim.write(sized.clean("single-head", "geodetic", "small", seed=seed), path)
+    return paths
+
+
+@pytest.fixture
+def settings():
+    return jobs.Settings(stages=results.STAGES)
+
+
+@pytest.fixture
+def run_here(settings):
+    """Run flights one after the other in this process."""
+
+    def run(flights, folder, tell=lambda *_: None):
+        with ThreadPoolExecutor(1) as pool:
+            return runs.run_all(jobs.of_flights(flights, folder, settings), folder, pool, tell)
+
+    return run

@@ -1,0 +1,57 @@
+"""Calls in processes: what they return and raise, and that a process that dies takes no other."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from acx4book.command.batch.processes import ProcessDiedError, Processes
+
+
+@pytest.fixture
+def pool():
+    with Processes(2) as started:
+        yield started
+
+
+def test_calls_return_and_raise_as_they_would_here(pool):
+    calls = [pool.submit(pow, 2, n) for n in range(20)]
+    assert [call.result() for call in calls] == [2**n for n in range(20)]
+    assert pool.submit(sorted, [1, 3, 2], reverse=True).result() == [3, 2, 1]
+    assert pool.submit(os.getpid).result() != os.getpid()
+    with pytest.raises(ValueError, match="invalid literal for int"):
+        pool.submit(int, "as it is").result()
+    with pytest.raises(TypeError, match="cannot pickle"):
+        pool.submit(threading.Lock).result()
+
+
+def test_a_process_that_dies_fails_its_own_call_alone(pool):
+    calls = [pool.submit(time.sleep, 0.2) for _ in range(4)]
+    killed, left = pool.submit(signal.raise_signal, 9), pool.submit(os._exit, 3)
+    calls += [pool.submit(time.sleep, 0) for _ in range(8)]
+    with pytest.raises(ProcessDiedError, match="its process was ended by signal SIGKILL"):
+        killed.result()
+    with pytest.raises(ProcessDiedError, match="its process ended with status 3"):
+        left.result()
+    assert [call.result() for call in calls] == [None] * 12
+
+
+def test_what_waits_is_cancelled_and_what_runs_is_ended_when_told_so():
+    pool = Processes(1)
+    running, waiting = pool.submit(time.sleep, 300), pool.submit(time.sleep, 300)
+    while not running.running():
+        time.sleep(0.01)
+    pool.shutdown(wait=False)
+    assert waiting.cancelled()
+    with pytest.raises(ProcessDiedError):
+        running.result()
+    assert not multiprocessing.active_children()
+
+
+def test_nothing_is_left_behind(pool):
+    pool.submit(os.getpid).result()
+    pool.shutdown()
+    assert not multiprocessing.active_children()

@@ -1,0 +1,61 @@
+import json
+
+import numpy as np
+import pytest
+
+from acx4book.typesetting.moving import explorer
+from acx4book.typesetting.moving.explorer import Linear, Mark, Slider, Stops
+
+SLIDER = Slider(name="a", unit="m", low=-0.5, high=0.5, step=0.25)
+
+
+def test_stops_go_from_end_to_end_and_are_told_apart():
+    assert SLIDER.stops == pytest.approx([-0.5, -0.25, 0.0, 0.25, 0.5])
+    assert SLIDER.digits == 2
+    digits = {1.0: 0, 5.0: 0, 0.5: 1, 0.05: 2, 0.005: 3}
+    for step, expected in digits.items():
+        assert Slider(name="", unit="", low=0, high=10, step=step).digits == expected
+
+
+def test_a_response_is_a_constant_and_a_matrix_times_values():
+    response = Linear(matrix=np.array([[1.0, 2.0], [0.0, -1.0]]), constant=np.array([10.0, 0.0]))
+    assert response.at([3.0, 0.5]) == pytest.approx([14.0, -0.5])
+
+
+def test_a_table_has_a_row_for_every_stop_of_the_first_slider():
+    response = Stops(slider=SLIDER, table=np.arange(10.0).reshape(5, 2))
+    assert response.at([0.25, 99.0]) == pytest.approx([6.0, 7.0])
+    assert response.data(SLIDER)["stops"][3] == [6.0, 7.0]
+    other = Slider(name="b", unit="m", low=0, high=1, step=0.5)
+    with pytest.raises(ValueError, match="5 rows"):
+        response.data(other)
+
+
+def test_places_are_scaled_from_where_a_mark_stands():
+    response = Linear(matrix=np.array([[1.0], [2.0]]))
+    mark = Mark(
+        kind="arrows",
+        colour="blue",
+        at=np.array([[10.0, 20.0]]),
+        scale=(2.0, -3.0),
+        response=response,
+    )
+    assert mark.places([4.0]) == pytest.approx(np.array([[18.0, -4.0]]))
+
+
+@pytest.mark.parametrize(
+    ("number", "digits", "expected"),
+    [(-0.04, 1, "0.0"), (-0.06, 1, "−0.1"), (2.5, 0, "2"), (-12.0, 0, "−12")],
+)
+def test_zero_has_no_sign(number, digits, expected):
+    assert explorer.shown(number, digits) == expected
+
+
+def test_a_reading_of_two_numbers_is_their_length():
+    assert explorer.reading(np.array([-3.0])) == -3.0
+    assert explorer.reading(np.array([3.0, -4.0])) == 5.0
+
+
+def test_data_are_plain_and_short():
+    response = Linear(matrix=np.array([[1 / 3, 0.0]]), constant=-0.0)
+    assert json.dumps(response.data(SLIDER)) == '{"constant": [0.0], "matrix": [[0.333333, 0.0]]}'

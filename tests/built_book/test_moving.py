@@ -1,0 +1,123 @@
+"""Figures that move, in a browser: what the script draws is what the library computes."""
+
+import re
+
+import numpy as np
+import pytest
+
+from acx4book.foundations.explorers import boresight, distortion, two_heights
+from acx4book.typesetting.moving import plane, shown
+from support.helpers import ROOT
+
+MODULES = {
+    module.__name__.rpartition(".")[2]: module for module in (boresight, distortion, two_heights)
+}
+SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
+MOVE = """([figure, values]) => {
+    const sliders = [...document.querySelectorAll(`#${figure} input[type=range]`)];
+    sliders.forEach((slider, i) => { slider.value = values[i]; });
+    sliders[0].dispatchEvent(new Event("input"));
+    return {
+        values: sliders.map((slider) => slider.valueAsNumber),
+        paths: [...document.querySelectorAll(`#${figure} .marks`)].map(
+            (marks) => [...marks.children].map((path) => path.getAttribute("d"))),
+        cells: [...document.querySelectorAll(`#${figure} tbody tr`)].map(
+            (row) => [...row.querySelectorAll("td")].map((cell) => cell.textContent)),
+        said: sliders.map((slider) => slider.getAttribute("aria-valuetext")),
+    };
+}"""
+
+
+@pytest.fixture(scope="module", params=MODULES)
+def explorer(request):
+    return MODULES[request.param].explorer()
+
+
+@pytest.fixture
+def opened(browser, tmp_path):
+    """Open a page with an explorer alone; afterwards the browser has not complained."""
+    pages, complaints = [], []
+
+    def opened(explorer):
+        path, script = tmp_path / "page.html", f'<script src="{SCRIPT.as_uri()}"></script>'
+        text = f"<!doctype html><meta charset=utf-8>{shown.html(explorer)}{script}"
+        path.write_text(text, encoding="utf-8")
+        page = browser.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.goto(path.as_uri())
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert complaints == []
+
+
+def settings(explorer):
+    """Return values of the sliders: at each end, at a stop between, and all presets."""
+    yield from explorer.presets.values()
+    for k, slider in enumerate(explorer.sliders):
+        stops = slider.stops
+        for stop in (stops[0], stops[len(stops) // 3], stops[-1]):
+            yield [*explorer.start[:k], float(stop), *explorer.start[k + 1 :]]
+    yield [slider.high for slider in explorer.sliders]
+
+
+def numbers(d):
+    return np.array(re.findall(r"-?\d+(?:\.\d+)?", d), dtype=float)
+
+
+def read(text):
+    return float(text.replace("\N{MINUS SIGN}", "-"))
+
+
+def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explorer):
+    page = opened(explorer)
+    for values in settings(explorer):
+        seen = page.evaluate(MOVE, [explorer.name, [float(v) for v in values]])
+        assert seen["values"] == pytest.approx(values, abs=1e-9)
+        for panel, paths in zip(explorer.panels, seen["paths"], strict=True):
+            for mark, d in zip(panel.marks, paths, strict=True):
+                expected = numbers(plane.path(mark, values))
+                assert numbers(d) == pytest.approx(expected, abs=0.02, rel=1e-4)
+        for said, expected in zip(seen["cells"], explorer.readings(values), strict=True):
+            for cell, number, column in zip(said, expected, explorer.columns, strict=False):
+                assert read(cell) == pytest.approx(read(number), abs=1.01 * 10.0**-column.digits)
+        for said, slider, value in zip(seen["said"], explorer.sliders, values, strict=True):
+            assert read(said.split()[0]) == pytest.approx(value, abs=0.51 * 10.0**-slider.digits)
+
+
+def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
+    """Arrows' ends in metres, against eq. (14) with the wrong mounting, which is not linear."""
+    explorer, values = boresight.explorer(), [0.07, -0.05, 0.1, 0.3, -0.8, 0.5]
+    seen = opened(explorer).evaluate(MOVE, [explorer.name, values])
+    for (azimuth, _), panel, (d,) in zip(
+        boresight.STRIPS.values(), explorer.panels, seen["paths"], strict=True
+    ):
+        ends = numbers(d).reshape(-1, 10)  # of the stroke, and three points of the head
+        wrong, right = (
+            boresight.on_ground(azimuth, boresight.HEIGHT_M, boresight.POINTS_MM, mounting)
+            for mounting in (np.array(values), np.zeros(6))
+        )
+        drawn = (ends[:, 2:4] - ends[:, :2]) / panel.marks[0].scale
+        assert drawn == pytest.approx(wrong - right, abs=0.004)
+
+
+def test_it_is_moved_by_the_keyboard_and_by_buttons(opened, explorer):
+    page = opened(explorer)
+    slider, first = explorer.sliders[0], page.locator("input").first
+    assert page.get_by_label(slider.name, exact=True).count() == 1
+    start = page.locator(".marks path").first.get_attribute("d")
+    first.focus()
+    page.keyboard.press("End")
+    assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(slider.high)
+    page.keyboard.press("ArrowLeft")
+    stop = first.evaluate("slider => slider.valueAsNumber")
+    assert stop == pytest.approx(slider.high - slider.step)
+    assert page.locator(".marks path").first.get_attribute("d") != start
+    page.locator("button").first.click()
+    assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(explorer.start[0])
+    drawn = numbers(page.locator(".marks path").first.get_attribute("d"))
+    assert drawn == pytest.approx(numbers(start), abs=0.02)
