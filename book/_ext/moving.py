@@ -13,9 +13,10 @@ from sphinx.application import Sphinx
 
 FILES = {
     'class="acx4-explorer"': Path("_moving", "explorer.js"),
-    'class="acx4-block"': Path("_generated", "moving", "block.js"),
+    'class="acx4-block"': Path("..", "build", "moving", "block.js"),
 }
-"""The script that a figure with this class needs; in the folder of the book."""
+"""The script that a figure with this class needs, from the folder of the book; make bundles the
+second, if it can."""
 
 STYLE = Path("_moving", "moving.css")
 

@@ -69,7 +69,8 @@ def browser():
     flags = [
         "--headless",
         "--no-sandbox",
-        "--disable-gpu",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
         "--disable-background-networking",
         "--disable-component-update",
         "--no-first-run",

@@ -158,7 +158,7 @@ def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
     handles = {}
     for name, points, marker, fill in (
         ("control points", block.control, "^", style.BRICK),
-        ("check points", block.check, "o", "white"),
+        ("check points", block.check, "o", style.PAPER),
     ):
         if len(points):
             marks: dict[str, Any] = {"marker": marker, "mfc": fill, "mec": style.INK, "mew": 0.5}
@@ -224,7 +224,7 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
             xy=tuple(place),
             xytext=(0, -4.5 - 0.55 * np.sqrt(size)),
             textcoords="offset points",
-            fontsize=5.2,
+            fontsize=style.SMALL,
             color=style.SOFT,
             ha="center",
             va="center",

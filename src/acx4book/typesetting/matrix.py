@@ -31,7 +31,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
         ax.set_yticks(range(n), names)
         ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
         ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
-        ax.grid(visible=True, which="minor", color="white", linewidth=1.2)
+        ax.grid(visible=True, which="minor", color=style.PAPER, linewidth=1.2)
         ax.tick_params(which="minor", length=0)
         for i, j in zip(*np.nonzero(np.abs(values) >= 0.3), strict=True):
             if i != j:
@@ -40,8 +40,8 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
                     *(j, i, f"{values[i, j]:+.2f}".replace("0.", ".")),
                     ha="center",
                     va="center",
-                    fontsize=6.8,
-                    color="white" if dark else style.INK,
+                    fontsize=style.SMALL,
+                    color="white" if dark else style.BLACK,
                     in_layout=False,  # inside their cells: measuring each takes half the time
                 )
         bar = fig.colorbar(image, ax=ax, shrink=0.6, aspect=28)

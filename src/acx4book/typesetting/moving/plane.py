@@ -72,14 +72,14 @@ class Plane:
         self, points: ArrayLike, colour: str = "soft", width: float = 1.0, dash: str = ""
     ) -> str:
         """Return a line through points of the plane."""
-        return _path(_through(self.at(np.asarray(points, dtype=np.float64))), colour, width, dash)
+        return stroke(through(self.at(np.asarray(points, dtype=np.float64))), colour, width, dash)
 
     def arrow(
         self, start: ArrayLike, end: ArrayLike, colour: str = "ink", width: float = 1.6
     ) -> str:
         """Return an arrow between two points of the plane."""
         a, b = self.at(np.array([start, end], dtype=np.float64))
-        return _path(_arrows(a[None], b[None]), colour, width)
+        return stroke(_arrows(a[None], b[None]), colour, width)
 
     def text(
         self,
@@ -116,7 +116,7 @@ class Plane:
 
 def mark(drawn: Mark, values: Sequence[float]) -> str:
     """Return a mark as it is for values of the sliders."""
-    return _path(path(drawn, values), drawn.colour, 1.6, filled=drawn.kind == "bars")
+    return stroke(path(drawn, values), drawn.colour, 1.6, filled=drawn.kind == "bars")
 
 
 def path(drawn: Mark, values: Sequence[float]) -> str:
@@ -125,14 +125,15 @@ def path(drawn: Mark, values: Sequence[float]) -> str:
     if drawn.kind == "arrows":
         return _arrows(drawn.at, places)
     if drawn.kind == "curve":
-        return _through(places)
+        return through(places)
     return "".join(
         f"M{x:.2f} {y - BAR / 2:.2f}H{to:.2f}v{BAR:.2f}H{x:.2f}z"
         for (x, y), to in zip(drawn.at, places[:, 0], strict=True)
     )
 
 
-def _through(points: Array) -> str:
+def through(points: Array) -> str:
+    """Return the path through points of the drawing."""
     return "M" + "L".join(f"{x:.2f} {y:.2f}" for x, y in points)
 
 
@@ -150,10 +151,11 @@ def _arrows(starts: Array, ends: Array) -> str:
     )
 
 
-def _path(d: str, colour: str, width: float, dash: str = "", *, filled: bool = False) -> str:
+def stroke(d: str, colour: str, width: float, dash: str = "", *, filled: bool = False) -> str:
+    """Return a path with its colour; points are round strokes of no length."""
     kind, other = ("fill", "stroke") if filled else ("stroke", "fill")
     dashed = f' stroke-dasharray="{dash}"' if dash else ""
     return (
         f'<path d="{d}" class="{kind}-{colour}" {kind}="{COLOURS[colour]}" {other}="none"'
-        f' stroke-width="{width:g}" stroke-linejoin="round"{dashed}/>'
+        f' stroke-width="{width:g}" stroke-linejoin="round" stroke-linecap="round"{dashed}/>'
     )

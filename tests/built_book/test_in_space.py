@@ -1,0 +1,119 @@
+"""The block in 3-D in a browser: drawn, turned by keys and buttons, its parts switched."""
+
+import io
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from acx4book.chapters.mounting import in_space
+from acx4lib.calibration.estimates import from_bundle
+from acx4lib.calibration.mounting import Mounting
+from support.helpers import ROOT
+
+SCRIPT, STYLE = ROOT / "build" / "moving" / "block.js", ROOT / "book" / "_moving" / "moving.css"
+
+
+@pytest.fixture
+def figure(mounted):
+    single = Mounting(method="single_step", calibration=from_bundle(mounted), bundle=mounted)
+    return in_space.view(single).html
+
+
+@pytest.fixture
+def page(browser, figure, tmp_path):
+    """A page with the block, and nothing that the browser complains of."""
+    if not SCRIPT.is_file():
+        reason = "the script of the block in 3-D is not there: make book"
+        if os.environ.get("ACX4_REQUIRE_3D"):
+            pytest.fail(f"{reason} (ACX4_REQUIRE_3D is set)")
+        pytest.skip(reason)
+    path, complaints = tmp_path / "page.html", []
+    style = f"<style>{STYLE.read_text('utf-8')}</style>"
+    script = f'<script src="{SCRIPT.as_uri()}" defer></script>'
+    path.write_text(f"<!doctype html><meta charset=utf-8>{style}{script}{figure}", "utf-8")
+    opened = browser.new_page(viewport={"width": 700, "height": 700})
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on(
+        "console", lambda said: complaints.append(said.text) if said.type == "error" else None
+    )
+    opened.goto(path.as_uri())
+    opened.wait_for_selector("canvas")
+    yield opened
+    opened.close()
+    assert complaints == []
+
+
+def seen(page):
+    """Return what the canvas shows, shape (rows, cols, 3)."""
+    return np.asarray(Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB"))
+
+
+def changed(before, after):
+    """Return the share of pixels that differ."""
+    return np.mean(np.any(before != after, axis=2))
+
+
+def test_it_is_drawn_in_the_colours_of_its_layers(page):
+    colours = {tuple(colour) for colour in seen(page).reshape(-1, 3)}
+    assert {(0x15, 0x78, 0x5D), (0x1F, 0x29, 0x33)} <= colours  # tie points and control points
+    assert page.locator(".view span:visible").count() > 0
+
+
+def test_it_is_turned_by_the_keyboard_and_comes_back(page):
+    start = seen(page)
+    page.locator("canvas").focus()
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        before = seen(page)
+        page.keyboard.press(key)
+        assert changed(before, seen(page)) > 0.01, key
+    page.get_by_role("button", name="as at the start").click()
+    page.locator("canvas").focus()
+    assert changed(start, seen(page)) < 0.001
+
+
+@pytest.mark.parametrize(
+    "name", ["turn left", "turn right", "higher", "lower", "nearer", "farther"]
+)
+def test_it_is_turned_by_buttons(page, name):
+    start = seen(page)
+    page.get_by_role("button", name=name).click()
+    assert changed(start, seen(page)) > 0.01
+
+
+def test_it_is_turned_by_the_mouse(page):
+    start, box = seen(page), page.locator("canvas").bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 220, box["y"] + 130, steps=3)
+    page.mouse.up()
+    assert changed(start, seen(page)) > 0.01
+
+
+def test_every_layer_is_switched_off_and_on(page):
+    start = seen(page)
+    for box in page.locator(".layers input").all():
+        box.click()
+        assert changed(start, seen(page)) > 0
+        box.click()
+    page.locator("canvas").focus()
+    assert changed(start, seen(page)) < 0.01
+    for box in page.locator(".layers input").all():
+        box.click()
+    assert page.locator(".view span:visible").count() == 0
+
+
+def test_a_dark_page_has_light_lines(page):
+    page.evaluate("document.documentElement.dataset.theme = 'dark'")
+    page.evaluate("new Promise(requestAnimationFrame)")
+    colours = {tuple(colour) for colour in seen(page).reshape(-1, 3)}
+    assert (0x56, 0xC9, 0xA6) in colours
+
+
+def test_without_the_script_there_is_a_drawing(browser, figure):
+    page = browser.new_page()
+    page.set_content(figure)
+    assert page.locator("svg path").count() >= 6
+    assert page.locator("svg").bounding_box()["height"] > 200
+    page.close()
