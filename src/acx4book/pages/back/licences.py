@@ -140,7 +140,7 @@ def page() -> str:
     return "\n".join(
         [
             table(
-                "tab-carried",
+                "tab-of-others",
                 "Works of others in the folder of this book.",
                 ("what", "licence", "brought by"),
                 carried,
