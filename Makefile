@@ -41,6 +41,8 @@ for made in $(BOOK); do \
 done
 endef
 
+INDEX     := book/_build/html/index.html
+
 # The matrices are small: more threads cost more than they bring.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -48,7 +50,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test test-all fuzz mistakes notebooks book serve bench coverage chain reference-data reference-results clean
+.PHONY: help .venv lock check test test-all fuzz mistakes notebooks book pdf release serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -82,13 +84,14 @@ lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
 
 # --- checks --------------------------------------------------------------------------------
 
-check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks without outputs
+check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks without outputs, spelling
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/ruff format --check --quiet
 	@$(BIN)/mypy
 	@layers=$$($(BIN)/lint-imports --no-logo) || { echo "$$layers" >&2; exit 1; }
 	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
-	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS))
+	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS) $(wildcard notebooks/*/*.ipynb))
+	@$(BIN)/codespell src notebooks book *.md
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'
@@ -160,7 +163,19 @@ book: notebooks $(TURNS) ## build the book strictly, from the notebooks run on F
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
 	@$(BIN)/jupyter-book build book --toc '$(CURDIR)/book/_generated/_toc.yml' --quiet -W -n --keep-going > /dev/null
-	@echo book/_build/html/index.html
+	@echo $(INDEX)
+
+# Of the book as it is built, whatever its flight; where there is none yet it is built.
+$(INDEX): | .venv/.stamp
+	@$(MAKE) --no-print-directory book
+
+pdf: $(INDEX) ## print the built book with Chromium into one PDF, build/book.pdf
+	@mkdir -p build
+	@$(BIN)/python -m acx4book.pages.back.pdf book/_build/html book/_generated/_toc.yml build/book.pdf
+
+# The book is built from the commit that is released, so that it names this one.
+release: check book ## check, and make the wheel and the archive of the book, in build/release
+	@$(BIN)/python -m acx4book.pages.back.release book/_build/html build/release
 
 serve: ## show the built book at localhost:PORT
 	@$(BIN)/python -m http.server --bind localhost --directory book/_build/html $(PORT)
@@ -176,6 +191,6 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
 	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* || true
-	@rm -rf build/stamps build/chapters build/moving
+	@rm -rf build/stamps build/chapters build/moving build/release build/book.pdf
 	@rmdir build/results build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -8,6 +8,7 @@ from typing import Any
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.util import docname_join
 
 LIST = Path("_generated", "left_out.json")
 """The titles of the chapters that are left out, by their pages; in the folder of the book."""
@@ -22,7 +23,7 @@ def text(app: Sphinx, _env: Any, node: Any, content: nodes.Node) -> nodes.Node |
     titles = json.loads(path.read_text("utf-8")) if path.is_file() else {}
     if node.get("refdomain") == "py":
         return content if API in titles else None
-    page = f"_executed/{node['reftarget'].rpartition('/')[2]}"
+    page = docname_join(node.get("refdoc", ""), node["reftarget"])
     is_page = node.get("reftype") == "doc" and page in titles
     return nodes.emphasis(text=titles[page]) if is_page else None
 

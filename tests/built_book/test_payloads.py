@@ -37,7 +37,7 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
-STUBS = ("library", "many-flights")
+STUBS = ("library", "many-flights", "notation")
 """Pages that show nothing of a flight, but are referred to."""
 
 CHAPTERS = (

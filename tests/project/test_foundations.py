@@ -1,4 +1,4 @@
-"""The chapters of part I: their form, and all their code, that of the solutions included."""
+"""The chapters of part I and their template: the form, and all code, that of solutions included."""
 
 import ast
 import re
@@ -8,7 +8,11 @@ import pytest
 
 from support.helpers import ROOT
 
-CHAPTERS = sorted((ROOT / "notebooks" / "foundations").glob("*.ipynb"))
+NOTEBOOKS = ROOT / "notebooks"
+CHAPTERS = [
+    *sorted((NOTEBOOKS / "foundations").glob("*.ipynb")),
+    NOTEBOOKS / "template/chapter.ipynb",
+]
 
 
 @pytest.fixture(params=CHAPTERS, ids=lambda path: path.stem)
@@ -64,3 +68,10 @@ def test_figures_have_a_caption_and_say_what_is_seen(chapter):
             assert told["figure"]["caption"].endswith(".")
             assert told["figure"]["name"].startswith("fig-")
             assert len(told["image"]["alt"]) > 40
+
+
+def test_equations_with_a_number_need_no_environment_around_them(chapter):
+    r"""Sphinx puts every equation with \\ into a *split*, in which MathJax allows no \tag."""
+    for text in texts(chapter):
+        for equation in re.findall(r"(?s)\$\$(.+?)\$\$", text):
+            assert not (r"\tag" in equation and r"\\" in equation), equation

@@ -125,6 +125,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected |= {f"{house}/py.typed" for house in HOUSES}
     expected.add("acx4book/report/page/report.css")
     for place, files in (
+        ("acx4book/chapters/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
         ("acx4book/paper/tables", "data/paper/*.csv"),
         ("acx4book/reference/measurements", "data/reference/*.csv"),
@@ -146,7 +147,7 @@ def test_the_requirements_are_those_of_pyproject(wheel):
     extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
     required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
     assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
-    assert set(said.get_all("Provides-Extra")) == {"book", "reference", "cluster"}
+    assert set(said.get_all("Provides-Extra")) == {"book", "pdf", "reference", "cluster"}
 
 
 def imported(house):
@@ -169,7 +170,7 @@ def distributions(modules):
 
 @pytest.mark.parametrize(
     ("house", "extras"),
-    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "reference"))],
+    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "pdf", "reference"))],
 )
 def test_what_a_package_imports_is_required(house, extras):
     required = names_of([*PROJECT["dependencies"], *(r for e in extras for r in EXTRAS[e])])
@@ -252,6 +253,21 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
     page = (whole / "results" / "report.html").read_text(encoding="utf-8")
     assert "data:image/svg+xml;base64," in page
     assert "@page" in page  # of the style sheet
+
+
+@pytest.mark.slow
+def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
+    """The one of the mounting calibration, which simulates its flight."""
+    empty = whole / "empty"
+    empty.mkdir()
+    (empty / "env").symlink_to(whole / "env")
+    write = "from pathlib import Path; from acx4book.pages.back import clean; clean.write(Path())"
+    succeeds(empty, "python", "-c", write)
+    done = run(empty, "python", "-m", "papermill", "03-mounting-calibration.ipynb", "done.ipynb")
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (empty / "flight-acx4-ideal" / "flight.toml").is_file()
+    assert (empty / "results-03-mounting-calibration" / "parameters.csv").is_file()
+    assert "tab-adjustments" in (empty / "done.ipynb").read_text(encoding="utf-8")
 
 
 def test_nothing_is_written_into_the_installed_library(whole):

@@ -19,7 +19,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import render, run, terminal
+from acx4book.command import render, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
@@ -222,3 +222,5 @@ def report(
 
 
 app.command(help=render.HELP)(render.render)
+app.command(help=teaching.LAB_HELP)(teaching.lab)
+app.command(help=teaching.GRADE_HELP)(teaching.grade)

@@ -153,8 +153,13 @@ def sigmas(covariances: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def written(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of `sigmas` as text: *open* is left open by the design, *held* no unknown."""
-    return table.map("{:.4f}".format).replace({"inf": "open", "nan": "held"})
+    """Return a table of `sigmas` as text: *open* is left open by the design, *held* no unknown.
+
+    Standard deviations have two digits.
+    """
+    return table.map("{:#.2g}".format).replace(
+        {"inf": "open", "nan": "held", r"\.$": ""}, regex=True
+    )
 
 
 def correlations(cov: pd.DataFrame) -> pd.DataFrame:

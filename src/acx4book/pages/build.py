@@ -16,13 +16,17 @@ import matplotlib as mpl
 import nbformat
 from matplotlib.figure import Figure
 
+from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
+from acx4book.pages.back import changelog, citation, clean, licences
 from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
-from acx4book.paper import scorecard_page
+from acx4book.paper import printed, questions, scorecard_page
+from acx4book.teaching.showing import tables as lab_tables
+from acx4book.typesetting import drawing
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -81,14 +85,18 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
+        *texts_of_front(results_path, executed, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
         *texts_of_example(book),
+        *lab_tables.texts(),
+        *texts_of_back_matter(),
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
         with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
             figure.savefig(generated / name, metadata={"Date": None})
     frames.draw(generated)
+    clean.write(generated / clean.FOLDER)
     api.write(book)
 
 
@@ -167,6 +175,24 @@ def texts_of_run(
     yield "provenance.md", provenance.page(flight_path, results_path)
 
 
+def texts_of_front(
+    results_path: Path, executed: Path, ideal_path: Path | None = None
+) -> Iterator[tuple[str, str]]:
+    """Yield names and texts of the front page and of the four questions, a drawing among them."""
+    found, flown = _run(results_path)
+    drawn = exposure.exposure(flown)
+    yield "front.md", drawing.inline(drawn, alt=exposure.ALT, caption=exposure.caption(flown))
+    applies = printed.applies(flown)
+    answers = questions.answers(executed)
+    yield from questions.texts(answers, beside_print=applies).items()
+    if ideal_path is not None:
+        found = results.read(ideal_path)
+    camera = flown.synthetic.camera if flown.synthetic else ""
+    has_both = {"mounting/single_step", "mounting/two_step_gnss"} <= found.summary.keys()
+    table = questions.small_table_3(found, camera) if applies and has_both else ""
+    yield "front-table.md", f"{table}\n"
+
+
 def _run(results_path: Path) -> tuple[results.Results, Flight]:
     return results.read(results_path), read_kept(results_path / KEPT)
 
@@ -190,8 +216,15 @@ def texts_of_benchmarks(
 def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
     """Yield the names and the outputs of the code on the page about the library."""
     codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
-    for number, printed in enumerate(example.outputs(codes), 1):
-        yield f"library-{number}.txt", printed
+    for number, said in enumerate(example.outputs(codes), 1):
+        yield f"library-{number}.txt", said
+
+
+def texts_of_back_matter() -> Iterator[tuple[str, str]]:
+    """Yield the names and texts of what the project's own files say, in the current folder."""
+    yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
+    yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
+    yield "licences.md", licences.page()
 
 
 def figures_of_benchmarks(

@@ -6,12 +6,15 @@ names of a run's results (`parameters.csv`), so that both can be joined.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib import resources
 
 import numpy as np
 import pandas as pd
 
+from acx4book.typesetting.myst import SUPERSCRIPTS
+from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Interior
@@ -21,6 +24,9 @@ HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 
 METHODS = ("two_step", "single_step")
 """Columns of Tables 3 and 4."""
+
+NUMBER = re.compile(r"(-?)(\d*\.?\d+)(?:\^-?(\d+)|E([+-]\d+))?")
+"""A number of a printed cell: its sign, digits, and power of ten, ``^07`` read as that of -7."""
 
 
 @cache
@@ -84,6 +90,35 @@ def sigma(number: int, parameter: str, column: str) -> float:
 def printed(number: int, parameter: str, column: str) -> str:
     """Return a cell of a table exactly as printed, with misprints."""
     return str(_row(number, parameter, column)["as_printed"])
+
+
+def shown(number: int, parameter: str, column: str) -> Markup:
+    """Return a value of a table, with its standard deviation, to the digits of the print.
+
+    Powers of ten are those that are read: ``2.57·10⁻⁷ ± 2.14·10⁻⁸`` is printed as ``2.57^07 +/-
+    2.14^08``. ND is what the paper did not determine.
+    """
+    row = _row(number, parameter, column)
+    numbers = [row["value"], row["sigma"]]
+    found = [digits(row["as_printed"], number) for number in numbers if np.isfinite(number)]
+    return Markup(" ± ".join(found) or "ND")
+
+
+def digits(as_printed: str, number: float) -> str:
+    """Return a number to the digits that it has in a printed cell, with a power of ten if any.
+
+    Raises
+    ------
+    ValueError
+        If the cell does not have the number.
+    """
+    for sign, mantissa, power, exponent in NUMBER.findall(as_printed):
+        tens = -int(power) if power else int(exponent or 0)
+        if np.isclose(float(f"{sign}{mantissa}e{tens}"), number, rtol=1e-9, atol=0.0):
+            whole = f"{sign}{'0' if mantissa.startswith('.') else ''}{mantissa}"
+            return f"{whole}·10{str(tens).translate(SUPERSCRIPTS)}" if tens else whole
+    msg = f"{as_printed!r} does not have the number {number:g}"
+    raise ValueError(msg)
 
 
 def _row(number: int, parameter: str, column: str) -> pd.Series:

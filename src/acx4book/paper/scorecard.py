@@ -55,8 +55,8 @@ def scorecard(
     Returns
     -------
     DataFrame
-        table, quantity, column, printed, ours, sigma, unit, role (of `roles.ROLES`), deviation
-        (in combined standard deviations), verdict, reason.
+        table, quantity, column, printed, as_printed (the digits of the print), ours, sigma, unit,
+        role (of `roles.ROLES`), deviation (in combined standard deviations), verdict, reason.
     """
     rows = []
     for number, find in ((1, _table_1), (2, _table_2), (3, _table_3), (4, _table_4)):
@@ -111,7 +111,8 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     number = printed.value if what == "value" else printed.sigma
     if not np.isfinite(number) or ours is None:
         return None
-    rounding = half_digit(printed.as_printed, what, number)
+    digits = paper.digits(printed.as_printed, number)
+    rounding = half_digit(digits, number)
     combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what, ours) ** 2 + rounding**2 / 3)
     deviation = float(abs(ours.value - number) / combined)
     verdict = "agrees" if deviation <= 2 else "near" if deviation <= 3 else "differs"
@@ -120,6 +121,7 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
         "quantity": printed.parameter if what == "value" else f"sigma of {printed.parameter}",
         "column": printed.column,
         "printed": number,
+        "as_printed": digits,
         "ours": ours.value,
         "sigma": ours.sigma,
         "unit": printed.unit,
@@ -139,16 +141,11 @@ def _paper_sigma(printed: Printed, what: str, ours: Ours) -> float:
     return ours.sharing * printed.sigma / np.sqrt(paper.value(4, "n_points", "single_step"))
 
 
-def half_digit(text: str, what: str, value: float) -> float:
-    """Return half a unit of the last printed digit."""
-    parts = text.replace("+/-", "±").split("±")
-    digits = parts[0 if what == "value" or len(parts) == 1 else 1].split("[")[0].strip()
-    mantissa = digits.split("^")[0].split("E")[0]
-    decimals = len(mantissa.partition(".")[2].rstrip("m"))
-    shift = 0
-    if "^" in digits or "E" in digits:
-        shift = int(np.floor(np.log10(abs(value)))) if value else 0
-    return 0.5 * 10.0 ** (shift - decimals)
+def half_digit(digits: str, number: float) -> float:
+    """Return half a unit of the last of a printed number's digits, as `printed.digits` has them."""
+    mantissa, _, power = digits.partition("·")
+    tens = int(np.floor(np.log10(abs(number)))) if power else 0
+    return 0.5 * 10.0 ** (tens - len(mantissa.partition(".")[2]))
 
 
 # --- the numbers of a run --------------------------------------------------------------------

@@ -267,7 +267,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
                 for q, u in zip(lines["quantity"], lines["unit"], strict=True)
             ],
             "column": [_column_title(c) for c in lines["column"]],
-            "printed": [_plain(v) for v in lines["printed"]],
+            "printed": lines["as_printed"],
             "ours": ours,
             **chain,
             "off by": lines["deviation"],

@@ -62,3 +62,9 @@ def blank(fig: Figure) -> None:
     for ax in fig.axes:
         ax.set_aspect("equal")
         ax.axis("off")
+
+
+def scene(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
+    """Make axes the ground of a drawing with these limits: no frame, equal scales."""
+    ax.set(xlim=x, ylim=y, aspect="equal")
+    ax.axis("off")

@@ -1,5 +1,6 @@
 """flight.toml and the truth of a simulated flight."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
@@ -35,7 +36,8 @@ _CARRIED_NOTE = (
 
 def flight_toml(plan: Plan, options: Options) -> str:
     """Return the text of flight.toml: sensors, approximate values, true standard deviations."""
-    lines = [f'name = "{plan.title}"', f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
+    title = json.dumps(plan.title, ensure_ascii=False)  # a TOML string, too
+    lines = [f"name = {title}", f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
     if plan.refraction != "none":
         lines.append(f'refraction = "{plan.refraction}"')
     for name, camera in plan.cameras.items():

@@ -44,7 +44,7 @@ def write(flight: SimulatedFlight, folder: str | Path, *, tell: Tell = lambda *_
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".simulate-") as scratch:
         draft = Path(scratch) / "flight"
-        _write_files(flight, draft)
+        write_files(flight, draft)
         if flight.photography is not None:
             take(flight.photography, draft, tell)
         truth_draft = Path(scratch) / "truth.json"
@@ -55,7 +55,8 @@ def write(flight: SimulatedFlight, folder: str | Path, *, tell: Tell = lambda *_
         draft.replace(folder)
 
 
-def _write_files(flight: SimulatedFlight, folder: Path) -> None:
+def write_files(flight: SimulatedFlight, folder: Path) -> None:
+    """Write the tables and flight.toml into a new folder: neither pictures nor truth."""
     folder.mkdir()
     _write_text(folder / "flight.toml", flight.toml)
     for name, table in flight.tables.items():

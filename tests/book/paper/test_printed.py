@@ -135,3 +135,25 @@ def test_formats():
 def test_what_the_paper_does_not_have_is_an_error(ask):
     with pytest.raises(ValueError, match=r"Table|statement"):
         ask()
+
+
+@pytest.mark.parametrize(
+    ("cell", "shown"),
+    [
+        ((3, "f_mm", "two_step"), "74.4511 ± 0.0007"),
+        ((3, "f_mm", "single_step"), "74.4404 ± 0.0010"),
+        ((3, "k2", "single_step"), "-9.30·10⁻¹¹ ± 1.47·10⁻¹¹"),
+        ((3, "sigma0_squared", "two_step"), "1.070"),
+        ((3, "lever_x_m", "two_step"), "ND"),
+        ((1, "xp_mm", "CAM3"), "0.2619 ± 0.0032"),
+        ((1, "omega_deg", "CAM3"), "14.689320"),
+        ((4, "within_3_gsd_percent", "two_step"), "38.89"),
+    ],
+)
+def test_a_number_is_shown_to_the_digits_of_the_print(cell, shown):
+    assert printed.shown(*cell) == shown
+
+
+def test_a_number_that_is_not_in_a_cell_is_not_shown():
+    with pytest.raises(ValueError, match=r"'74.4511 \+/- 0.0007' does not have the number 74.45"):
+        printed.digits("74.4511 +/- 0.0007", 74.45)

@@ -27,3 +27,11 @@ def test_a_frame_has_a_name_at_every_tip_also_at_one_that_points_at_the_reader()
         sketch.blank(fig)
     texts = [text.get_text() for text in drawn(fig).axes[0].texts if text.get_text()]
     assert texts == ["x", "y", "z"]
+
+
+def test_a_scene_has_limits_equal_scales_and_no_frame():
+    with style.applied():
+        _, ax = style.subplots(figsize=(3.0, 2.0))
+        sketch.scene(ax, (-1.0, 2.0), (0.0, 1.0))
+    assert (ax.get_xlim(), ax.get_ylim(), ax.get_aspect()) == ((-1.0, 2.0), (0.0, 1.0), 1.0)
+    assert not ax.axison

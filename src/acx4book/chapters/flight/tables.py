@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed as paper
-from acx4book.typesetting.plain_text import shown
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import Level, levels
 from acx4lib.flight.reader import Flight
@@ -160,31 +159,3 @@ def _sigmas(block: Block) -> dict[str, float]:
 
 def _median(values: np.ndarray) -> float:
     return float(np.median(values)) if values.size else np.nan
-
-
-def directions_sentence(flight: Flight) -> str:
-    """Say what the flying heights and directions of the blocks allow to be told apart.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
-    sentences = []
-    for name, block in flight.blocks.items():
-        found = levels(block)
-        heights = " and ".join(f"{level.height_m:.0f}" for level in found)
-        known = all(np.isfinite(level.height_m) for level in found)
-        above = f"{heights} m above ground" if known else "height above ground not known"
-        ways = max(level.n_directions for level in found)
-        sentences.append(
-            f"*{name}*: {above}, flown in "
-            f"{'opposite directions' if ways > 1 else 'one direction only'}"
-        )
-    return "; ".join(sentences) + "."
-
-
-def notes(flight: Flight) -> str:
-    """Return what is odd but allowed in a flight, as a list."""
-    if not flight.notes:
-        return "Nothing odd was found in its tables."
-    return "\n".join(f"- {shown(note)}" for note in flight.notes)

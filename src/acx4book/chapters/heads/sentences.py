@@ -12,7 +12,7 @@ from acx4book.paper import printed as paper
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.correlations import interior_exterior, largest_pairs
-from acx4lib.calibration.estimates import from_bundle, parameters
+from acx4lib.calibration.estimates import Parameter, from_bundle, parameters
 from acx4lib.calibration.lens import radial_profile
 from acx4lib.flight.design import levels
 from acx4lib.flight.reader import Flight
@@ -24,12 +24,7 @@ def agreement(flight: Flight, stage: HeadsStage) -> str:
     """Say how the interior orientation compares with the printed one."""
     if not paper.applies(flight):
         return "The paper's Table 1 belongs to other cameras; nothing is compared with it."
-    listed = [
-        p
-        for fit in stage.heads.bundles.values()
-        for p in parameters(from_bundle(fit))
-        if np.isfinite(apart(p))
-    ]
+    listed = [p for p in _estimated(stage) if np.isfinite(apart(p))]
     if not listed:
         return "There is nothing to compare with the paper's Table 1."
     far = np.array([apart(p) for p in listed])
@@ -180,3 +175,62 @@ def _slope(tried: Sequence[HeldFocalLength], name: str) -> float:
     f = [h.bundles[name].cameras[0].interior.f for h in tried]
     rise = [h.above_gnss_m[name] for h in tried]
     return float((rise[-1] - rise[0]) / (f[-1] - f[0]))
+
+
+# --- the answer ------------------------------------------------------------------------------
+
+
+def answer(flight: Flight, stage: HeadsStage) -> str:
+    """Say how well images alone give the heads: one sentence, then what limits them.
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : HeadsStage
+    """
+    listed = _estimated(stage)
+    principal = [1e3 * p.sigma for p in listed if p.key in ("xp", "yp") and np.isfinite(p.sigma)]
+    if not principal:
+        return "Not from these images: no head has a principal point that they determine."
+    held = all(p.key != "f" for p in listed)
+    known = f"known to {min(principal):.1f} to {max(principal):.1f} µm"
+    first = (
+        f"{'Yes, but for the focal length' if held else 'Yes'}: from images over control points "
+        f"the principal points of the heads are {known}{_beside_print(flight, listed)}."
+    )
+    every = [interior_exterior(fit).largest.max() for fit in stage.heads.bundles.values()]
+    return f"{first}\n\n{_focal_length(held=held)} {_tilts(flight, max(map(float, every)))}"
+
+
+def _estimated(stage: HeadsStage) -> list[Parameter]:
+    return [p for fit in stage.heads.bundles.values() for p in parameters(from_bundle(fit))]
+
+
+def _beside_print(flight: Flight, listed: Sequence[Parameter]) -> str:
+    if not paper.applies(flight):
+        return ""
+    far = np.array([apart(p) for p in listed])
+    far = far[np.isfinite(far)]
+    return (
+        f", and {int(np.sum(far <= 2))} of {len(far)} parameters lie within two combined standard "
+        "deviations of Table 1"
+    )
+
+
+def _focal_length(*, held: bool) -> str:
+    if not held:
+        return "The focal length is estimated here, and with it the flying height."
+    return (
+        "The focal length is held at its nominal value, because nothing in these adjustments "
+        "observes the flying height. Its error goes into $Z_c$, the tilts and the principal "
+        "points: the relative orientation fits images together, but it does not say where a head "
+        "stands."
+    )
+
+
+def _tilts(flight: Flight, largest: float) -> str:
+    said = f"Interior and exterior orientation are correlated by up to {largest:.2f}"
+    bound = claim(flight, "max_correlation")
+    if bound is None:
+        return f"{said}."
+    return f"{said}, where the paper says that all correlations are below {100 * bound:.0f} %."

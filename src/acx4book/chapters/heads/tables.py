@@ -99,11 +99,9 @@ def _beside_table_1(flight: Flight, listed: Sequence[Parameter]) -> pd.DataFrame
 
 
 def _printed(p: Parameter) -> dict[str, str]:
-    value, sigma = printed.value(1, p.name, p.camera), printed.sigma(1, p.name, p.camera)
     far = apart(p)
-    digits = 3 if p.unit == "mm" else 4
     return {
-        "Printed": value_and_sigma(value, sigma) if sigma > 0 else f"{value:.{digits}f}",
+        "Printed": printed.shown(1, p.name, p.camera),
         "Apart (σ)": f"{far:.1f}" if np.isfinite(far) else "",
     }
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from acx4book.paper import printed
+from acx4book.typesetting.labels import LABELS, value_and_sigma
 from acx4book.typesetting.plain_text import shown
-from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.absorption import absorption
+from acx4lib.calibration.estimates import Parameter, parameters
 from acx4lib.calibration.gnss_shift import not_determined, notes
-from acx4lib.calibration.mounting import Mounting
+from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
@@ -46,13 +48,19 @@ def scatter(flight: Flight, mounting: Mounting | None) -> str:
     if not printed.applies(flight):
         return said
     two, one = (
-        [printed.sigma(3, name, method) for name in BORESIGHT_ANGLES] for method in printed.METHODS
+        ", ".join(_printed_sigma(name, method) for name in BORESIGHT_ANGLES)
+        for method in printed.METHODS
     )
     return (
-        f"{said} The paper prints {listed(two, '.4f')}° for its two-step angles and "
-        f"{listed(one, '.4f')}° for the single-step ones: the former have the size of a scatter, "
+        f"{said} The paper prints {two}° for its two-step angles and "
+        f"{one}° for the single-step ones: the former have the size of a scatter, "
         "the latter that of the precision of a mean."
     )
+
+
+def _printed_sigma(name: str, method: str) -> str:
+    cell = 3, name, method
+    return printed.digits(printed.printed(*cell), printed.sigma(*cell))
 
 
 def gnss_shift(single: Mounting | None) -> str:
@@ -74,3 +82,69 @@ def _turns_deg(mounting: Mounting, R_b_c: Array) -> Array:
 def listed(values: Iterable[float], spec: str) -> str:
     """Return numbers one after the other, between commas."""
     return ", ".join(f"{value:{spec}}" for value in values)
+
+
+# --- the answer ------------------------------------------------------------------------------
+
+
+def answer(flight: Flight, mountings: Mountings) -> str:
+    """Say where the camera sits, and whether two methods agree: one sentence, then why.
+
+    Parameters
+    ----------
+    flight : Flight
+        The printed differences are named where it has the paper's cameras.
+    mountings : Mountings
+    """
+    single = mountings.methods.get("single_step")
+    if single is None or len(single.calibration.cameras) > 1:
+        return "There is no single step of one camera, and so no answer."
+    found = {p.name: p for p in parameters(single.calibration) if np.isfinite(p.sigma)}
+    said = [
+        *(_together(found, title, names, unit) for title, names, unit in PARTS),
+    ]
+    first = f"The single step finds {', '.join(filter(None, said))}."
+    return f"{first}\n\n{_methods_differ(flight, mountings)}"
+
+
+PARTS = (
+    ("$f$", ("f_mm",), " mm"),
+    ("the lever arm", tuple(f"lever_{axis}_m" for axis in "xyz"), " m"),
+    ("the boresight", BORESIGHT_ANGLES, "°"),
+)
+"""What the answer names, with the parameters and their unit."""
+
+
+def _together(found: Mapping[str, Parameter], title: str, names: Sequence[str], unit: str) -> str:
+    """Return values and standard deviations of some parameters; empty where one is missing."""
+    if not set(names) <= found.keys():
+        return ""
+    each = ", ".join(value_and_sigma(found[n].value, found[n].sigma) for n in names)
+    return f"{title} {each}{unit}"
+
+
+def _methods_differ(flight: Flight, mountings: Mountings) -> str:
+    """Say by how much the two methods differ, and what the lever arm explains of it."""
+    found = absorption(mountings)
+    if found is None:
+        return "The two methods cannot be compared here."
+    shift, expected = found.shift_mm[:3], (found.by_lever @ found.lever_m)[:3]
+    names = {"f_mm": 0, "xp_mm": 1, "yp_mm": 2}
+    differ = ", ".join(
+        f"{LABELS[name]} by {shift[row]:+.4f} mm{_printed_difference(flight, name)}"
+        for name, row in names.items()
+    )
+    return (
+        f"The two-step method differs from it: {differ}. The reason is the lever arm, which the "
+        "two-step method does not know: focal length and principal point take it up. Least "
+        "squares over this block says how much each must take up, and the differences follow to "
+        f"{1e3 * np.abs(shift - expected).max():.2f} µm. Either set of values may be used, but "
+        "only as a set, and only near the flying heights of the calibration."
+    )
+
+
+def _printed_difference(flight: Flight, name: str) -> str:
+    if not printed.applies(flight):
+        return ""
+    two, one = (printed.value(3, name, method) for method in printed.METHODS)
+    return f" (printed: {two - one:+.4f})"

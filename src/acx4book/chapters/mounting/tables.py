@@ -78,10 +78,7 @@ def _printed_cell(method: str, name: str) -> str:
     column = PRINTED[method]
     if name not in set(printed.table(3)["parameter"]):
         return ""
-    value, sigma = printed.value(3, name, column), printed.sigma(3, name, column)
-    if name == "sigma0_squared":
-        return f"{value:.3g}"
-    return value_and_sigma(value, sigma) if np.isfinite(value) else "ND"
+    return printed.shown(3, name, column)
 
 
 def variants(table: pd.DataFrame) -> pd.DataFrame:

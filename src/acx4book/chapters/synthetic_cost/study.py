@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.expected import Array
-from acx4lib.results.own_folder.places import working_copy
+
+STORED = Path(str(resources.files("acx4book.chapters.synthetic_cost") / "stored"))
+"""Folder of the flights that the project brings."""
 
 SYNTHETIC, RIG = "synthetic", "rig"
 """The two ways: a single step of carried points, and a rig of four heads."""
@@ -54,14 +57,14 @@ class Study:
 
 
 def read(folder: str | Path = "") -> Study:
-    """Read what ``make chain`` left in a folder; by default, in the working copy's.
+    """Read what ``make chain`` left in a folder; by default, what the project brings.
 
     Raises
     ------
     FileNotFoundError
         If a file is missing: the message says how to make it.
     """
-    place = Path(folder) if folder else Path(working_copy() or "", "data", "benchmarks")
+    place = Path(folder) if folder else STORED
     files = {part: place / f"closed_chain_{part}.csv" for part in PARTS}
     about = place / "closed_chain.json"
     if not all(path.is_file() for path in (about, *files.values())):

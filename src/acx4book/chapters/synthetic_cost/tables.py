@@ -49,7 +49,7 @@ def parameter_table(found: Study) -> pd.DataFrame:
     rows = [
         {
             "Parameter": with_unit(LABELS[row["parameter"]], unit(row["parameter"])),
-            "Table 3": value_and_sigma(*print_of(row["parameter"])),
+            "Table 3": printed.shown(3, row["parameter"], "single_step"),
             "Mean and scatter over flights": value_and_sigma(row["mean"], row["scatter"]),
             "Scatter over stated σ": f"{row['ratio']:.2f} ± {row['sigma_ratio']:.2f}",
         }
@@ -99,7 +99,7 @@ def square_table(found: Study) -> pd.DataFrame:
     rows = [
         {"Parameter": with_unit(LABELS[name], unit(name))}
         | {title: cells[name, side] for side, title in sides.items()}
-        | {"Table 3": value_and_sigma(*print_of(name))}
+        | {"Table 3": printed.shown(3, name, "single_step")}
         for name in SQUARE_ROWS
     ]
     factors = {title: cells["sigma0_squared", side] for side, title in sides.items()}

@@ -95,3 +95,48 @@ def response(orientation: RelativeOrientation, fit: ResponseFit | None) -> str:
         f"leave {100 * np.nanmedian(floor):.2f} %."
     )
     return " ".join([text, *(f"{shown(line)}." for line in poor_overlaps(fit, names))])
+
+
+# --- the answer ------------------------------------------------------------------------------
+
+
+def answer(flight: Flight, stage: SyntheticStage, fit: ResponseFit | None) -> str:
+    """Say how well the heads fit to one image: one sentence, then what does not show there.
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : SyntheticStage
+    fit : ResponseFit or None
+        Of the heads' grey values.
+    """
+    refined = stage.refinement
+    if not len(refined.ties):
+        return "It cannot be said: no two heads share a tie point at an exposure."
+    rms = rms_mm(overlaps(refined.kept, refined.orientation))
+    first = (
+        f"Where heads overlap, one head's share of the differences is {1e3 * rms / np.sqrt(2):.1f} "
+        f"µm in one coordinate, {rms / np.sqrt(2) / stage.synthetic.pixel_mm:.2f} px, at "
+        f"{len(refined.kept)} tie points"
+    )
+    if printed.applies(flight):
+        said = printed.statement("synthetic_quality_um"), printed.statement("synthetic_quality_px")
+        first += f"; the paper has residuals of around {said[0]:g} µm, {said[1]:g} px"
+    return f"{first}.\n\n{_not_shown(fit)}"
+
+
+def _not_shown(fit: ResponseFit | None) -> str:
+    beyond = (
+        "An overlap shows only what two heads have wrong against each other. Errors that all heads "
+        "share, and those of the first head, deform the image without a trace there."
+    )
+    if fit is None:
+        return beyond
+    before, after = (
+        100 * np.nanmedian([getattr(one, when) for one in fit.overlaps])
+        for when in ("before", "after")
+    )
+    return (
+        f"Grey values of two heads differ by {before:.1f} % as they were taken, and by "
+        f"{after:.2f} % once their responses are taken out. {beyond}"
+    )

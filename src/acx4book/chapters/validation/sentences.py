@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from acx4book.chapters.mounting.sentences import listed
+from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES, inside
 from acx4lib.expected import Array
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
+from acx4lib.georeferencing import accuracy, standards
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
@@ -53,3 +56,54 @@ def _sigma_if_independent(points: Differences) -> Array:
     """Return the standard deviation of the mean without correlations, m, shape (3,)."""
     out: Array = np.sqrt(np.sum(points.sigma**2, axis=0)) / len(points)
     return out
+
+
+# --- the answer ------------------------------------------------------------------------------
+
+
+def answer(flight: Flight, validations: Sequence[Validation]) -> str:
+    """Say how accurate direct georeferencing is: one sentence, then what it is good for.
+
+    Parameters
+    ----------
+    flight : Flight
+        The printed RMS is named where it has the paper's cameras.
+    validations : sequence of Validation
+        The last one is answered by.
+    """
+    found = [validation for validation in validations if len(validation.points)]
+    if not found:
+        return NOTHING
+    last = found[-1]
+    points, pairs = (np.sqrt(np.mean(of.d**2, axis=0)) for of in (last.points, last.pairs))
+    first = (
+        f"At {len(last.points)} check points, each from all its images, the RMS is "
+        f"{np.hypot(*points[:2]):.2f} m in plan and {points[2]:.2f} m in height"
+    )
+    if printed.applies(flight):
+        first += f"; over pairs of images, {_beside_print(pairs)}"
+    expected = np.sqrt(np.mean(last.points.sigma**2, axis=0))
+    return (
+        f"{first}.\n\nThe standard deviations that the adjustment predicts are "
+        f"{listed(expected, '.2f')} m in east, north and height, where {listed(points, '.2f')} m "
+        f"are found. {_class(last)}"
+    )
+
+
+def _beside_print(pairs: Array) -> str:
+    """Return the RMS over pairs in plan and in height, with the printed one."""
+    said = np.array([printed.value(4, f"rms_{axis}_m", "single_step") for axis in AXES])
+    return (
+        f"as the paper counts, it is {np.hypot(*pairs[:2]):.2f} m and {pairs[2]:.2f} m (printed: "
+        f"{np.hypot(*said[:2]):.2f} and {said[2]:.2f} m)"
+    )
+
+
+def _class(last: Validation) -> str:
+    """Say at which scales the points reach class A of PEC-PCD, the largest first."""
+    found = accuracy.from_differences(last.points.d)
+    for scale in standards.scales():
+        reached = standards.pec_pcd(found, scale)
+        if reached.plan == reached.height == "A":
+            return f"By the standard PEC-PCD that is class A at 1:{scale} in plan and in height."
+    return "By the standard PEC-PCD no tabulated scale has class A in plan and in height."

@@ -66,25 +66,20 @@ def _validation_cells(validation: Validation) -> dict[str, str]:
 
 
 def _printed_validation(column: str) -> dict[str, str]:
-    def number(name: str) -> float:
-        return printed.value(4, name, column)
+    def said(name: str) -> Markup:
+        return printed.shown(4, name, column)
 
-    cells = {
-        "Intersection pairs": f"{number('n_pairs'):.0f}",
-        "Pairs that failed": f"{number('n_fail'):.0f}",
-        "Check points": f"{number('n_points'):.0f}",
+    cells: dict[str, str] = {
+        "Intersection pairs": said("n_pairs"),
+        "Pairs that failed": said("n_fail"),
+        "Check points": said("n_points"),
     }
     for name in AXES:
-        scatter = printed.sigma(4, f"mean_{name}_m", column)
-        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
-            f"{number(f'mean_{name}_m'):+.2f} ± {scatter:.2f}"
-        )
-        cells[f"RMS, {name} (m [px])"] = (
-            f"{number(f'rms_{name}_m'):.2f} [{number(f'rms_{name}_px'):.1f}]"
-        )
+        cells[Markup(f"Mean ± scatter, {name} (m)")] = said(f"mean_{name}_m")
+        cells[f"RMS, {name} (m [px])"] = f"{said(f'rms_{name}_m')} [{said(f'rms_{name}_px')}]"
         cells[f"RMS predicted, {name} (m)"] = "not given"
-    within, share = number("n_within_3_gsd"), number("within_3_gsd_percent")
-    cells["Points within 3 GSD in XYZ"] = f"{within:.0f} [{share:.1f} %]"
+    within, share = said("n_within_3_gsd"), said("within_3_gsd_percent")
+    cells["Points within 3 GSD in XYZ"] = f"{within} [{share} %]"
     return cells
 
 

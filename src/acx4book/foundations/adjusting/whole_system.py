@@ -24,6 +24,23 @@ IMAGE, POSITION, ATTITUDE, CONTROL = slice(0, 16), slice(16, 28), slice(28, 40),
 """Rows of the observations: x and y of P and Q by image, then what is observed of unknowns."""
 
 
+def row_names() -> list[str]:
+    """Return what each observation is; attitudes are small turns about the axes of the body."""
+    images, points = example.EXPOSURES["image"], example.CONTROL["point"]
+    seen = [
+        f"{axis} of {point} in {image}" for image in images for point in points for axis in "xy"
+    ]
+    along = ("east", "north", "height")
+    positions = [f"{axis} of {image}" for image in images for axis in along]
+    turns = [f"turn of {image} about {axis}" for image in images for axis in "xyz"]
+    return [
+        *seen,
+        *positions,
+        *turns,
+        *(f"{axis} of {point}" for point in points for axis in along),
+    ]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
     """Values of all unknowns.

@@ -123,6 +123,6 @@ def against_ratio(table: pd.DataFrame) -> Figure:
             for name, colour in zip(names, (style.BLUE, style.ORANGE, style.TEAL), strict=True):
                 label, unit = name.split(", ")
                 ax.plot(table.columns, table.loc[name], "o-", color=colour, label=label)
-            ax.set(yscale="log", xlabel="second height over first", ylabel=f"σ, {unit}")
+            ax.set(yscale="log", xlabel="second height over first", ylabel=f"σ ({unit})")
             ax.legend()
     return fig

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.typesetting import style
+from acx4book.foundations.drawings.collinearity import STRIPS
+from acx4book.typesetting import sketch, style
 from acx4lib.expected import Array
 
-STRIPS = {"A": style.BLUE, "B": style.ORANGE}
-POSITION, LEVER_ARM, BORESIGHT = style.BRICK, style.TEAL, style.PLUM
+POSITION, LEVER_ARM, BORESIGHT = sketch.BODY, style.TEAL, sketch.RAY
 
 
 def vector_sum() -> Figure:
@@ -25,16 +25,16 @@ def vector_sum() -> Figure:
     a = c + 0.27 * (i - c)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.6))
-        _scene(ax, (-0.6, 10.4), (-0.7, 5.0))
+        sketch.scene(ax, (-0.6, 10.4), (-0.7, 5.0))
         ground = np.linspace(-0.4, 10.2, 60)
         ax.plot(ground, 0.17 * np.sin(ground / 1.6) + 0.17 * ground / 7.6, color=style.SOFT)
         for tip in ([1.2, 0.0], [0.0, 1.2]):
-            _vector(ax, m, m + tip, style.INK)
+            sketch.arrow(ax, m, m + tip, style.INK)
         across = np.array([i - c, [-(i - c)[1], (i - c)[0]]]) / np.hypot(*(i - c))
         ax.plot(*(a + 0.8 * np.outer([-1, 1], across[1])).T, color=style.INK, lw=2.2)
-        _vector(ax, m, b, POSITION)
-        _vector(ax, b, c, LEVER_ARM)
-        _vector(ax, c, i, BORESIGHT)
+        sketch.arrow(ax, m, b, POSITION)
+        sketch.arrow(ax, b, c, LEVER_ARM)
+        sketch.arrow(ax, c, i, BORESIGHT)
         ax.plot(*np.stack([b, c, a, i]).T, "o", color=style.INK)
         for at, beside, text, colour in (
             (m, (0.1, -0.45), "mapping frame $m$", style.INK),
@@ -116,10 +116,12 @@ def misclosures(xy_mm: Array, before_um: Array, after_um: Array) -> Figure:
             length = style.round_length(longest)
             for strip, rows in (("A", slice(0, 4)), ("B", slice(4, 8))):
                 _quiver(ax, xy_mm[rows], d[rows] * 7.0 / longest, STRIPS[strip], f"strip {strip}")
-            _quiver(ax, np.array([[-18.0, -17.5]]), np.array([[length * 7 / longest, 0]]), "k", "")
+            _quiver(
+                ax, np.array([[-18.0, -17.5]]), np.array([[length * 7 / longest, 0]]), style.INK, ""
+            )
             ax.text(-18 + 7 * length / longest + 1, -17.5, f"{length:g} µm", va="center")
-            ax.set(xlim=(-20, 20), ylim=(-20, 15), aspect="equal", xlabel="$x$, mm", title=title)
-        axes[0].set_ylabel("$y$, mm")
+            ax.set(xlim=(-20, 20), ylim=(-20, 15), aspect="equal", xlabel="$x$ (mm)", title=title)
+        axes[0].set_ylabel("$y$ (mm)")
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0][:2])
     return fig
 
@@ -142,7 +144,7 @@ def three_flights() -> Figure:
             (BORESIGHT, LEVER_ARM, POSITION),
             strict=True,
         ):
-            _scene(ax, (-0.6, 9.6), (-0.35, 2.6))
+            sketch.scene(ax, (-0.6, 9.6), (-0.35, 2.6))
             ax.axhline(0, color=style.SOFT, lw=1.0)
             for at, way, height in ((1.5, 1, 1.0), (4.5, -1, 1.0), (7.5, 1, 2.0)):
                 _flown(ax, at, way, height, title, colour)
@@ -171,22 +173,14 @@ def _flown(ax: Axes, at: float, way: int, height: float, kind: str, colour: str)
     ax.plot([at, at], [height, 0], color=style.SOFT, ls="--", lw=1.0)
     ax.plot([start, end], [height, 0], color=colour, lw=1.6)
     ax.plot(at, 0, "^", color=style.INK)
-    _vector(ax, np.array([at, -0.2]), np.array([end, -0.2]), colour)
-    _vector(ax, np.array([at - 0.6 * way, height]), np.array([at + 0.6 * way, height]), style.INK)
+    sketch.arrow(ax, np.array([at, -0.2]), np.array([end, -0.2]), colour)
+    sketch.arrow(
+        ax, np.array([at - 0.6 * way, height]), np.array([at + 0.6 * way, height]), style.INK
+    )
     ax.text(at, height + 0.13, "flown " + ("forth" if way > 0 else "back"), ha="center")
 
 
 # --- small parts -----------------------------------------------------------------------------
-
-
-def _scene(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
-    style.bare(ax)
-    ax.set(xlim=x, ylim=y, xticks=[], yticks=[], aspect="equal", facecolor="none")
-
-
-def _vector(ax: Axes, start: Array, end: Array, colour: str) -> None:
-    arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=arrow)
 
 
 def _quiver(ax: Axes, at: Array, d: Array, colour: str, label: str) -> None:
@@ -200,7 +194,7 @@ EXAGGERATED = 1200.0
 
 def _arrows(ax: Axes, at: Array, d: Array, half_m: tuple[float, float], *, colour: str) -> None:
     """Draw displacements over a footprint; forward is to the right."""
-    _scene(ax, (-1.45 * half_m[0], 1.45 * half_m[0]), (-1.3 * half_m[1], 1.3 * half_m[1]))
+    sketch.scene(ax, (-1.45 * half_m[0], 1.45 * half_m[0]), (-1.3 * half_m[1], 1.3 * half_m[1]))
     x, y = half_m
     ax.plot([-x, x, x, -x, -x], [-y, -y, y, y, -y], color=style.SOFT, lw=0.8)
     _quiver(ax, at, EXAGGERATED * d, colour, "")
@@ -208,8 +202,8 @@ def _arrows(ax: Axes, at: Array, d: Array, half_m: tuple[float, float], *, colou
 
 def _legend(ax: Axes) -> None:
     """Draw the scale of `ground_errors` and the direction of flight."""
-    _scene(ax, (-280.0, 280.0), (-190.0, 190.0))
+    sketch.scene(ax, (-280.0, 280.0), (-190.0, 190.0))
     length = 0.05 * EXAGGERATED
     for y, text in ((60.0, "5 cm on the ground"), (-40.0, "flight")):
-        _vector(ax, np.array([-150.0, y]), np.array([-150.0 + length, y]), style.INK)
+        sketch.arrow(ax, np.array([-150.0, y]), np.array([-150.0 + length, y]), style.INK)
         ax.text(-70.0, y, text, va="center")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,17 @@ from matplotlib.patches import Ellipse
 
 from acx4book.foundations import example
 from acx4book.foundations.adjusting.fitted import Fit
-from acx4book.typesetting.style import BLUE, INK, ORANGE, SOFT, TEAL, WIDTH, applied, subplots
+from acx4book.typesetting.style import (
+    BLUE,
+    INK,
+    ORANGE,
+    SOFT,
+    TEAL,
+    WIDTH,
+    applied,
+    subplots,
+)
+from acx4lib.bundle.free_network import FreeNetwork
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.statistical import distributions
@@ -21,6 +31,11 @@ EAST_HEIGHT = np.ix_([0, 2], [0, 2])
 OF_STRIP = {"A": BLUE, "B": ORANGE}
 TWO, FOUR = BLUE, TEAL
 """Colours of what comes from two images and from all four."""
+
+PLUS_MINUS = np.array([-1.0, 1.0])
+
+ENLARGED = 150
+"""Factor on the ellipses of a map."""
 
 SMALL = 7.8
 """Size of letters on lines."""
@@ -148,4 +163,48 @@ def redundancy(two: Fit, four: Fit) -> Figure:
         ax.set(ylim=(0, 1), ylabel="redundancy number (1)")
         ax.grid(visible=False, axis="x")
         ax.legend(ncols=2, loc="upper left")
+    return fig
+
+
+def valley(covs: Mapping[str, Array]) -> Figure:
+    """Draw the ellipses of a focal length and a flying height that do nearly the same.
+
+    Parameters
+    ----------
+    covs : mapping of str to ndarray, shape (2, 2)
+        By a label: covariance of f, mm, and of the height, m.
+    """
+    with applied():
+        fig, ax = subplots(figsize=(WIDTH, 2.9))
+        largest = np.zeros(2)
+        for (name, cov), colour in zip(covs.items(), (BLUE, TEAL, ORANGE), strict=False):
+            ax.add_patch(ellipse(np.zeros(2), cov, colour))
+            sigma = np.sqrt(cov.diagonal())
+            largest = np.maximum(largest, sigma)
+            text: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
+            ax.annotate(name, sigma, (7, -5), textcoords="offset points", **text)
+        ax.set(xlabel="$f$ (mm)", ylabel="$Z_0$ (m)")
+        ax.set(xlim=(-1.3 * largest[0], 1.9 * largest[0]), ylim=1.3 * largest[1] * PLUS_MINUS)
+    return fig
+
+
+def datums(free: FreeNetwork) -> Figure:
+    """Draw the ellipses of the points of a block in two datums.
+
+    Parameters
+    ----------
+    free : FreeNetwork
+    """
+    with applied():
+        fig, axes = subplots(1, 2, figsize=(WIDTH, 3.0), sharex=True, sharey=True)
+        parts = (("seven unknowns held", free.minimal), ("inner constraints", free.inner))
+        for ax, (name, bundle) in zip(axes, parts, strict=True):
+            x_m, cov = bundle.state.x_m, bundle.solution.cov_points
+            for k in np.flatnonzero(bundle.network.free_points):
+                ax.add_patch(ellipse(x_m[k, :2], ENLARGED**2 * cov[k, :2, :2], TEAL))
+            camera = bundle.T_m_c.r
+            ax.plot(camera[:, 0], camera[:, 1], "v", color=BLUE, ms=5)
+            ax.set(xlabel="east (m)", xlim=300 * PLUS_MINUS, ylim=210 * PLUS_MINUS, title=name)
+            ax.set_aspect("equal")
+        axes[0].set_ylabel("north (m)")
     return fig

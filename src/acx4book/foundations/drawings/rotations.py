@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from acx4book.foundations import example
 from acx4book.typesetting import sketch, style
 from acx4lib.expected import Array
+from acx4lib.flight.checks.readings import rph_of
 from acx4lib.geometry.frames import opk_jacobian, rotation_from_opk, turn
 
 TIMES = 20
@@ -114,6 +115,42 @@ def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
         ax.plot(*shift, "o", color=colour, ms=7)
     text = f"{image}: {length:.1f} m"
     sketch.note(ax, shift, text, colour, shift=(0, -10) if long else (10, 11))
+
+
+# --- roll and pitch --------------------------------------------------------------------------
+
+
+NED_ENU = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+FLU_FRD = np.diag([1, -1, -1])
+"""North-east-down from east-north-up, and forward-left-up from forward-right-down."""
+
+
+def headings() -> Figure:
+    """Draw roll and pitch while kappa goes round and omega and phi stay those of A1."""
+    kappa = np.linspace(-180, 180, 181)
+    omega, phi, _ = example.attitudes()[0]
+    opk = np.stack([omega + 0 * kappa, phi + 0 * kappa, np.radians(kappa)], axis=-1)
+    roll, pitch, _ = np.degrees(rph_of(NED_ENU @ rotation_from_opk(opk) @ FLU_FRD)).T
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2.8))
+        ax.axhline(0, color=style.SOFT, lw=0.6)
+        for angles, angle, name, colour in (
+            (roll, omega, "roll", COLOURS[0]),
+            (pitch, -phi, "pitch", COLOURS[1]),
+        ):
+            ax.plot(kappa, angles, color=colour, lw=2, label=name)
+            of = "ω" if name == "roll" else "−φ"
+            ax.axhline(np.degrees(angle), color=colour, lw=1, ls="--", label=of)
+        for row in (0, 2):
+            flown = np.degrees(example.attitudes()[row, 2])
+            ax.axvline(flown, color=style.INK, lw=0.8, ls=":")
+            strip = example.EXPOSURES["image"][row][0]
+            ax.annotate(f"strip {strip}", (flown, -0.95), (-4, 0), textcoords="offset points",
+                        ha="right", va="center")  # fmt: skip
+        ax.set(xlim=(-180, 180), ylim=(-1.05, 1.05), xticks=range(-180, 181, 45))
+        ax.set(xlabel="κ (deg)", ylabel="roll and pitch (deg)")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=4)
+    return fig
 
 
 # --- phi near 90 degrees ---------------------------------------------------------------------

@@ -31,8 +31,23 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
     needed_by : str
         For the message if the file is missing.
     """
-    schema = SCHEMAS[path.name]
-    whole, sha256, problems = read_text(path, file, needed_by=needed_by)
+    return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
+
+
+def read_columns(
+    path: Path, file: str, schema: Schema, *, needed_by: str, most: int | None = None
+) -> Table:
+    """Return a table with the columns of a schema; what is wrong is in its `problems`.
+
+    Parameters
+    ----------
+    path, file, needed_by
+        As in `read_table`, but the file may have any name.
+    schema : Schema
+    most : int, optional
+        Largest size in bytes; by default what the free memory allows.
+    """
+    whole, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
     cells, problems = ([], problems) if problems else read_header(whole, file)
     header = [name.strip() for name in cells]
     problems = problems or _no_header(whole, header, file)

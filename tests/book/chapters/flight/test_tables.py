@@ -1,8 +1,5 @@
 """What is said of a flight, beside the paper's numbers where it is the paper's."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
 from acx4book.chapters.flight import tables
@@ -37,23 +34,3 @@ def test_the_standard_deviations_are_those_of_flight_toml(flight):
     (row,) = tables.sigma_table(flight).to_dict("records")
     assert row["Image points (px)"] == flight.apriori.image_point_px
     assert row["heading (deg)"] == pytest.approx(flight.apriori.heading_deg)
-
-
-def test_notes_are_a_list(flight):
-    assert tables.notes(replace(flight, notes=("one", "two"))) == "- one\n- two"
-    assert "Nothing" in tables.notes(replace(flight, notes=()))
-
-
-def test_directions_are_said(flight):
-    assert "in one direction only" in tables.directions_sentence(flight)
-
-
-def test_a_flight_without_surveyed_points_has_no_height_above_ground(flight):
-    block = without_control(flight.heads)
-    said = tables.directions_sentence(replace(flight, blocks={"heads": block}))
-    assert said.startswith("*heads*: height above ground not known, flown in ")
-
-
-def without_control(block):
-    nothing = np.zeros(len(block.control), dtype=bool)
-    return replace(block, control=block.control[nothing])

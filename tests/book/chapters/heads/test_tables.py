@@ -29,6 +29,14 @@ def test_the_sentences_have_the_papers_claims(flight, stage):
     assert "m on the ground" in head_sentences.orientation(flight, stage)
 
 
+def test_the_answer_says_what_a_held_focal_length_costs(flight, stage):
+    first, rest = head_sentences.answer(flight, stage).split("\n\n")
+    assert first.startswith("Yes, but for the focal length: ")
+    assert "of 20 parameters lie within two combined standard deviations of Table 1" in first
+    assert "held at its nominal value" in rest
+    assert "below 10 %" in rest
+
+
 def test_held_focal_lengths_are_tabled_and_said(flight, stage):
     tried = held_focal_length.all_heads(flight, stage, (-0.5, 0.0, 0.5))
     one = held_focal_length.last_head(flight, stage, 0.5)

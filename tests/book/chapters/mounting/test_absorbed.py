@@ -5,15 +5,6 @@ import pytest
 
 from acx4book.chapters.mounting import absorbed
 from acx4lib.calibration import mounting
-from support.flights import simulated
-
-FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
-
-
-@pytest.fixture(scope="module")
-def mountings():
-    flown = simulated.fly("acx4-ideal", seed=1).flight
-    return mounting.calibrate(flown.calibration, free=FREE)
 
 
 @pytest.fixture(scope="module")

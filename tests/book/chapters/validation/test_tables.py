@@ -50,3 +50,12 @@ def test_without_a_validation_the_tables_keep_their_columns():
     assert list(tables.together([]).columns) == list(tables.TOGETHER)
     assert "nothing to validate" in sentences.shared([])
     assert "nothing to validate" in sentences.validation([])
+
+
+def test_the_answer_has_the_rms_over_points_and_names_the_scale_of_class_a(other, found):
+    first, rest = sentences.answer(other, [found]).split("\n\n")
+    rms = np.sqrt(np.mean(found.points.d**2, axis=0))
+    assert f"RMS is {np.hypot(*rms[:2]):.2f} m in plan and {rms[2]:.2f} m in height" in first
+    assert "printed" not in first
+    assert "no tabulated scale" in rest or "class A at 1:" in rest
+    assert "nothing to validate" in sentences.answer(other, [])

@@ -31,6 +31,17 @@ def test_rows_are_derivatives():
     assert_allclose(A, numeric_jacobian(computed, np.zeros(33), step=1e-5), atol=1e-5)
 
 
+def test_rows_have_the_names_of_what_they_depend_on():
+    A, _, _ = whole_system.equations(whole_system.start())
+    names = whole_system.row_names()
+    pose_of = {image: 3 + 6 * i for i, image in enumerate(example.EXPOSURES["image"])}
+    for name, row in zip(names, A, strict=True):
+        for image, column in pose_of.items():
+            assert (image in name.split()) == bool(row[column : column + 6].any())
+    assert [names[k] for k in (5, 17, 28, 45)] == [
+        "y of P in A2", "north of A1", "turn of A1 about x", "height of Q"]  # fmt: skip
+
+
 def test_the_library_s_bundle_has_the_same_solution(fitted, bundle):
     state, fits = fitted
     boresight = bundle.cameras[0].T_b_c.R

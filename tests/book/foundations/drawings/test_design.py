@@ -36,4 +36,4 @@ def test_curves_are_drawn_over_the_ratio():
     table = pd.DataFrame({1.0: np.arange(1.0, 7.0), 2.0: np.arange(2.0, 8.0)}, index=names)
     left, right = drawings.against_ratio(table).axes
     assert_allclose(left.lines[2].get_ydata(), [3.0, 4.0])
-    assert right.get_ylabel() == "σ, mm"
+    assert right.get_ylabel() == "σ (mm)"

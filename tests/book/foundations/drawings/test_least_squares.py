@@ -5,7 +5,10 @@ from numpy.testing import assert_allclose
 
 from acx4book.foundations import example
 from acx4book.foundations.adjusting import forward_intersection as rays
+from acx4book.foundations.designs import lines, planned
 from acx4book.foundations.drawings import least_squares as drawings
+from acx4lib.bundle.free_network import adjust_free
+from acx4lib.bundle.uses import free_orientation
 from support.figures import assert_labelled, assert_texts_apart, drawn, title
 
 
@@ -53,3 +56,22 @@ def test_bars_are_redundancy_numbers(results):
     bars = [bar.get_height() for bar in fig.axes[0].patches]
     assert_allclose(bars, [*results[0][1].redundancy, *results[1][1].redundancy])
     assert_allclose([sum(bars[:4]), sum(bars[4:])], [1.0, 5.0])
+
+
+def test_a_valley_reaches_its_sigmas():
+    cov = np.array([[4.0, 3.9], [3.9, 4.0]])
+    fig = drawn(drawings.valley({"narrow": cov, "wide": np.eye(2)}))
+    assert_labelled(fig)
+    back = fig.axes[0].transData.inverted()
+    sizes = [p.get_extents().transformed(back).size for p in fig.axes[0].patches]
+    assert_allclose(sizes, [[4.0, 4.0], [2.0, 2.0]], rtol=0.02)
+
+
+def test_inner_constraints_have_the_smaller_ellipses():
+    block = planned(lines(90, 270), control=0)
+    fig = drawn(drawings.datums(adjust_free(free_orientation(block, free=()))))
+    assert_labelled(fig)
+    held, inner = (np.array([p.width * p.height for p in ax.patches]) for ax in fig.axes)
+    assert len(held) == len(inner) > 30
+    assert inner.sum() < held.sum()
+    assert title(fig.axes[1]) == "inner constraints"

@@ -36,6 +36,17 @@ def test_every_mistake_is_missed_by_one_strip_or_seen_by_both():
             assert shift < 0.2 if name == small else shift > 10
 
 
+def test_roll_and_pitch_go_round_with_the_heading():
+    (ax,) = panels(drawn(rotations.headings()))
+    curves = {line.get_label(): line for line in ax.lines}
+    omega, phi, _ = np.degrees(example.attitudes()[0])
+    kappa, roll = curves["roll"].get_data()
+    pitch = curves["pitch"].get_ydata()
+    for degrees, expected in ((0, [omega, -phi]), (90, [phi, omega]), (180, [-omega, phi])):
+        (i,) = np.flatnonzero(kappa == degrees)
+        assert_allclose([roll[i], pitch[i]], expected, atol=1e-3)
+
+
 def test_at_a_quarter_turn_omega_and_kappa_turn_about_one_axis():
     omega, phi, kappa = rotations.turning_axes(np.pi / 2)
     assert_allclose(kappa, omega, atol=1e-15)
@@ -55,3 +66,4 @@ def test_the_figures_draw():
     assert_labelled(fig)
     assert [title(ax) for ax in panels(fig)] == ["transposed", "axes for vectors", "other order"]
     drawn(rotations.singularity())
+    assert_labelled(drawn(rotations.headings()))

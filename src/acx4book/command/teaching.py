@@ -1,0 +1,101 @@
+"""The commands ``acx4 lab`` and ``acx4 grade``: a flight for every student, and their marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acx4book.command import terminal
+
+LAB_HELP = """Write the simulated flight of one student for a lab sheet.
+
+SHEET is 1 to 8. The flight is drawn from the name, the sheet and the key: the same three give the
+same flight. Its truth is not written; acx4 grade makes it again. Case and spaces of a name do not
+count. The folder has the flight, README.md with the questions, and answers.csv to fill in.
+
+\b
+A key, to be made once and shown to nobody, and the flights of a class:
+  python3 -c 'import secrets; print(secrets.token_hex(32))' > key.txt
+  acx4 lab 6 --student "Ada Lovelace" --key key.txt
+  while read name; do acx4 lab 6 --student "$name" --key key.txt; done < class.txt
+"""
+
+GRADE_HELP = """Mark what students handed in on lab sheets.
+
+HANDED_IN are files of answers, results folders of acx4 run, or folders of these. The truth is made
+again of sheet, name and key. For every answer that is wrong the common mistake is named that gives
+this value. Nothing of what was handed in is executed. What cannot be read is named in one line, the
+others are marked, and the status is 2.
+
+\b
+Example:
+  acx4 grade handed_in --key key.txt --out marks.csv
+"""
+
+Key = Annotated[
+    Path, typer.Option(metavar="FILE", show_default=False, help="The lecturer's key file.")
+]
+
+
+def lab(
+    sheet: Annotated[str, typer.Argument(metavar="SHEET", show_default=False)],
+    student: Annotated[
+        str, typer.Option(metavar="NAME", show_default=False, help="Name of the student.")
+    ],
+    key: Key,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", show_default=False, help="New folder; else lab-N-name, here."
+        ),
+    ] = None,
+) -> None:
+    """Write the simulated flight of one student."""
+    from acx4book.teaching import students, writing  # noqa: PLC0415 quick help
+    from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
+
+    try:
+        chosen = sheet_of(sheet)
+        folder = out or Path(students.folder_name(chosen.name, student))
+    except ValueError as error:
+        terminal.refuse(str(error))
+    secret = students.read_key(key)
+    places.check_new(folder)
+    with claims.placed(folder, command="acx4 lab") as draft:
+        writing.write(chosen, student, secret, draft)
+    terminal.show(folder)
+
+
+def grade(
+    handed_in: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="HANDED_IN...", show_default=False, help="Answers, results, or their folders."
+        ),
+    ],
+    key: Key,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="TABLE.csv", show_default=False, help="A row for every answer."),
+    ] = None,
+) -> None:
+    """Mark what students handed in."""
+    from acx4book.teaching import class_table, students  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import places  # noqa: PLC0415 quick help
+
+    secret = students.read_key(key)
+    if out is not None:
+        mark = ",".join(class_table.COLUMNS).encode()
+        places.check_file(out, mark=mark, what="a table of acx4 grade")
+    found = class_table.grade(handed_in, secret)
+    for line in class_table.lines(found):
+        terminal.show(line)
+    if out is not None:
+        out.write_text(class_table.text(found), encoding="utf-8")
+    terminal.say(*found.unread)
+    if found.unread or not found.marks:
+        terminal.say(*([] if found.marks else ["nothing was graded"]))
+        raise typer.Exit(2)

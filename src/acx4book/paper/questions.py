@@ -1,0 +1,217 @@
+"""The paper's four questions: as it asks them, its answers, and those of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+import pandas as pd
+
+from acx4book.paper import printed as paper
+from acx4book.paper.scorecard import TWO_STEP
+from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+from acx4book.typesetting.myst import myst_table
+from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
+from acx4lib.results import folder
+
+TAG = "answer"
+"""Tag of the cell with which a chapter ends; its first paragraph is one sentence."""
+
+UNANSWERED = "This flight has no data for this question."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """One question of the paper.
+
+    Attributes
+    ----------
+    asked : str
+        In a sentence.
+    sections : str
+        Where the paper asks and answers it.
+    chapter : str
+        Name of the notebook that answers it here.
+    answered : callable
+        Returns the paper's answer, with the printed numbers.
+    """
+
+    asked: str
+    sections: str
+    chapter: str
+    answered: Callable[[], str]
+
+
+def _heads() -> str:
+    sigma = [1e3 * paper.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in paper.HEADS]
+    return (
+        "Yes. A bundle over a field of signalised points gives each head its interior orientation "
+        f"while the focal length is held at {paper.statement('head_f_fixed_mm'):g} mm (Table 1). "
+        f"The principal points have standard deviations of {min(sigma):.1f} to {max(sigma):.1f} "
+        f"µm, the distortion at the border is about "
+        f"{paper.statement('head_border_distortion_px'):g} pixels, and interior and exterior "
+        f"orientation are correlated by less than {100 * paper.statement('max_correlation'):g} %."
+    )
+
+
+def _synthetic() -> str:
+    return (
+        f"Yes. Its residuals are around {paper.statement('synthetic_quality_um'):g} µm, "
+        f"{paper.statement('synthetic_quality_px'):g} pixel. Decentring distortion is not "
+        "significant, and the radial distortion at the border is close to "
+        f"{paper.statement('synthetic_border_distortion_px'):g} pixels, which may come from the "
+        "measurement of the image points."
+    )
+
+
+def _mounting() -> str:
+    differ = ", ".join(
+        f"{LABELS[name]} is {' mm and '.join(paper.shown(3, name, m) for m in paper.METHODS)} mm"
+        for name in ("f_mm", "xp_mm", "yp_mm")
+    )
+    return (
+        "Distortion and boresight come out alike from both methods; focal length and principal "
+        f"point do not: {differ} (two-step, single-step). The two-step method does not compute the "
+        "relative position of camera and IMU, and these three absorb it."
+    )
+
+
+def _validation() -> str:
+    rms = [paper.value(4, f"rms_{axis}_m", m) for axis in AXES for m in paper.METHODS]
+    share = paper.shown(4, "within_3_gsd_percent", "single_step")
+    scales = (paper.statement(f"{end}_scale") for end in ("smallest", "largest"))
+    return (
+        f"The RMS of the differences is {min(rms):.2f} to {max(rms):.2f} m by axis, about "
+        f"{paper.statement('accuracy_px'):g} pixels, with either method; {share} % of the points "
+        f"lie within {paper.statement('within_factor'):g} ground pixels. That suffices for maps at "
+        f"{' to '.join(f'1:{scale:.0f}' for scale in scales)} by the Brazilian standard."
+    )
+
+
+QUESTIONS = (
+    Question(
+        asked="Can the heads be calibrated, and oriented to each other, from aerial images alone "
+        "instead of in a laboratory?",
+        sections="sections 2.1 and 4.1",
+        chapter="01-head-calibration",
+        answered=_heads,
+    ),
+    Question(
+        asked="Is the synthetic image that is made from the heads geometrically good?",
+        sections="sections 2.1 and 4.1",
+        chapter="02-synthetic-image",
+        answered=_synthetic,
+    ),
+    Question(
+        asked="How does the synthetic camera sit on the GNSS/INS, and do the two-step and the "
+        "single-step method agree?",
+        sections="sections 2.2 and 4.2",
+        chapter="03-mounting-calibration",
+        answered=_mounting,
+    ),
+    Question(
+        asked="How accurate is direct georeferencing with these parameters, and for which maps is "
+        "that enough?",
+        sections="sections 4.3 and 5",
+        chapter="04-validation",
+        answered=_validation,
+    ),
+)
+"""The aims of the paper, from its abstract and its section 2, as questions."""
+
+
+# --- texts -----------------------------------------------------------------------------------
+
+
+def answers(executed: Path) -> dict[str, list[str]]:
+    """Return the answers with which chapters end, by chapter and paragraph.
+
+    Parameters
+    ----------
+    executed : Path
+        Folder of executed notebooks.
+    """
+    return {
+        one.chapter: answer_of(executed / f"{one.chapter}.ipynb") or [UNANSWERED]
+        for one in QUESTIONS
+    }
+
+
+def answer_of(notebook: Path) -> list[str]:
+    """Return the paragraphs of a notebook's answer; none where there is no such notebook."""
+    if not notebook.is_file():
+        return []
+    read = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
+    shown = [
+        output.data["text/markdown"]
+        for cell in read.cells
+        if TAG in cell.metadata.get("tags", [])
+        for output in cell.outputs
+    ]
+    return [part for text in shown for part in text.split("\n\n")]
+
+
+def texts(found: Mapping[str, Sequence[str]], *, beside_print: bool) -> dict[str, str]:
+    """Return what pages include on the four questions, by the names of their files.
+
+    Parameters
+    ----------
+    found : mapping of str to sequence of str
+        As `answers` returns it.
+    beside_print : bool
+        Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
+    """
+    short = [
+        f"{i}. **{one.asked}** {found[one.chapter][0]} "
+        f"[Chapter {one.chapter[:2]}](_executed/{one.chapter})"
+        for i, one in enumerate(QUESTIONS, 1)
+    ]
+    whole = [_section(i, one, found, beside_print) for i, one in enumerate(QUESTIONS, 1)]
+    return {"answers.md": "\n".join(short) + "\n", "four-questions.md": "\n\n".join(whole) + "\n"}
+
+
+def _section(
+    number: int, one: Question, found: Mapping[str, Sequence[str]], beside_print: bool
+) -> str:
+    said = f"**The paper** ({one.sections}). {one.answered()}\n\n" if beside_print else ""
+    ours = "\n\n".join(found[one.chapter])
+    return (
+        f"## {number}. {one.asked}\n\n{said}**Here.** {ours}\n\n"
+        f"More in {{doc}}`_executed/{one.chapter}`."
+    )
+
+
+TABLE_3 = ("f_mm", "xp_mm", "yp_mm", *(f"lever_{axis}_m" for axis in "xyz"), *BORESIGHT_ANGLES)
+"""Rows of the small Table 3."""
+
+
+def small_table_3(found: folder.Results, camera: str) -> str:
+    """Return the mounting of both methods beside the printed one, as a MyST table.
+
+    Parameters
+    ----------
+    found : Results
+        With the stage mounting.
+    camera : str
+        Name of the synthetic camera.
+    """
+    columns: dict[str, list[str]] = {}
+    for title, column, method in (
+        ("two-step", "two_step", TWO_STEP),
+        ("single-step", "single_step", "single_step"),
+    ):
+        ours = folder.parameters(found, f"mounting/{method}", camera)
+        columns[f"Printed, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
+        columns[f"Here, {title}"] = [
+            value_and_sigma(ours["value"][name], ours["sigma"][name])
+            if name in ours.index
+            else "held"
+            for name in TABLE_3
+        ]
+    units = paper.table(3).drop_duplicates("parameter").set_index("parameter")["unit"]
+    names = [with_unit(LABELS[name], units[name]) for name in TABLE_3]
+    table = pd.DataFrame({"Parameter": names, **columns})
+    caption = "From the paper's Table 3: interior orientation and mounting, printed and here"
+    return myst_table(table, caption, name="tab-front") + "\n"

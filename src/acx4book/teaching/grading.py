@@ -1,0 +1,199 @@
+"""Answers compared with the truth, and the common mistake that explains a wrong one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet
+from acx4book.teaching.handed_in import Answer
+
+SIGMA_FACTOR = 1.3
+"""A standard deviation is right up to this factor: methods and redundancies differ."""
+
+ALIKE = 1.08
+"""Up to this factor a wrong standard deviation is the one that a mistake gives."""
+
+UNEXPLAINED = "no common mistake gives this value"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What is said of one answer.
+
+    Attributes
+    ----------
+    question : Question
+    answer : Answer or None
+        None where nothing was handed in.
+    right : Right
+    points, of : int
+        Points reached, of those to be had: one for the value, one for a standard deviation.
+    says : str
+        Empty for a right answer.
+    """
+
+    question: Question
+    answer: Answer | None
+    right: Right
+    points: int
+    of: int
+    says: str
+
+
+def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verdict]:
+    """Return a verdict on every question of a sheet.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    case : Case
+        The student's flight with its truth.
+    answers : mapping of str to Answer
+        By question; what is not asked for is not looked at.
+    """
+    right = sheet.solve(case)
+    values = {
+        q.name: a.value
+        for q in sheet.questions
+        if (a := answers.get(q.name)) is not None and a.value is not None and _unit(q, a)
+    }
+    wrong = {n: v for n, v in values.items() if not apart(n, v, right[n].truth) <= right[n].bound}
+    sigmas = {
+        q.name: s
+        for q in sheet.questions
+        if q.with_sigma and q.name in values and (s := answers[q.name].sigma) is not None
+    }
+    wrong_sigma = {n: s for n, s in sigmas.items() if not _sigma_is_right(s, right[n])}
+    mistakes = [*sheet.mistakes(case, right)] if wrong or wrong_sigma else []
+    why = explained(wrong, right, mistakes)
+    why_sigma = explained_sigma(wrong_sigma, right, mistakes)
+    return [
+        _verdict(q, answers.get(q.name), right[q.name], why, why_sigma) for q in sheet.questions
+    ]
+
+
+def apart(name: str, a: float, b: float) -> float:
+    """Return how far two answers to a question are apart; whole turns of angles do not count."""
+    return abs((a - b + 180.0) % 360.0 - 180.0) if name.endswith("_deg") else abs(a - b)
+
+
+def _unit(question: Question, answer: Answer) -> bool:
+    return answer.unit in ("", question.unit)
+
+
+def _sigma_is_right(sigma: float, right: Right) -> bool:
+    known = right.sigma or np.nan
+    return bool(known / SIGMA_FACTOR <= sigma <= known * SIGMA_FACTOR)
+
+
+def _verdict(
+    question: Question,
+    answer: Answer | None,
+    right: Right,
+    why: Mapping[str, str],
+    why_sigma: Mapping[str, str],
+) -> Verdict:
+    """Return what is said of one answer whose mistakes are known."""
+    of = 2 if question.with_sigma else 1
+    says, points = [], 0
+    if answer is None or answer.value is None:
+        says.append("not answered")
+    elif not _unit(question, answer):
+        says.append(f"unit {answer.unit}; asked for in {question.unit}")
+    else:
+        says += [why[question.name]] if question.name in why else []
+        points += question.name not in why
+        if question.with_sigma:
+            missing = "" if answer.sigma is not None else "σ is missing"
+            said = why_sigma.get(question.name, missing)
+            says += [said] if said else []
+            points += not said
+    return Verdict(
+        question=question, answer=answer, right=right, points=points, of=of, says="; ".join(says)
+    )
+
+
+# --- which mistake -----------------------------------------------------------------------------
+
+
+def explained(
+    wrong: Mapping[str, float], right: Rights, mistakes: Sequence[Mistake]
+) -> dict[str, str]:
+    """Return for every wrong answer which mistake it is.
+
+    A mistake that explains several answers comes before those that explain fewer of them; of two
+    that explain as many, the one comes first whose values are nearer.
+
+    Parameters
+    ----------
+    wrong : mapping of str to float
+        Wrong answers by question.
+    right : mapping of str to Right
+    mistakes : sequence of Mistake
+    """
+    left, said = dict(wrong), {}
+    while left:
+        fits = [_fit(left, right, mistake) for mistake in mistakes]
+        best = max(range(len(fits)), key=lambda k: _rank(fits[k]), default=-1)
+        if best < 0 or not fits[best]:
+            break
+        for name in fits[best]:
+            said[name] = mistakes[best].says
+            del left[name]
+    return {name: said.get(name, UNEXPLAINED) for name in wrong}
+
+
+def _fit(left: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[str, float]:
+    """Return the answers that a mistake explains, and how far they are from what it gives."""
+    fits = {}
+    for name, value in left.items():
+        gives = mistake.gives.get(name)
+        if gives is None or apart(name, gives, right[name].truth) <= right[name].bound:
+            continue  # it would not have been seen
+        off = apart(name, value, gives) / (right[name].bound * mistake.scale)
+        if off <= 1.0:
+            fits[name] = off
+    return fits
+
+
+def _rank(fit: Mapping[str, float]) -> tuple[int, float]:
+    return len(fit), -float(np.mean([*fit.values()])) if fit else 0.0
+
+
+def explained_sigma(
+    wrong: Mapping[str, float], right: Rights, mistakes: Iterable[Mistake]
+) -> dict[str, str]:
+    """Return for every wrong standard deviation which mistake it is, or by what factor it is off.
+
+    Parameters
+    ----------
+    wrong : mapping of str to float
+        Wrong standard deviations by question.
+    right : mapping of str to Right
+    mistakes : iterable of Mistake
+    """
+    said = {name: _factor(sigma, right[name]) for name, sigma in wrong.items()}
+    nearest = dict.fromkeys(wrong, ALIKE)
+    for mistake in mistakes:
+        for name in wrong.keys() & mistake.gives_sigma.keys():
+            off = _ratio(wrong[name], mistake.gives_sigma[name])
+            if off < nearest[name]:
+                nearest[name], said[name] = off, mistake.says
+    return said
+
+
+def _ratio(a: float, b: float) -> float:
+    """Return by what factor the larger of two numbers is larger; infinite where one is not."""
+    return max(a / b, b / a) if a > 0 and b > 0 else np.inf
+
+
+def _factor(sigma: float, right: Right) -> str:
+    if not sigma > 0:
+        return "σ must be positive"
+    known = right.sigma or np.nan
+    if sigma < known:
+        return f"σ is too small by a factor of {known / sigma:.1f}"
+    return f"σ is too large by a factor of {sigma / known:.1f}"

@@ -1,0 +1,198 @@
+"""What students hand in, read as data: answers.csv, or the results folder of a run.
+
+Nothing of it is executed, and whatever cannot be read is one sentence.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from acx4book.teaching import students
+from acx4lib.errors import FlightError
+from acx4lib.flight.problems import Range, lines_of, quoted
+from acx4lib.flight.text.cells import numbers_of
+from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.text.names import NUMBER
+from acx4lib.flight.text.schemas import Schema
+from acx4lib.flight.text.table import Table
+from acx4lib.flight.text.table_files import read_columns
+
+ANSWERS = "answers.csv"
+"""The file to fill in, in the folder of every student's flight."""
+
+COLUMNS = ("student", "sheet", "question", "value", "sigma", "unit")
+"""Of answers.csv."""
+
+LARGEST = 1_000_000
+"""Bytes of a file that is read; one with all answers has a few thousand."""
+
+OF_RUN = ("parameters.csv", "flight/flight.toml")
+"""What is read of a results folder."""
+
+METHODS = {"single_step": "", "two_step": "two_step_"}
+"""Methods of the mounting stage whose parameters answer questions, and what these begin with."""
+
+_ANSWERS = Schema(
+    required=COLUMNS, may_be_empty=("value", "sigma", "unit"), keys=(("question",),), ranges={}
+)
+_PARAMETERS = Schema(
+    required=("stage", "method", "camera", "parameter", "value", "sigma", "unit"),
+    may_be_empty=("camera",),
+    keys=(("stage", "method", "camera", "parameter"),),
+    ranges={"value": Range(-1e12, 1e12), "sigma": Range(0.0, 1e12)},
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """One number that was handed in.
+
+    Attributes
+    ----------
+    value, sigma : float or None
+        None where the cell is empty.
+    unit : str
+    """
+
+    value: float | None
+    sigma: float | None
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandedIn:
+    """What one student handed in on one sheet.
+
+    Attributes
+    ----------
+    path : Path
+    student, sheet : str
+    answers : mapping of str to Answer
+        By question.
+    """
+
+    path: Path
+    student: str
+    sheet: str
+    answers: Mapping[str, Answer]
+
+
+def found(paths: Sequence[Path]) -> list[Path]:
+    """Return the files and results folders in what was named, in the order of their names.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Answers, results folders, folders with answers, and folders of any of these.
+    """
+    return [one for path in paths for one in (_inside(path) if _is_collection(path) else [path])]
+
+
+def _is_collection(path: Path) -> bool:
+    """Tell whether a folder is neither a student's own nor a results folder."""
+    return path.is_dir() and not any(os.path.lexists(path / n) for n in (ANSWERS, OF_RUN[0]))
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if not path.name.startswith(".") and (path.is_dir() or path.suffix == ".csv"):
+            yield path
+
+
+def read(path: Path) -> HandedIn:
+    """Return what was handed in.
+
+    Raises
+    ------
+    FlightError
+        A line for each thing that is wrong with it.
+    """
+    if not path.is_dir():
+        return _of_answers(path)
+    if os.path.lexists(path / ANSWERS):
+        return _of_answers(path / ANSWERS)
+    return _of_run(path)
+
+
+def _of_answers(path: Path) -> HandedIn:
+    table = _table(path, _ANSWERS)
+    bad = [
+        table.problem(row, column, quoted(cell), "must be a number, decimal point, or empty")
+        for column in ("value", "sigma")
+        for row, cell in enumerate(table.text[column])
+        if cell.strip() and not NUMBER.fullmatch(cell)
+    ]
+    if bad:
+        raise FlightError(lines_of(bad))
+    named = {(students_name(s), sheet) for s, sheet in zip(*_columns(table, 2), strict=True)}
+    if len(named) != 1:
+        raise FlightError([f"{path}: must be the answers of one student to one sheet"])
+    ((student, sheet),) = named
+    return HandedIn(path=path, student=student, sheet=sheet, answers=_answers(table))
+
+
+def _columns(table: Table, n: int) -> list[Sequence[str]]:
+    return [table.text[name] for name in COLUMNS[:n]]
+
+
+def _answers(table: Table) -> dict[str, Answer]:
+    value, sigma = (numbers_of(table.text[name]) for name in ("value", "sigma"))
+    return {
+        name: Answer(value=_known(value[k]), sigma=_known(sigma[k]), unit=unit.strip())
+        for k, (name, unit) in enumerate(
+            zip(table.text["question"], table.text["unit"], strict=True)
+        )
+    }
+
+
+def _known(value: float) -> float | None:
+    """Return a number, None for NaN and for one that is too large to be one."""
+    return float(value) if abs(value) < 1e300 else None
+
+
+def students_name(text: str) -> str:
+    """Return a student's name; FlightError where it is none."""
+    try:
+        return students.shown_name(text)
+    except ValueError as error:
+        raise FlightError([f"student: {error}"]) from None
+
+
+def _of_run(folder: Path) -> HandedIn:
+    table = _table(folder / OF_RUN[0], _PARAMETERS)
+    document = read_toml((folder / OF_RUN[1]).parent)
+    if document.problems:
+        raise FlightError(lines_of(document.problems))
+    try:
+        sheet, student = students.of_title(str(document.get("name")))
+    except ValueError as error:
+        raise FlightError([f"{folder}: {error}"]) from None
+    return HandedIn(
+        path=folder, student=students_name(student), sheet=sheet, answers=_estimates(table)
+    )
+
+
+def _estimates(table: Table) -> dict[str, Answer]:
+    text = table.text
+    return {
+        METHODS[method] + name: Answer(
+            value=float(table.numbers["value"][k]),
+            sigma=float(table.numbers["sigma"][k]),
+            unit=text["unit"][k],
+        )
+        for k, (stage, method, name) in enumerate(
+            zip(text["stage"], text["method"], text["parameter"], strict=True)
+        )
+        if stage == "mounting" and method in METHODS
+    }
+
+
+def _table(path: Path, schema: Schema) -> Table:
+    """Return a table in which no problem was found."""
+    table = read_columns(path, str(path), schema, needed_by="a mark", most=LARGEST)
+    if table.problems:
+        raise FlightError(lines_of(table.problems))
+    return table

@@ -1,0 +1,27 @@
+"""All lab sheets."""
+
+from acx4book.teaching.case import Sheet
+from acx4book.teaching.sheets import (
+    design,
+    gross_errors,
+    intersection,
+    lens,
+    mounting,
+    pixels,
+    proof,
+    rotations,
+)
+
+_ORDER = (pixels, rotations, intersection, lens, gross_errors, mounting, proof, design)
+
+SHEETS: dict[str, Sheet] = {module.SHEET.name: module.SHEET for module in _ORDER}
+"""By name, in the order of the course."""
+
+
+def sheet_of(text: str) -> Sheet:
+    """Return the sheet of a number or a name, such as ``6`` or ``lab-6``; ValueError if unknown."""
+    name = text if text.startswith("lab-") else f"lab-{text}"
+    if name not in SHEETS:
+        msg = f"unknown sheet {text!r}; known: {', '.join(SHEETS)}"
+        raise ValueError(msg)
+    return SHEETS[name]

@@ -1,0 +1,88 @@
+"""What is given away, and what must be said of it."""
+
+import subprocess
+import zipfile
+
+import pytest
+
+from acx4book.pages.back import release
+
+SAID = (
+    "# Changelog\n\n## 1.2.0, 2026-01-02\n\n- The format of flights is 3.\n- The format of\n"
+    "  results is 1; all older ones are read.\n\n## 1.1.0\n\n- x\n"
+)
+
+
+def test_a_changelog_that_says_it_all_has_no_problems():
+    assert release.problems(SAID, "1.2.0") == []
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (SAID.replace("## 1.2.0", "## 1.1.9"), "begins with '1.1.9, 2026-01-02'; the version is 1"),
+        (SAID.replace("2026-01-02", "unreleased"), "calls 1.2.0 unreleased"),
+        (SAID.replace("flights is 3", "flights is 2"), '"The format of flights is 3"'),
+        (SAID.replace("results is 1", "results is x"), '"The format of results is 1"'),
+    ],
+)
+def test_what_it_does_not_say_is_named(said, expected):
+    (line,) = release.problems(said, "1.2.0")
+    assert expected in line
+
+
+def test_the_same_book_is_packed_into_the_same_bytes(tmp_path):
+    packed = []
+    for copy, names in (("a", ("b/x.html", "a.html")), ("b", ("a.html", "b/x.html"))):
+        for name in names:
+            path = tmp_path / copy / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(name)
+        (tmp_path / copy / "a.html").chmod(0o600 if copy == "a" else 0o666)
+        archive = tmp_path / f"{copy}-archive" / "book-1.zip"
+        archive.parent.mkdir()
+        release.pack(tmp_path / copy, archive, 1_700_000_000)
+        packed.append(archive.read_bytes())
+    assert packed[0] == packed[1]
+    with zipfile.ZipFile(archive) as held:
+        assert held.namelist() == ["book-1/a.html", "book-1/b/x.html"]
+        assert held.getinfo("book-1/a.html").date_time == (2023, 11, 14, 22, 13, 20)
+
+
+@pytest.fixture
+def clone(tmp_path, monkeypatch):
+    """A working copy of a package of one module, committed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pyproject.toml").write_text(
+        '[build-system]\nrequires = ["setuptools"]\nbuild-backend = "setuptools.build_meta"\n'
+        '[project]\nname = "acx4lib"\nversion = "1.2.0"\n[tool.setuptools]\npy-modules = ["one"]\n'
+    )
+    (tmp_path / "one.py").write_text("")
+    (tmp_path / "CHANGELOG.md").write_text(SAID.replace("2026-01-02", "unreleased"))
+    (tmp_path / "CITATION.cff").write_text(
+        "title: acx4lib\nversion: 1.2.0\nlicense: MIT\nauthors: [{name: us}]\n"
+    )
+    (tmp_path / ".gitignore").write_text("build/\nhtml/\n")
+    (tmp_path / "html").mkdir()
+    (tmp_path / "html" / "index.html").write_text("book")
+    who = ("-c", "user.name=us", "-c", "user.email=us@example.org")
+    for arguments in (("init", "-q"), ("add", "."), (*who, "commit", "-qm", "all")):
+        subprocess.run(["git", *arguments], check=True)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_wheel_and_book_are_the_same_from_the_same_commit(clone):
+    first, second = (release.make(clone / "html", clone / "build") for _ in range(2))
+    assert first == second
+    version, wheel, book, problem = first
+    assert version.startswith("acx4lib 1.2.0, commit ")
+    assert book.endswith("acx4lib-book-1.2.0.zip")
+    assert wheel.endswith("acx4lib-1.2.0-py3-none-any.whl")
+    assert "calls 1.2.0 unreleased" in problem
+
+
+def test_changed_files_are_not_released(clone):
+    (clone / "one.py").write_text("changed = True")
+    with pytest.raises(release.ReleaseError, match="1 files differ from the last commit"):
+        release.make(clone / "html", clone / "build")

@@ -1,0 +1,46 @@
+import csv
+import io
+
+from acx4book.teaching import class_table, writing
+from acx4book.teaching.sheets.every import SHEETS
+
+
+def hand_in(folder, student, sheet, values):
+    rows = [
+        f"{student},{sheet},{q.name},{values.get(q.name, '')},,{q.unit}"
+        for q in SHEETS[sheet].questions
+    ]
+    folder.mkdir(exist_ok=True)
+    (folder / f"{student}.csv").write_text(
+        "student,sheet,question,value,sigma,unit\n" + "\n".join(rows) + "\n"
+    )
+
+
+def test_a_class_is_marked_and_what_cannot_be_read_stops_nothing(tmp_path, key, solved):
+    _, right = solved("lab-1", "Ada")
+    good = {q.name: round(right[q.name].value, q.digits) for q in SHEETS["lab-1"].questions}
+    folder = tmp_path / "class"
+    hand_in(folder, "Ada", "lab-1", good)
+    hand_in(folder, "Bob", "lab-1", good)  # copied: Bob's flight is another
+    (folder / "Eve.csv").write_bytes(b"\xff\xfe\x00")
+    (folder / "Zed.csv").write_text("a,b\n1,2\n")
+    (folder / "odd.csv").write_text(
+        "student,sheet,question,value,sigma,unit\nOdd,lab-99,x_mm,1,,mm\n"
+    )
+    found = class_table.grade([folder], key)
+    assert {m.student: m.points for m in found.marks}["Ada"] == len(good)
+    assert {m.student: m.points for m in found.marks}["Bob"] < len(good) / 2
+    assert len(found.unread) == 3
+    assert all("not graded" in line and "\n" not in line for line in found.unread)
+    shown = list(class_table.lines(found))
+    assert shown[0] == f"Ada  lab-1  {len(good)} of {len(good)}"
+    table = list(csv.DictReader(io.StringIO(class_table.text(found))))
+    assert len(table) == 2 * len(good)
+    assert table[0]["verdict"] == "right"
+
+
+def test_an_empty_answers_file_has_no_points(tmp_path, key):
+    writing.write(SHEETS["lab-2"], "Ada", key, tmp_path / "flight")
+    (marks,) = class_table.grade([tmp_path / "flight"], key).marks
+    assert marks.points == 0
+    assert {verdict.says for verdict in marks.verdicts} == {"not answered"}

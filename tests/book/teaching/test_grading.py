@@ -1,0 +1,106 @@
+"""Right answers are never called wrong, and every mistake is called what it is."""
+
+from dataclasses import replace
+
+import pytest
+
+from acx4book.teaching import grading
+from acx4book.teaching.case import Mistake, estimated
+from acx4book.teaching.handed_in import Answer
+from acx4book.teaching.sheets.every import SHEETS
+
+STUDENTS = [f"Student {k}" for k in range(20)]
+
+
+def said(sheet, case, answers):
+    return {v.question.name: v.says for v in grading.graded(sheet, case, answers)}
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_right_answers_are_never_called_wrong(name, solved, handed):
+    for student in STUDENTS:
+        case, right = solved(name, student)
+        sheet = replace(SHEETS[name], solve=lambda _case, right=right: right)
+        verdicts = grading.graded(sheet, case, handed(name, right))
+        assert [v.says for v in verdicts if v.says] == []
+        assert sum(v.points for v in verdicts) == sum(v.of for v in verdicts)
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_every_mistake_is_called_what_it_is(name, solved, handed):
+    """All answers that a mistake changes are changed; the others are not called wrong."""
+    named = set()
+    for student in STUDENTS[:3]:
+        case, right = solved(name, student)
+        mistakes = list(SHEETS[name].mistakes(case, right))
+        sheet = replace(
+            SHEETS[name],
+            solve=lambda _case, right=right: right,
+            mistakes=lambda _case, _right, mistakes=mistakes: mistakes,
+        )
+        for mistake in mistakes:
+            answers = handed(name, right)
+            for question, value in mistake.gives.items():
+                answers[question] = replace(answers[question], value=value)
+            for question, sigma in mistake.gives_sigma.items():
+                answers[question] = replace(answers[question], sigma=sigma)
+            verdicts = said(sheet, case, answers)
+            touched = mistake.gives.keys() | mistake.gives_sigma.keys()
+            assert {says for q, says in verdicts.items() if q not in touched} <= {""}
+            for question in touched:
+                assert not verdicts[question] or mistake.says in verdicts[question]
+            named |= {mistake.says} if any(verdicts.values()) else set()
+    assert named == {mistake.says for mistake in mistakes}
+
+
+def test_a_wrong_answer_without_a_known_mistake_is_only_called_wrong(solved, handed):
+    case, right = solved("lab-1", "Ada")
+    answers = handed("lab-1", right, x_mm=right["x_mm"].value + 1.2345)
+    assert said(SHEETS["lab-1"], case, answers)["x_mm"] == grading.UNEXPLAINED
+
+
+def test_the_bound_holds_where_the_flight_itself_is_off():
+    """The best solution is 6 sigma off: it is right, and so is the truth."""
+    right = estimated(6.0, 1.0, 0.0)
+    assert abs(right.value - right.truth) < right.bound < 8.0
+
+
+def test_a_mistake_that_explains_more_answers_comes_first():
+    right = {name: estimated(1.0, 0.01, 1.0) for name in "ab"}
+    one = Mistake(says="one", gives={"a": 2.0})
+    both = Mistake(says="both", gives={"a": 2.01, "b": 3.0})
+    assert grading.explained({"a": 2.0, "b": 3.0}, right, [one, both]) == {
+        "a": "both",
+        "b": "both",
+    }
+    assert grading.explained({"a": 2.0}, right, [both, one]) == {"a": "one"}
+
+
+@pytest.mark.parametrize(
+    ("sigma", "says"),
+    [
+        (0.02, ""),
+        (0.017, ""),
+        (0.01, "σ is too small by a factor of 2.0"),
+        (0.1, "σ is too large by a factor of 5.0"),
+        (0.0, "σ must be positive"),
+        (-0.02, "σ must be positive"),
+        (None, "σ is missing"),
+        (0.0004, "σ is a variance: take the square root"),
+    ],
+)
+def test_a_standard_deviation_has_a_verdict_of_its_own(sigma, says, solved):
+    case, right = solved("lab-6", "Ada")
+    only = replace(right["lever_x_m"], sigma=0.02)
+    sheet = replace(SHEETS["lab-6"], solve=lambda _case: {**right, "lever_x_m": only})
+    answer = Answer(value=only.value, sigma=sigma, unit="m")
+    assert said(sheet, case, {"lever_x_m": answer})["lever_x_m"] == says
+
+
+def test_another_unit_is_no_answer_and_whole_turns_do_not_count(solved):
+    case, right = solved("lab-2", "Ada")
+    name = "body_kappa_deg"
+    turned = Answer(value=right[name].value + 360.0, sigma=None, unit="deg")
+    assert said(SHEETS["lab-2"], case, {name: turned})[name] == ""
+    gon = Answer(value=1.0, sigma=None, unit="gon")
+    assert said(SHEETS["lab-2"], case, {name: gon})[name] == "unit gon; asked for in deg"
