@@ -35,7 +35,7 @@ def prune(app: Sphinx, exception: Exception | None) -> None:
     if exception is not None or app.builder.format != "html":
         return
     for path in [found for pattern in UNUSED for found in static.glob(pattern)]:
-        path.unlink()
+        path.unlink(missing_ok=True)  # by two patterns
     shutil.rmtree(sources / "_generated", ignore_errors=True)  # written for Sphinx alone
     _prune_mathjax(static / "mathjax")
 
