@@ -40,7 +40,8 @@ def view(mounting: Mounting | None) -> Shown | Markdown:
         None where a method gave no result: then there is a sentence.
     """
     if mounting is None:
-        return Markdown("The single step gave no result, so there is nothing to be shown in space.")
+        said = "The single step gave no result, so there is nothing to be shown in space."
+        return Markdown(said)  # type: ignore[no-untyped-call] # untyped
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], tie_points(bundle)
     if len(ties):
@@ -107,7 +108,7 @@ def _images(bundle: Bundle) -> Iterator[Layer]:
         pairs = [np.repeat(line, 2, axis=0)[1:-1] for line in lines if len(line) > 1]
         yield Layer(name=f"strips {name}", kind="lines", colour=colour, at=_joined(pairs))
         chosen = thinned(images, MOST_IMAGES)
-        deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * np.ptp(at)
+        deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * float(np.ptp(at))
         pyramids = [_pyramid(bundle, image, deep) for image in chosen]
         yield Layer(name=f"cameras {name}", kind="lines", colour=colour, at=_joined(pyramids))
 
