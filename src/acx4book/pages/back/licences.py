@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from importlib.metadata import version
+from pathlib import Path
 
 from acx4book.pages.provenance import table
 from acx4book.reference import data
@@ -126,7 +128,16 @@ WORKS = (
         brought_by="sphinx-proof",
         files=("_static/proof*",),
     ),
+    Work(
+        what="three.js, in the script of the block in 3-D",
+        licence="MIT",
+        brought_by="three",
+        files=("_static/moving/block.js",),
+    ),
 )
+
+PACKAGES = Path("book", "_moving", "package.json")
+"""What npm brings, below the current folder: that of the working copy."""
 
 
 def of(file: str) -> Work | None:
@@ -136,11 +147,11 @@ def of(file: str) -> Work | None:
 
 def page() -> str:
     """Return what the book carries, and what it was compared with, as MyST text."""
-    carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
+    carried = ((w.what, w.licence, f"{w.brought_by} {_version(w.brought_by)}") for w in WORKS)
     return "\n".join(
         [
             table(
-                "tab-carried",
+                "tab-of-others",
                 "Works of others in the folder of this book.",
                 ("what", "licence", "brought by"),
                 carried,
@@ -153,6 +164,12 @@ def page() -> str:
             ),
         ]
     )
+
+
+def _version(package: str) -> str:
+    """Return the version of a package that pip or npm brings."""
+    by_npm: dict[str, str] = json.loads(PACKAGES.read_text("utf-8"))["dependencies"]
+    return by_npm.get(package) or version(package)
 
 
 def _compared() -> Iterator[tuple[str, str, str]]:
