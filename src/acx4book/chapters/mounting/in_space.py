@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from IPython.display import Markdown
 
 from acx4book.typesetting.moving import scene
 from acx4book.typesetting.moving.scene import Layer, Scene
@@ -31,7 +30,7 @@ LARGE = 0.03
 """Largest half axis of a median ellipsoid, as a share of the block."""
 
 
-def view(mounting: Mounting | None) -> Shown | Markdown:
+def view(mounting: Mounting | None) -> Shown:
     """Return the block of the single step as the reader turns it.
 
     Parameters
@@ -40,8 +39,8 @@ def view(mounting: Mounting | None) -> Shown | Markdown:
         None where a method gave no result: then there is a sentence.
     """
     if mounting is None:
-        said = "The single step gave no result, so there is nothing to be shown in space."
-        return Markdown(said)  # type: ignore[no-untyped-call] # untyped
+        nothing = "The single step gave no result, so there is nothing to be shown in space."
+        return Shown(f"<p>{nothing}</p>", nothing)
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], tie_points(bundle)
     if len(ties):
