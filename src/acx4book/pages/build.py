@@ -242,7 +242,7 @@ def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
     yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
     yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
-    yield "licences.md", licences.page()
+    yield "licences.md", licences.page(Path("book", "_moving", "package-lock.json"))
 
 
 def figures_of_benchmarks(
