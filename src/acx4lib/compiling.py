@@ -120,8 +120,9 @@ _DAMAGED = (
 class _Kept(CompileResultCacheImpl):
     """Machine code; the code that other functions are compiled with is kept beside it.
 
-    Of the latter numba reads the names at once. All of it takes longer to read than a small
-    adjustment lasts, and is needed only where something else is compiled anew.
+    Of the latter numba reads the names at once, and asks for those of functions. All of it takes
+    longer to read than a small adjustment lasts, and is needed only where something else is
+    compiled anew.
     """
 
     def reduce(self, data: Any) -> Any:
@@ -138,9 +139,9 @@ class _Kept(CompileResultCacheImpl):
 
 
 def _names_alone(code: bytes) -> bytes:
-    """Return code that defines the same names, and nothing else."""
+    """Return code that defines the names of the same functions, and nothing else."""
     full, out = binding.parse_bitcode(code), ir.Module()
-    for named in (*full.functions, *full.global_variables):
+    for named in full.functions:
         if not named.is_declaration:
             ir.GlobalVariable(out, ir.IntType(8), named.name).initializer = ir.IntType(8)(0)
     bitcode: bytes = binding.parse_assembly(str(out)).as_bitcode()
