@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from acx4lib import compiling, expected
+from acx4lib import expected, processors
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
@@ -256,7 +256,7 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     for row, k in enumerate(chosen):
         starts = range(first[k], first[k + 1], AT_A_TIME)
         parts = [np.arange(start, min(start + AT_A_TIME, first[k + 1])) for start in starts]
-        out[row] = sum(compiling.in_order(with_all, parts))
+        out[row] = sum(processors.in_order(with_all, parts))
     return out
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib import processors
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.unknowns import Layout
@@ -109,7 +110,7 @@ def _inverse_at(single: Bundle, gnss: Bundle) -> Inverse:
     state = replace(
         gnss.state, interiors=single.state.interiors, T_m_b=single.T_m_c, x_m=single.state.x_m
     )
-    with adjustment.on_one_thread():
+    with processors.on_one_thread():
         return adjustment.normals(gnss.network, state).precision().inverse
 
 

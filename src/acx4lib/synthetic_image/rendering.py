@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4lib import compiling, expected
+from acx4lib import expected, processors
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
@@ -108,7 +108,7 @@ def render_plan(
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)
-    maps = compiling.in_order(
+    maps = processors.in_order(
         lambda k: levelled(head_map(orientation, k, synthetic, step_px=step)),
         range(len(orientation.heads)),
     )
@@ -287,7 +287,7 @@ def _resample(
         for start, stop in pairwise(cuts)
         for cell in range(0, n_cells, CELLS)
     ]
-    with ThreadPoolExecutor(threads or compiling.cores()) as pool:
+    with ThreadPoolExecutor(threads or processors.cores()) as pool:
         for done in [pool.submit(_make, *part) for part in parts]:
             done.result()
 

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from acx4lib import compiling
+from acx4lib import processors
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
 from acx4lib.results.files.compiled.lines import LONGEST, put_lines
@@ -256,7 +256,7 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
 
     begins = range(0, len(frame), ROWS)
     for k in range(0, len(begins), TOGETHER):
-        yield from compiling.in_order(text, begins[k : k + TOGETHER])
+        yield from processors.in_order(text, begins[k : k + TOGETHER])
 
 
 def _cells(texts: list[str]) -> tuple[bytes, list[int]]:

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4lib import compiling
+from acx4lib import processors
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
@@ -188,7 +188,7 @@ def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
 def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
     net = NETWORKS["single step"](flight)
     first = net.normals(net.start).step()
-    monkeypatch.setattr(compiling, "cores", lambda: 1)
+    monkeypatch.setattr(processors, "cores", lambda: 1)
     second = net.normals(net.start).step()
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b)
