@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import expected, processors
+from acx4lib import expected
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved, usable
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
@@ -27,6 +27,7 @@ from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
+from acx4lib.least_squares import processors
 
 
 def free_orientation(

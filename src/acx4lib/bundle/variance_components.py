@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from acx4lib import expected, processors
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.eliminated_points import elimination
 from acx4lib.least_squares.normal_equations import Equations, Group
 from acx4lib.least_squares.statistical import distributions

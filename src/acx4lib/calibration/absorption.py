@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import processors
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.unknowns import Layout
@@ -19,7 +18,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.dense import Inverse
 

@@ -12,8 +12,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from acx4lib import expected, processors
+from acx4lib import expected
 from acx4lib.expected import Array, Index
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.covariance import half, propagate
 
 

@@ -13,9 +13,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from acx4lib import expected, processors
+from acx4lib import expected
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Group, PlainNormals

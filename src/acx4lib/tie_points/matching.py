@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acx4lib import expected, processors
+from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
 from acx4lib.tie_points.harris import best_of_cells, response

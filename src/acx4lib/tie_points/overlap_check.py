@@ -9,9 +9,9 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from acx4lib import processors
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares import processors
 from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
 from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import processors
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level

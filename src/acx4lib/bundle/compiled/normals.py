@@ -14,7 +14,6 @@ from typing import TypeVar
 import numpy as np
 from scipy import linalg
 
-from acx4lib import processors
 from acx4lib.bundle.compiled import covariances, elimination
 from acx4lib.bundle.compiled.chain_rule import (
     Hanging,
@@ -28,6 +27,7 @@ from acx4lib.bundle.compiled.joined import Joined
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.banded import (
     LARGEST_DENSE,
     Banded,

@@ -17,9 +17,9 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from acx4lib import processors
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
+from acx4lib.least_squares import processors
 
 _METHOD = ("stage", "method")
 _DIFFERENCE = ("d_east_m", "d_north_m", "d_height_m")

@@ -7,13 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4lib import processors
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.geometry.prior import Prior
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.banded import BandedInverse
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support.flights.simulated import read_back

@@ -8,7 +8,7 @@ import threading
 import pytest
 from threadpoolctl import threadpool_info
 
-from acx4lib import processors
+from acx4lib.least_squares import processors
 
 
 def test_results_come_in_the_order_of_the_parts():
@@ -44,7 +44,7 @@ def test_every_library_of_linear_algebra_is_found(library):
     run = [
         "import numpy, sys, importlib",
         "from threadpoolctl import threadpool_info",
-        "from acx4lib import processors",
+        "from acx4lib.least_squares import processors",
         "with processors.on_one_thread(): pass",
         f"importlib.import_module({library!r})",
         "with processors.on_one_thread():",
