@@ -14,7 +14,7 @@ from bs4 import BeautifulSoup
 from support.helpers import ROOT
 
 HTML = ROOT / "book" / "_build" / "html"
-AXE = ROOT / "book" / "_moving" / "node_modules" / "axe-core" / "axe.min.js"
+AXE = ROOT / ".venv" / "node" / "node_modules" / "axe-core" / "axe.min.js"
 COLOURS = re.compile(r'</?span( class="\w*")?>')
 """What colours the words of a program."""
 

@@ -22,8 +22,8 @@ CUT_OFF = """async () => {
     const scrolls = box => /auto|scroll/.test(getComputedStyle(box).overflowX);
     const wide = document.documentElement.clientWidth;
     const cut = [];
-    const wide_ones = ['mjx-container', 'table', 'pre'].map(one => `article ${one}`).join(', ');
-    for (const part of document.querySelectorAll(wide_ones)) {
+    const parts = 'article :is(mjx-container, table, pre, .drawing svg)';
+    for (const part of document.querySelectorAll(parts)) {
         const {left, right, width} = part.getBoundingClientRect();
         let box = part;
         while (box && !scrolls(box)) box = box.parentElement;

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from importlib.metadata import version
+from pathlib import Path
 
 from acx4book.pages.provenance import table
 from acx4book.reference import data
@@ -134,13 +136,24 @@ def of(file: str) -> Work | None:
     return next((work for work in WORKS if any(fnmatch(file, one) for one in work.files)), None)
 
 
-def page() -> str:
-    """Return what the book carries, and what it was compared with, as MyST text."""
-    carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
+def page(lock: Path) -> str:
+    """Return what the book carries, and what it was compared with, as MyST text.
+
+    Parameters
+    ----------
+    lock : Path
+        The lock of npm, by which the 3-D view comes.
+    """
+    packages = json.loads(lock.read_text(encoding="utf-8"))["packages"]
+    three = packages["node_modules/three"]
+    carried = [
+        *((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS),
+        ("three.js, in the 3-D view", three["license"], f"three {three['version']}"),
+    ]
     return "\n".join(
         [
             table(
-                "tab-carried",
+                "tab-of-others",
                 "Works of others in the folder of this book.",
                 ("what", "licence", "brought by"),
                 carried,
