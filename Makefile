@@ -191,6 +191,6 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
 	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* || true
-	@rm -rf build/stamps build/chapters build/moving build/release build/book.pdf
+	@rm -rf build/stamps build/chapters build/release build/moving build/book.pdf
 	@rmdir build/results build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

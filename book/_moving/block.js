@@ -137,7 +137,7 @@ class View {
   colour() {
     const style = getComputedStyle(this.figure);
     this.objects.forEach(({ material }, i) =>
-      material.color.set(style.getPropertyValue(`--drawing-${this.layers[i].colour}`).trim()));
+      material.color.set(style.getPropertyValue(`--figure-${this.layers[i].colour}`).trim()));
     this.draw();
   }
 

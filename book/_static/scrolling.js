@@ -2,6 +2,7 @@
 (() => {
   const BOXES = [
     "div.math",
+    "div.drawing",
     "div.pst-scrollable-table-container",
     "div.cell_output .output",
     "div.highlight pre",

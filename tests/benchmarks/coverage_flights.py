@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
-from acx4book.batch.executors import finished, on_processes
+from acx4book.command.batch.executors import finished, on_processes
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting

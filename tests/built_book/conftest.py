@@ -14,6 +14,7 @@ from bs4 import BeautifulSoup
 from support.helpers import ROOT
 
 HTML = ROOT / "book" / "_build" / "html"
+AXE = ROOT / ".venv" / "node" / "node_modules" / "axe-core" / "axe.min.js"
 COLOURS = re.compile(r'</?span( class="\w*")?>')
 """What colours the words of a program."""
 
@@ -83,3 +84,11 @@ def browser():
         browser = playwright.chromium.launch(executable_path=chromium, args=flags)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """The script that finds what is not accessible."""
+    if not AXE.is_file():
+        give_up("axe-core is not installed: make book brings it", "ACX4_REQUIRE_BROWSER")
+    return AXE.read_text(encoding="utf-8")

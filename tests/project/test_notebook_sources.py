@@ -29,6 +29,7 @@ ROOMS = {
     "11": ["reference"],
     "12": ["chapters.synthetic_cost"],
     "13": ["chapters.bad_starts"],
+    "14": ["chapters.failures"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""
 
@@ -209,4 +210,5 @@ def test_the_file_ends_with_a_line_and_is_written_one_way(path):
 def test_the_stages_end_with_what_would_be_seen_if(path):
     notebook = nbformat.read(path, as_version=4)
     text = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
-    assert any(line.startswith("## What would be seen if") for line in text[-1].splitlines())
+    assert "## What would be seen if" in text[-2]
+    assert text[-1].startswith("## The answer")

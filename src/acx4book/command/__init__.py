@@ -1,6 +1,6 @@
 """The command ``acx4``: arguments, progress, what is said, exit status.
 
 `acx4` has simulate, check, run and report, `render` the images, `teaching` lab and grade;
-`endings` turns errors into a sentence and a status, and `terminal` is what all commands share.
-Begin with `acx4`.
+`many` flights are run in `batch`. `endings` turns errors into a sentence and a status, and
+`terminal` is what all commands share. Begin with `acx4`.
 """

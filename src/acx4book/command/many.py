@@ -15,8 +15,8 @@ from acx4book.command import terminal
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from acx4book.batch.jobs import Job, Settings
-    from acx4book.batch.work import Outcome
+    from acx4book.command.batch.jobs import Job, Settings
+    from acx4book.command.batch.work import Outcome
 
 HEADER = ("flight", "σ0²", "f_mm", "σ", "RMS east", "north", "height m", "status")
 """Of the table on the screen."""
@@ -48,7 +48,7 @@ class Where:
 
     def executor(self) -> AbstractContextManager[Executor]:
         """Return what runs them, as a context."""
-        from acx4book.batch import executors  # noqa: PLC0415 quick help
+        from acx4book.command.batch import executors  # noqa: PLC0415 quick help
 
         if self.cluster is not None:
             return executors.on_cluster(self.cluster)
@@ -59,8 +59,8 @@ def run_many(
     flights: Sequence[Path], results: Path, *, seeds: str | None, where: Where, settings: Settings
 ) -> None:
     """Run many flights, or many seeds of designs, and show a line for each."""
-    from acx4book.batch import runs  # noqa: PLC0415 quick help
-    from acx4book.batch.jobs import TABLE  # noqa: PLC0415 quick help
+    from acx4book.command.batch import runs  # noqa: PLC0415 quick help
+    from acx4book.command.batch.jobs import TABLE  # noqa: PLC0415 quick help
 
     jobs = _jobs(flights, results, seeds, settings)
     with where.executor() as executor, terminal.counting_bar("flights") as tell:
@@ -80,7 +80,7 @@ def run_many(
 def _jobs(
     flights: Sequence[Path], results: Path, seeds: str | None, settings: Settings
 ) -> list[Job]:
-    from acx4book.batch import jobs  # noqa: PLC0415 quick help
+    from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
     from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
 
     try:

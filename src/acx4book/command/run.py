@@ -10,7 +10,7 @@ import typer
 from acx4book.command import many, terminal
 
 if TYPE_CHECKING:
-    from acx4book.batch.jobs import Settings
+    from acx4book.command.batch.jobs import Settings
 
 HELP = """Run the stages on a flight and keep their results.
 
@@ -121,7 +121,7 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
 
 def _settings(stages: str, notebooks: Path | None, *, numbers_only: bool) -> Settings:
     """Return what is run, or refuse it."""
-    from acx4book.batch.jobs import Settings, absolute  # noqa: PLC0415 quick help
+    from acx4book.command.batch.jobs import Settings, absolute  # noqa: PLC0415 quick help
     from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 

@@ -90,9 +90,9 @@ def grade(
     if out is not None:
         mark = ",".join(class_table.COLUMNS).encode()
         places.check_file(out, mark=mark, what="a table of acx4 grade")
-    found = class_table.grade(handed_in, secret)
-    for line in class_table.lines(found):
-        terminal.show(line)
+    found = class_table.grade(
+        handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
+    )
     if out is not None:
         out.write_text(class_table.text(found), encoding="utf-8")
     terminal.say(*found.unread)

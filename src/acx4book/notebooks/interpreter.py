@@ -25,12 +25,14 @@ import papermill
 from IPython.core.displayhook import DisplayHook
 from IPython.core.displaypub import DisplayPublisher
 from IPython.core.interactiveshell import InteractiveShell
+from matplotlib.figure import Figure
 from papermill.engines import Engine, NotebookExecutionManager, papermill_engines
 from papermill.exceptions import PapermillExecutionError
 from threadpoolctl import threadpool_limits
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
+from acx4book.typesetting.drawing import vector
 
 ENGINE = "acx4"
 """Name by which papermill knows the interpreter."""
@@ -171,6 +173,7 @@ class Interpreter(Engine):
         for stream in ("stdout", "stderr"):
             setattr(sys, stream, Stream(shell, stream))
         shell.enable_matplotlib("inline")
+        _show_as_drawings(shell)
         for index, cell in enumerate(nb_man.nb.cells):
             on_cell(index)
             if cell.cell_type == "code" and cell.source.strip():
@@ -182,6 +185,13 @@ class Interpreter(Engine):
 
 
 papermill_engines.register(ENGINE, Interpreter)
+
+
+def _show_as_drawings(shell: InteractiveShell) -> None:
+    """Let IPython show figures as vectors, and no longer as pixels."""
+    formatters = shell.display_formatter.formatters  # type: ignore[union-attr] # always there
+    formatters["image/png"].pop(Figure, None)
+    formatters["image/svg+xml"].for_type(Figure, vector)
 
 
 class Stream(io.TextIOBase):

@@ -11,8 +11,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import matplotlib as mpl
 import nbformat
 from matplotlib.figure import Figure
 
@@ -25,8 +25,9 @@ from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering
 from acx4book.pages.benchmarks.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
+from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
-from acx4book.typesetting import drawing
+from acx4book.typesetting.drawing import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -35,6 +36,8 @@ from acx4sim.files.writer import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")
 """What long runs left, below the current folder: that of the working copy."""
+
+FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
 OF_RESULTS = ("06-errata", "07-report")
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
@@ -93,9 +96,13 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     ):
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
-        with mpl.rc_context({"svg.hashsalt": "acx4lib"}):
-            figure.savefig(generated / name, metadata={"Date": None})
+        (generated / name).write_text(vector(figure), encoding="utf-8")
+    told = made_from(flight_path, ideal=whole)
+    (generated / "made_from.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     frames.draw(generated)
+    drawn = [*figure_pack.figures(executed)]
+    (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
+    (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
     api.write(book)
 
@@ -124,6 +131,16 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
         execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         execute.scrub(executed / source.name)
         fold(executed / source.name, executed / source.name)
+
+
+def made_from(flight_path: Path, *, ideal: bool) -> dict[str, Any]:
+    """Return what the extension `provenance` of the book tells: commit, and flights by page."""
+    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS), flight_path.name)
+    of_ideal = {runner.NOTEBOOKS[stage]: "acx4-ideal" for stage in OF_IDEAL if ideal}
+    return {
+        "commit": provenance.short(provenance.commit()),
+        "flights": {**named, **of_ideal, "scorecard": flight_path.name},
+    }
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:
@@ -181,7 +198,8 @@ def texts_of_front(
     """Yield names and texts of the front page and of the four questions, a drawing among them."""
     found, flown = _run(results_path)
     drawn = exposure.exposure(flown)
-    yield "front.md", drawing.inline(drawn, alt=exposure.ALT, caption=exposure.caption(flown))
+    yield "front.svg", vector(drawn)
+    yield "front.md", FRONT.format(alt=exposure.ALT, caption=exposure.caption(flown))
     applies = printed.applies(flown)
     answers = questions.answers(executed)
     yield from questions.texts(answers, beside_print=applies).items()
@@ -224,7 +242,7 @@ def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
     yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
     yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
-    yield "licences.md", licences.page()
+    yield "licences.md", licences.page(Path("book", "_moving", "package-lock.json"))
 
 
 def figures_of_benchmarks(

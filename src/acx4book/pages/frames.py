@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from acx4book.typesetting import style
+from acx4book.typesetting.drawing import vector
 from acx4book.typesetting.sketch import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
-from acx4book.typesetting.style import INK, SOFT
+from acx4book.typesetting.style import EDGE, INK, LAND, LAND_EDGE, PAPER, SHEET, SOFT, TEAL
 
 Vector = NDArray[np.floating]
 
@@ -52,7 +52,7 @@ def on_ground(points: Vector) -> Vector:
 def draw_ground(ax: Axes) -> None:
     """Draw the ground and the mapping frame on it."""
     corners = np.array([[-1.4, -2.4, 0], [12.2, -2.4, 0], [12.2, 8.4, 0], [-1.4, 8.4, 0]])
-    ax.add_patch(Polygon(seen(corners), fc="#eef3ea", ec="#c9d6c3", lw=1, zorder=0))
+    ax.add_patch(Polygon(seen(corners), fc=LAND, ec=LAND_EDGE, lw=1, zorder=0))
     triad(ax, VIEW, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
     note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
 
@@ -62,10 +62,10 @@ def draw_image_in_space(ax: Axes) -> None:
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     corners = np.column_stack([signs * HALF, np.full(4, -FOCAL)])
     footprint = on_ground(corners)
-    ax.add_patch(Polygon(seen(footprint), fc="#d9e5d3", ec="#9db695", lw=0.8, zorder=1))
+    ax.add_patch(Polygon(seen(footprint), fc=LAND, ec=TEAL, lw=0.8, zorder=1))
     for corner in footprint:
-        ax.plot(*seen(np.array([CAMERA_AT, corner])).T, color="#b9c7d6", lw=0.7, zorder=1)
-    ax.add_patch(Polygon(seen(from_camera(corners)), fc="#dbe8f6", ec=CAMERA, lw=1.2, zorder=2))
+        ax.plot(*seen(np.array([CAMERA_AT, corner])).T, color=EDGE, lw=0.7, zorder=1)
+    ax.add_patch(Polygon(seen(from_camera(corners)), fc=SHEET, ec=CAMERA, lw=1.2, zorder=2))
     foot = from_camera(np.array([0.0, 0.0, -FOCAL]))
     line = seen(np.array([CAMERA_AT, foot]))
     ax.plot(*line.T, color=CAMERA, lw=1.2, ls=(0, (2, 1.5)), zorder=3)
@@ -110,11 +110,11 @@ def draw_space(ax: Axes) -> None:
 def draw_image_plane(ax: Axes) -> None:
     """Draw the image as displayed: x right and y up in mm, columns and rows in pixels."""
     width, height = 8, 6
-    ax.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc="#dbe8f6", ec=CAMERA))
+    ax.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc=SHEET, ec=CAMERA))
     for column in range(3):
         for row in range(2):
             at = (-width / 2 + 0.8 * column, height / 2 - 0.8 * (row + 1))
-            ax.add_patch(Rectangle(at, 0.8, 0.8, fc="white", ec=SOFT, lw=0.8))
+            ax.add_patch(Rectangle(at, 0.8, 0.8, fc=PAPER, ec=SOFT, lw=0.8))
     across, down = np.array([3.2, 0]), np.array([0, 2.6])
     pixel = np.array([-width / 2 + 0.4, height / 2 - 0.4])
     ax.plot(*pixel, "o", color=INK, ms=4, zorder=5)
@@ -143,7 +143,7 @@ def draw(folder: Path) -> None:
         ("frames", (7.4, 6.2), draw_space),
         ("image-plane", (6.0, 4.9), draw_image_plane),
     ):
-        figure = Figure(figsize=size, layout="constrained")
-        draw_axes(figure.subplots())
-        with mpl.rc_context({"svg.hashsalt": "frames"}):
-            figure.savefig(folder / f"{name}.svg", transparent=True, metadata={"Date": None})
+        with style.applied():
+            fig, ax = style.subplots(figsize=size)
+            draw_axes(ax)
+        (folder / f"{name}.svg").write_text(vector(fig), encoding="utf-8")

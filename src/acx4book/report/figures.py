@@ -1,20 +1,16 @@
-"""Figures of the calibration report, drawn from tables of results as vectors for print."""
+"""Figures of the calibration report, drawn from tables of results."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from acx4book.report.groups import ratio_limits
-from acx4book.report.shown import Drawing
 from acx4book.report.stability import straight_line
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
@@ -26,34 +22,6 @@ from acx4lib.geometry.parameters import AXES
 COMPONENTS = {"col": "columns", "row": "rows"}
 LABELLED = 40
 """Number of check points up to which all names are on the axis."""
-
-
-def vector(figure: Figure) -> Drawing:
-    """Return a figure as a vector drawing, with the same bytes every time.
-
-    Parameters
-    ----------
-    figure : Figure
-    """
-    buffer = io.StringIO()
-    with mpl.rc_context(
-        {**style.RC, "svg.fonttype": "path", "figure.constrained_layout.use": False}
-    ):
-        _lay_out(figure)
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
-    drawn = buffer.getvalue()
-    return Drawing(drawn[drawn.index("<svg") :])  # as part of a page
-
-
-def _lay_out(figure: Figure) -> None:
-    """Place the axes of a vector drawing for good; else it would be drawn twice."""
-    engine = figure.get_layout_engine()
-    if engine is None:
-        return
-    canvas = FigureCanvasSVG(figure)  # that measures text as it is drawn
-    figure.dpi = canvas.fixed_dpi
-    engine.execute(figure)
-    figure.set_layout_engine(None)
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:

@@ -1,4 +1,4 @@
-"""What the cells of the notebook show: texts with tables, and drawings."""
+"""What the cells of the notebook show beside figures: texts with tables."""
 
 from __future__ import annotations
 
@@ -46,16 +46,6 @@ class Text:
 
     def _repr_markdown_(self) -> str:
         return self.markdown
-
-
-@dataclass(frozen=True, repr=False)
-class Drawing:
-    """A vector drawing that a notebook shows; IPython's own would read all of it as XML again."""
-
-    svg: str
-
-    def _repr_svg_(self) -> str:
-        return self.svg
 
 
 def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:

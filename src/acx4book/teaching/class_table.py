@@ -19,9 +19,6 @@ COLUMNS = (
 )
 """Of the table as CSV."""
 
-Tell = Callable[[str, int, int], object]
-"""Called with the name of what is graded, the number done, and of all."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Marks:
@@ -63,7 +60,9 @@ class Class:
     unread: tuple[str, ...]
 
 
-def grade(paths: Sequence[Path], key: bytes, tell: Tell = lambda *_: None) -> Class:
+def grade(
+    paths: Sequence[Path], key: bytes, shown: Callable[[Marks], object] = lambda _: None
+) -> Class:
     """Grade what a class handed in; what cannot be read stops nothing.
 
     Parameters
@@ -72,20 +71,21 @@ def grade(paths: Sequence[Path], key: bytes, tell: Tell = lambda *_: None) -> Cl
         As `handed_in.found` takes them.
     key : bytes
         With which the flights were made.
-    tell : callable
+    shown : callable
+        Called with the marks of each student as soon as they are known.
     """
     marks, unread = [], []
     paths = handed_in.found(paths)
     for path in paths:
         try:
             marks.append(marked(handed_in.read(path), key))
+            shown(marks[-1])
         except Acx4Error as error:
             first, *more = str(error).splitlines()
             also = f" (and {len(more)} more)" if more else ""
             unread.append(f"{path}: not graded: {first.removeprefix(f'{path}: ')}{also}")
         except (OSError, ValueError) as error:
             unread.append(f"{path}: not graded: {' '.join(str(error).split())}")
-        tell(str(path), 1, 1)
     return Class(marks=tuple(marks), unread=tuple(unread))
 
 
@@ -97,13 +97,12 @@ def marked(given: handed_in.HandedIn, key: bytes) -> Marks:
     return Marks(student=given.student, sheet=sheet.name, verdicts=verdicts)
 
 
-def lines(found: Class) -> Iterator[str]:
-    """Yield the marks for the screen: a line for each student, and what is wrong under it."""
-    for marks in found.marks:
-        yield f"{marks.student}  {marks.sheet}  {marks.points} of {marks.of}"
-        for verdict in marks.verdicts:
-            if verdict.says:
-                yield f"    {verdict.question.name}: {verdict.says}"
+def lines(marks: Marks) -> Iterator[str]:
+    """Yield a student's marks for the screen: the points, and under them what is wrong."""
+    yield f"{marks.student}  {marks.sheet}  {marks.points} of {marks.of}"
+    for verdict in marks.verdicts:
+        if verdict.says:
+            yield f"    {verdict.question.name}: {verdict.says}"
 
 
 def text(found: Class) -> str:

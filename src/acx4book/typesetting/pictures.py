@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from acx4book.typesetting.style import INK, SOFT
+from acx4book.typesetting.style import BLACK, PAPER, SOFT
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -24,10 +24,10 @@ DPI = 150
 
 NO_PICTURES = "heads/images.csv names no files with pixels."
 
-HALO = (withStroke(linewidth=2.4, foreground="white"),)
+HALO = (withStroke(linewidth=2.4, foreground=PAPER),)
 """Outline of text on a picture."""
 
-OUTLINED = (withStroke(linewidth=3.6, foreground=INK),)
+OUTLINED = (withStroke(linewidth=3.6, foreground=BLACK),)
 """Outline of white marks on a picture."""
 
 GAMMA = 1.6

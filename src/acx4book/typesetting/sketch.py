@@ -38,7 +38,8 @@ def arrow(ax: Axes, tail: Array, tip: Array, colour: str, *, width: float = 1.8)
 def note(ax: Axes, at: Array, text: str, colour: str, *, shift: tuple[float, float]) -> None:
     """Write a label beside a point on the paper, `shift` in points."""
     ax.annotate(
-        text, xy=(at[0], at[1]), xytext=shift, textcoords="offset points", color=colour,
+        text, xy=(at[0], at[1]), xytext=shift, textcoords="offset points",
+        color=style.WRITTEN.get(colour, colour),
         ha="center", va="center", fontsize=10, zorder=6,
     )  # fmt: skip
 

@@ -33,7 +33,22 @@ WIDTH = 7.0
 INK = "#1f2933"
 SOFT = "#67737f"
 PAPER = "#fbfcfd"
-"""Colours of important text and marks, of explanations, and of the background of axes."""
+"""Colours of important text and marks, of explanations, and of the background of axes.
+
+In the dark a page has others in their place, as for all of `NAMES`; white and `BLACK` remain.
+"""
+
+BLACK = "#161d24"
+"""Ink on what is light by day and by night: pictures, and the cells of a matrix."""
+
+EDGE = "#a9b3bc"
+GRID = "#e3e8ec"
+MUTED = "#cfd6dc"
+LAND = "#e6efe9"
+LAND_EDGE = "#b3c7b6"
+SHEET = "#d7e5f5"
+"""Colours of the frame of axes, of their grid, of bars that explain others, of the ground seen from
+above, of its border, and of the plane of an image."""
 
 BLUE = "#2158a0"
 ORANGE = "#e58a1f"
@@ -43,6 +58,30 @@ SKY = "#9cc6ef"
 BRICK = "#bf4630"
 PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
 """Colours in order; readers who do not see all colours can distinguish every pair."""
+
+WRITTEN = {TEAL: "#147a5d", ORANGE: "#955400"}
+"""Colours of words in place of those that are too light for letters on white."""
+
+NAMES = {
+    INK: "ink",
+    SOFT: "soft",
+    PAPER: "paper",
+    EDGE: "edge",
+    GRID: "grid",
+    MUTED: "muted",
+    LAND: "land",
+    LAND_EDGE: "land-edge",
+    SHEET: "sheet",
+    BLUE: "blue",
+    ORANGE: "orange",
+    TEAL: "teal",
+    PLUM: "plum",
+    SKY: "sky",
+    BRICK: "brick",
+    WRITTEN[TEAL]: "teal-words",
+    WRITTEN[ORANGE]: "orange-words",
+}
+"""Names of the colours that a page sets: `--figure-ink` in its style sheet, for day and night."""
 
 PRINTED = INK
 """Colour of the paper's values in every figure; they are dashed or open diamonds."""
@@ -56,6 +95,12 @@ DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )
 """From negative (orange) through zero (light) to positive (blue)."""
+
+SMALL = 8.3
+"""Size of the smallest letters, points: 11 px in a figure over the column of a wide window."""
+
+LETTERS: Any = {"size": SMALL}
+"""The same for the keys of arrows."""
 
 MANY = 4000
 """Marks in one panel of which an eye can still tell some apart; of more, some are drawn."""
@@ -76,7 +121,7 @@ RC: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "axes.facecolor": PAPER,
-    "axes.edgecolor": "#a9b3bc",
+    "axes.edgecolor": EDGE,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -90,12 +135,12 @@ RC: Any = {
     "axes.grid": True,
     "axes.prop_cycle": cycler(color=PALETTE),
     "axes.formatter.useoffset": False,
-    "grid.color": "#e3e8ec",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "xtick.color": SOFT,
     "ytick.color": SOFT,
-    "xtick.labelsize": 7.8,
-    "ytick.labelsize": 7.8,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "xtick.major.size": 3,
@@ -105,7 +150,7 @@ RC: Any = {
     "lines.markersize": 4,
     "patch.linewidth": 0.6,
     "legend.frameon": False,
-    "legend.fontsize": 7.8,
+    "legend.fontsize": SMALL,
     "legend.handlelength": 1.6,
     "svg.hashsalt": "acx4lib",
 }
@@ -204,7 +249,7 @@ def heading(ax: Axes, title: str, subtitle: str) -> None:
         xytext=(0, 4.5),
         xycoords="axes fraction",
         textcoords="offset points",
-        fontsize=7.5,
+        fontsize=SMALL,
         color=SOFT,
     )
 
@@ -271,7 +316,7 @@ def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, flo
         transform=ax.transAxes,
         ha="center",
         va="bottom",
-        fontsize=7.5,
+        fontsize=SMALL,
         zorder=9,
     )
 
@@ -286,7 +331,7 @@ def north_arrow(ax: Axes, *, at: tuple[float, float]) -> None:
         textcoords="offset points",
         ha="center",
         va="top",
-        fontsize=7.5,
+        fontsize=SMALL,
         arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
         zorder=9,
     )

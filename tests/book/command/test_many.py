@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book.batch import runs, table
-from acx4book.batch.work import Outcome
 from acx4book.command import many
 from acx4book.command.acx4 import main
+from acx4book.command.batch import runs, table
+from acx4book.command.batch.work import Outcome
 from acx4book.notebooks import runner
 from support.flights import sized
 from support.helpers import ROOT, hears_interrupts

@@ -62,7 +62,7 @@ def test_what_is_displayed_by_name_can_be_replaced_and_outputs_be_cleared(tmp_pa
     assert [output.text for output in cells[1].outputs] == ["left\n"]
 
 
-def test_a_binary_picture_is_text_and_a_figure_is_shown_when_its_cell_ends(tmp_path):
+def test_a_binary_picture_is_text_and_a_figure_is_a_drawing_when_its_cell_ends(tmp_path):
     pixel = "b'\\x89PNG\\r\\n\\x1a\\n'"
     cells, _ = run(
         tmp_path,
@@ -72,7 +72,8 @@ def test_a_binary_picture_is_text_and_a_figure_is_shown_when_its_cell_ends(tmp_p
     assert cells[0].outputs[0].data["image/png"].startswith("iVBORw0KGgo")
     text, picture = cells[1].outputs
     assert text.text == "before\n"
-    assert picture.data["image/png"].startswith("iVBORw0KGgo")
+    assert picture.data["image/svg+xml"].startswith("<svg ")
+    assert "image/png" not in picture.data
 
 
 def test_the_own_commands_of_ipython_work_and_their_wrong_use_is_an_error(tmp_path):

@@ -13,7 +13,6 @@ from acx4book.report.figures import (
     check_points,
     residual_plane,
     residuals_by_strip,
-    vector,
 )
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.geometry.camera import Camera, Interior
@@ -66,13 +65,6 @@ def points(ax):
     """Return the places of the dots of axes, one row each."""
     lines = [line for line in ax.get_lines() if line.get_marker() == "o"]
     return np.concatenate([line.get_xydata() for line in lines])
-
-
-def test_a_vector_drawing_is_the_same_twice_and_has_no_date(residuals):
-    drawn = [vector(residual_plane({"One": residuals}, {"CAM": CAMERA})).svg for _ in range(2)]
-    assert drawn[0] == drawn[1]
-    assert drawn[0].lstrip().startswith("<svg") or "<svg" in drawn[0][:400]
-    assert "<dc:date>" not in drawn[0]
 
 
 def test_the_plane_has_a_panel_for_every_camera_and_marks_what_is_systematic(residuals):

@@ -1,31 +1,64 @@
-"""Drawings inside a page: colours that the page may change, and nothing that it did not ask for."""
+"""Vector drawings: the same twice, all of the figure, and nothing else."""
 
-import xml.etree.ElementTree as ET
+import base64
+import io
+import re
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from acx4book.typesetting import drawing, style
+from acx4book.typesetting import style
+from acx4book.typesetting.drawing import smaller, vector
 
 
-@pytest.fixture
-def text():
+def figure(label="a"):
     with style.applied():
-        fig, ax = style.subplots(figsize=(2, 1))
-        ax.plot([0, 1], color=style.BLUE)
-    return drawing.inline(fig, alt='A "line" & more', caption="```\n<script>")
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2))
+        ax.plot([0, 1 / 3], [0, 1 / 7], label=label)
+        ax.set_title(label)
+    return fig
 
 
-def test_colours_are_variables_with_the_books_colours_behind_them(text):
-    assert f"var(--drawing-blue, {style.BLUE})" in text
-    assert "metadata" not in text
+def test_a_drawing_is_the_same_twice_and_has_no_date():
+    drawn = [vector(figure()) for _ in range(2)]
+    assert drawn[0] == drawn[1]
+    assert drawn[0].startswith("<svg ")
+    assert "date" not in drawn[0]
 
 
-def test_the_drawing_is_one_block_of_well_formed_markup(text):
-    lines = text.splitlines()
-    assert (lines[0], lines[-1]) == ("```{raw} html", "```")
-    assert "```" not in "\n".join(lines[1:-1])
-    figure = ET.fromstring("\n".join(lines[1:-1]))
-    svg, caption = figure
-    assert svg.get("role") == "img"
-    assert svg.get("aria-label") == 'A "line" & more'
-    assert caption.text == "```\n<script>"
+def test_a_drawing_has_outlines_of_letters_and_no_text():
+    assert "zq53" not in vector(figure("zq53 --><b>"))
+
+
+def test_what_reaches_out_of_the_figure_is_drawn_too():
+    fig = figure()
+    where = {"xycoords": "axes fraction", "textcoords": "axes fraction"}
+    fig.axes[0].annotate("far out", (1, 1), xytext=(1.3, 1.4), **where)
+    fig.set_layout_engine("none")
+    whole, left_out = (
+        [float(n) for n in re.search(r'viewBox="([^"]*)"', vector(f))[1].split()]
+        for f in (fig, figure())
+    )
+    assert left_out[2] == pytest.approx(72 * style.WIDTH, abs=0.1)
+    assert whole[2] > left_out[2] + 20
+    assert whole[3] > left_out[3] + 5
+
+
+def test_numbers_are_as_long_as_a_screen_can_show():
+    long = '<path d="M 12.345678 -0.0156254\n L 100.000000 7" style="fill: #123456"/> <!-- a -->'
+    assert smaller(long) == '<path d="M 12.35 -0.01563 L 100 7" style="fill: #123456"/> '
+
+
+@pytest.mark.parametrize(("side", "allowed"), [(20, 0), (400, 10)])
+def test_small_pictures_are_stored_without_loss_and_large_ones_with_some(rng, side, allowed):
+    smooth = np.add.outer(np.arange(side), np.arange(side)) * 200 / (2 * side)
+    seen = (smooth[..., None] + rng.uniform(0, 20, (side, side, 3))).astype(np.uint8)
+    png = io.BytesIO()
+    Image.fromarray(seen).save(png, "PNG")
+    text = base64.b64encode(png.getvalue()).decode()
+    stored = smaller(f'<image href="data:image/png;base64,{text}"/>')
+    kept = base64.b64decode(re.search(r'webp;base64,([^"]*)', stored)[1])
+    found = np.asarray(Image.open(io.BytesIO(kept)).convert("RGB"))
+    assert np.abs(found.astype(int) - seen).mean() <= allowed
+    assert len(stored) < (1.2 if allowed == 0 else 0.3) * len(text)

@@ -1,6 +1,7 @@
 """The style of figures: colours that all tell apart, nothing left behind."""
 
 import itertools
+import re
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -10,6 +11,12 @@ from scipy.spatial import KDTree
 
 from acx4book.typesetting import style
 from support.figures import drawn
+from support.helpers import ROOT
+
+LISTED = re.compile(r"--figure-([\w-]+): (#\w{6});")
+SHEET = (ROOT / "book" / "_static" / "acx4.css").read_text("utf-8")
+DAY, NIGHT = (dict(LISTED.findall(part)) for part in SHEET.split("@media screen")[:2])
+PAGES = {"day": (DAY, "#ffffff"), "night": (NIGHT, "#121212")}
 
 
 def test_the_style_leaves_pyplot_as_it_found_it():
@@ -42,9 +49,37 @@ def lab(colour, seen):
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
+def luminance(colour):
+    rgb = np.array(mpl.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return linear @ [0.2126, 0.7152, 0.0722]
+
+
+def contrast(one, other):
+    """Return the contrast of WCAG 2."""
+    dark, light = sorted([luminance(one), luminance(other)])
+    return (light + 0.05) / (dark + 0.05)
+
+
+def test_the_style_sheet_has_every_colour_by_day_and_by_night():
+    assert {name: colour for colour, name in style.NAMES.items()} == DAY
+    assert NIGHT.keys() == DAY.keys()
+
+
+@pytest.mark.parametrize("time", PAGES)
+def test_words_have_the_contrast_of_wcag_aa(time):
+    colours, page = PAGES[time]
+    for word in ("ink", "soft", "blue", "plum", "brick", "teal-words", "orange-words"):
+        for ground in (page, colours["paper"]):
+            assert contrast(colours[word], ground) >= 4.5, (word, ground)
+
+
+@pytest.mark.parametrize("time", PAGES)
 @pytest.mark.parametrize("vision", VISIONS)
-def test_every_colour_vision_tells_the_palette_apart(vision):
-    seen = [lab(colour, VISIONS[vision]) for colour in style.PALETTE]
+def test_every_colour_vision_tells_the_palette_apart(vision, time):
+    colours, _ = PAGES[time]
+    palette = [colours[style.NAMES[colour]] for colour in style.PALETTE]
+    seen = [lab(colour, VISIONS[vision]) for colour in palette]
     apart = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
     assert min(apart) > 20  # two are told apart side by side from about 2, in a legend from 10
 

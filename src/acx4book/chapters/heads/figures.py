@@ -87,7 +87,9 @@ def radial_distortion(
                 ax.fill_between(r, px - sigma, px + sigma, color=style.colour(i), alpha=0.25, lw=0)
             ends = [px[-1], printed_px.get(name, px[-1])]
             if name in printed_px:
-                near.plot(r[-1], ends[1], "D", ms=4.5, mfc="white", mec=style.colour(i), mew=1.3)
+                near.plot(
+                    r[-1], ends[1], "D", ms=4.5, mfc=style.PAPER, mec=style.colour(i), mew=1.3
+                )
             lowest, highest = min(lowest, 0.93 * min(ends)), max(highest, 1.05 * max(ends))
             corner = max(corner, r[-1])
         highest = max(highest, 1.04 * (claim_px or 0.0))
@@ -109,7 +111,9 @@ def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list
     handles = []
     if some:
         label = "Table 1 of the paper"
-        handles.append(Line2D([], [], ls="", marker="D", mfc="white", mec=style.SOFT, label=label))
+        handles.append(
+            Line2D([], [], ls="", marker="D", mfc=style.PAPER, mec=style.SOFT, label=label)
+        )
     if claim_px is not None:
         for ax in axes:
             ax.axhline(claim_px, color=style.PRINTED, ls=(0, (4, 2)), lw=1)
@@ -174,7 +178,7 @@ def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
     ax.set_xticks(np.arange(len(EXTERIOR) - 1) + 0.5, minor=True)
     ax.set_yticks(np.arange(len(interior) - 1) + 0.5, minor=True)
     ax.tick_params(which="minor", length=0)
-    ax.grid(visible=True, which="minor", color="white", lw=1.5)
+    ax.grid(visible=True, which="minor", color=style.PAPER, lw=1.5)
     for i, j in np.ndindex(*largest.shape):
-        tint = "white" if largest[i, j] > 0.55 else style.INK
+        tint = "white" if largest[i, j] > 0.55 else style.BLACK
         ax.text(j, i, f"{largest[i, j]:.2f}", ha="center", va="center", size=7.5, color=tint)

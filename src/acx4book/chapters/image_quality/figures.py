@@ -127,7 +127,7 @@ def _draw_vectors(ax: Axes, camera: Camera, field: tuple[Array, Array], *, key: 
     bar = np.array([w - 0.5 * cell - scale * key, w - 0.5 * cell])
     low = h + 0.45 * cell
     ax.plot(bar, np.full(2, low), color=style.INK, lw=1.6, clip_on=False, zorder=5)
-    ax.text(bar[0] - 0.25 * cell, low, f"{key:g} px", ha="right", va="center", fontsize=7.5)
+    ax.text(bar[0] - 0.25 * cell, low, f"{key:g} px", ha="right", va="center", fontsize=style.SMALL)
 
 
 # --- seams -----------------------------------------------------------------------------------

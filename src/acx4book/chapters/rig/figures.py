@@ -192,4 +192,4 @@ def _draw_errors(ax: Axes, one: Deformation, *, key: float, pixel: float) -> Non
         scale=1,
         width=0.006,
     )
-    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties={"size": 7.5})
+    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties=style.LETTERS)

@@ -55,7 +55,7 @@ def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> 
         width=0.005,
         zorder=3,
     )
-    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties={"size": 7.5})
+    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties=style.LETTERS)
 
 
 def _draw_seams(ax: Axes, own: pd.DataFrame, names: list[str]) -> None:

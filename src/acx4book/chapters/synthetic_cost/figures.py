@@ -101,7 +101,7 @@ def _name_curve(
         textcoords="offset points",
         ha=align,
         va="center",
-        fontsize=7,
+        fontsize=style.SMALL,
         color=style.SOFT,
     )
 

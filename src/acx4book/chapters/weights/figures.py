@@ -90,7 +90,7 @@ def height_noise(table: pd.DataFrame) -> Figure:
                 xycoords=("axes fraction", "data"),
                 textcoords="offset points",
                 ha="right",
-                fontsize=7.5,
+                fontsize=style.SMALL,
                 color=style.SOFT,
             )
             ax.set(xlabel="white noise of GNSS heights (cm)", ylabel=f"σ ({unit})")

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from acx4book.foundations.adjusting import operations, whole_system
 from acx4book.foundations.adjusting.self_calibration import View
+from acx4book.typesetting.matrix import cells
 from acx4book.typesetting.style import (
     BLUE,
     BRICK,
     ORANGE,
-    PAPER,
     PLUM,
     SKY,
+    SMALL,
     SOFT,
     TEAL,
     WIDTH,
@@ -36,9 +36,6 @@ KINDS = {"boresight": BRICK, "poses": BLUE, "points": TEAL, "poses with points":
 
 ROUNDING = 1e-8
 """Length of a step, in standard deviations, below which there are only rounding errors."""
-
-SMALL = 7.8
-"""Size of letters on lines."""
 
 
 def patterns(A: Array, reduced: Array) -> Figure:
@@ -68,11 +65,10 @@ def patterns(A: Array, reduced: Array) -> Figure:
 
 
 def _cells(ax: Axes, filled: Array, kinds: Index, title: str) -> None:
-    colours = ListedColormap([PAPER, *KINDS.values()])
-    shown = np.where(filled, 1 + kinds, 0)
-    ax.pcolormesh(shown, cmap=colours, vmin=0, vmax=4, edgecolor="white", linewidth=0.3)
+    for kind, colour in enumerate(KINDS.values()):
+        cells(ax, filled & (kinds == kind), colour)
     bare(ax)
-    ax.set(xticks=[], yticks=[], xlim=(0, shown.shape[1]), ylim=(len(shown), 0), title=title)
+    ax.set(xticks=[], yticks=[], xlim=(0, filled.shape[1]), ylim=(len(filled), 0), title=title)
     ax.set_aspect("equal", anchor="N")
 
 
@@ -90,15 +86,14 @@ def of_block(block: Block) -> Figure:
     shared = seen @ seen.T
     with applied():
         fig, (left, right) = subplots(1, 2, figsize=(WIDTH, 3.0), width_ratios=[2.2, 1])
-        left.pcolormesh(seen[:, order], cmap=ListedColormap([PAPER, SKY]), rasterized=True)
+        cells(left, seen[:, order] > 0, SKY, gap=0.0)
         left.set(xlabel="points, in order of first image (1)", ylabel="images (1)")
         left.set_title("image sees point")
-        cells = np.where(shared > 0, 1.0, 0.0)
-        right.pcolormesh(cells, cmap=ListedColormap([PAPER, BLUE]), edgecolor="white", lw=0.2)
+        cells(right, shared > 0, BLUE)
         right.set(xlabel="images (1)", ylabel="images (1)", title="images share a point")
         right.set_aspect("equal", anchor="N")
-        for ax in (left, right):
-            ax.invert_yaxis()
+        for ax, matrix in ((left, seen), (right, shared)):
+            ax.set(xlim=(0, matrix.shape[1]), ylim=(len(matrix), 0))
             ax.grid(visible=False)
     return fig
 

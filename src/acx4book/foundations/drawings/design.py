@@ -99,13 +99,13 @@ def _matrix(ax: Axes, values: Array, names: Sequence[str]) -> None:
     ax.set_yticks(range(n), names)
     ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
     ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
-    ax.grid(visible=True, which="minor", color="white", linewidth=1.0)
+    ax.grid(visible=True, which="minor", color=style.PAPER, linewidth=1.0)
     ax.tick_params(which="minor", length=0)
     for i, j in zip(*np.nonzero(np.abs(values) >= READABLE), strict=True):
         if i != j:
-            shown = f"{values[i, j]:.2f}".replace("0.", ".")
-            colour = "white" if abs(values[i, j]) > 0.6 else style.INK
-            ax.text(j, i, shown, ha="center", va="center", fontsize=7.5, color=colour)
+            shown = f"{values[i, j]:.2f}".replace("0.", ".").replace("1.00", "1.0")
+            colour = "white" if abs(values[i, j]) > 0.6 else style.BLACK
+            ax.text(j, i, shown, ha="center", va="center", fontsize=style.SMALL, color=colour)
 
 
 def against_ratio(table: pd.DataFrame) -> Figure:

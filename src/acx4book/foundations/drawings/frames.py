@@ -108,7 +108,7 @@ def projection(scales: Mapping[float, tuple[Array, Array]], *, focal_mm: float) 
         left.axhline(0, color=style.INK, lw=0.8)
         left.axvline(on_the_map.PLACE_M[0] / 1000, color=style.SOFT, ls="--", lw=1.0)
         left.set(xlabel="east (km)", ylabel="map less ground (mm per km)")
-        left.legend(title="height over ellipsoid", loc="upper center", fontsize=7.8)
+        left.legend(title="height over ellipsoid", loc="upper center", fontsize=style.SMALL)
         other = left.secondary_yaxis(
             "right",
             functions=(lambda ppm: -ppm * focal_mm / 1000, lambda um: -um * 1000 / focal_mm),

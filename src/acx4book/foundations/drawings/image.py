@@ -18,7 +18,7 @@ def ray() -> Figure:
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 4.6))
         to_a = TO_A * F / H
-        for run, drop, tint in ((TO_A, H, "#e4efe9"), (to_a, F, "#d3e2f4")):
+        for run, drop, tint in ((TO_A, H, style.LAND), (to_a, F, style.SHEET)):
             corners = np.array([[0, 0], [0, -drop], [run, -drop]])
             ax.add_patch(Polygon(corners, fc=tint, ec="none", zorder=0))
         ax.plot([-1.6, 1.9], [-F, -F], color=sketch.CAMERA, lw=4, solid_capstyle="butt")

@@ -15,7 +15,9 @@ from acx4book.foundations.adjusting.fitted import Fit
 from acx4book.typesetting.style import (
     BLUE,
     INK,
+    MUTED,
     ORANGE,
+    SMALL,
     SOFT,
     TEAL,
     WIDTH,
@@ -36,9 +38,6 @@ PLUS_MINUS = np.array([-1.0, 1.0])
 
 ENLARGED = 150
 """Factor on the ellipses of a map."""
-
-SMALL = 7.8
-"""Size of letters on lines."""
 
 
 def where_rays_meet(T_m_c: Pose, results: Sequence[tuple[Array, Fit]]) -> Figure:
@@ -134,7 +133,7 @@ def _against_chi_square(ax: Axes, squares: Array, degrees: int) -> None:
     at = np.linspace(0.01, 20, 400)
     step = at[1] - at[0]
     below = np.array([distributions.chi2_cdf(x, degrees) for x in at])
-    ax.hist(squares, bins=np.arange(0, 20.5, 0.5).tolist(), density=True, color="#cfd6dc")
+    ax.hist(squares, bins=np.arange(0, 20.5, 0.5).tolist(), density=True, color=MUTED)
     ax.plot(at, np.gradient(below, step), color=FOUR)
     limit = distributions.chi2_isf(0.05, degrees)
     ax.axvline(limit, color=INK, lw=1.0, ls="--")

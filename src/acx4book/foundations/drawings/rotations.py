@@ -27,7 +27,7 @@ def axes() -> Figure:
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.4))
         ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
-        ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec="#c9d6c3", lw=1))
+        ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec=style.LAND_EDGE, lw=1))
         corner = np.array([-6.2, -2.2, 0.0])
         sketch.triad(ax, seen, corner, 1.6 * np.eye(3), ("east", "north", "up"), sketch.MAPPING)
         for row, east in ((0, -4.0), (2, 5.6)):

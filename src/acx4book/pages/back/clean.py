@@ -56,9 +56,15 @@ BEFORE: Mapping[str, Before] = {
 """The notebooks that need a flight, the one that their pages show; the others need none."""
 
 
+def sources() -> list[Path]:
+    """Return the notebooks that are pages of the book."""
+    found = (NOTEBOOKS_PATH.glob(pattern) for pattern in ("*.ipynb", "foundations/*.ipynb"))
+    return sorted(path for paths in found for path in paths)
+
+
 def write(folder: Path) -> None:
     """Write a copy of every notebook below a folder, where it lies below that of the notebooks."""
-    for source in sorted(NOTEBOOKS_PATH.rglob("*.ipynb")):
+    for source in sources():
         name = source.relative_to(NOTEBOOKS_PATH)
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -128,16 +128,7 @@ WORKS = (
         brought_by="sphinx-proof",
         files=("_static/proof*",),
     ),
-    Work(
-        what="three.js, in the script of the block in 3-D",
-        licence="MIT",
-        brought_by="three",
-        files=("_static/moving/block.js",),
-    ),
 )
-
-PACKAGES = Path("book", "_moving", "package.json")
-"""What npm brings, below the current folder: that of the working copy."""
 
 
 def of(file: str) -> Work | None:
@@ -145,13 +136,24 @@ def of(file: str) -> Work | None:
     return next((work for work in WORKS if any(fnmatch(file, one) for one in work.files)), None)
 
 
-def page() -> str:
-    """Return what the book carries, and what it was compared with, as MyST text."""
-    carried = ((w.what, w.licence, f"{w.brought_by} {_version(w.brought_by)}") for w in WORKS)
+def page(lock: Path) -> str:
+    """Return what the book carries, and what it was compared with, as MyST text.
+
+    Parameters
+    ----------
+    lock : Path
+        The lock of npm, by which the 3-D view comes.
+    """
+    packages = json.loads(lock.read_text(encoding="utf-8"))["packages"]
+    three = packages["node_modules/three"]
+    carried = [
+        *((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS),
+        ("three.js, in the 3-D view", three["license"], f"three {three['version']}"),
+    ]
     return "\n".join(
         [
             table(
-                "tab-carried",
+                "tab-of-others",
                 "Works of others in the folder of this book.",
                 ("what", "licence", "brought by"),
                 carried,
@@ -164,12 +166,6 @@ def page() -> str:
             ),
         ]
     )
-
-
-def _version(package: str) -> str:
-    """Return the version of a package that pip or npm brings."""
-    by_npm: dict[str, str] = json.loads(PACKAGES.read_text("utf-8"))["dependencies"]
-    return by_npm.get(package) or version(package)
 
 
 def _compared() -> Iterator[tuple[str, str, str]]:

@@ -79,7 +79,7 @@ def _histogram(ax: Axes, values: Array, bins: Array, tints: tuple[str, str]) -> 
 
 
 def _titled(ax: Axes, title: str, note: str) -> None:
-    ax.set_title(title, loc="center", fontsize=8.0, fontweight="normal", pad=3)
+    ax.set_title(title, loc="center", fontsize=style.SMALL, fontweight="normal", pad=3)
     ax.annotate(
         note,
         xy=(0.5, 1),
@@ -88,6 +88,6 @@ def _titled(ax: Axes, title: str, note: str) -> None:
         textcoords="offset points",
         ha="center",
         va="top",
-        fontsize=6.8,
+        fontsize=style.SMALL,
         color=style.SOFT,
     )

@@ -130,7 +130,7 @@ def _draw_bar(ax: Axes) -> None:
     """Draw a bar of one metre under the car, where there is no picture."""
     middle, row = FRAME_PX[0] / 2, 770
     ax.plot([middle - 50, middle + 50], [row, row], color=style.INK, lw=2, solid_capstyle="butt")
-    ax.text(middle, row - 12, "1 m", ha="center", va="bottom", fontsize=7.5)
+    ax.text(middle, row - 12, "1 m", ha="center", va="bottom", fontsize=style.SMALL)
 
 
 def surround_misfits(
@@ -174,7 +174,7 @@ def surround_misfits(
                 *(arrows, 0.5, 0.56, 10 * exaggeration, "10 cm"),
                 labelpos="S",
                 labelsep=0.04,
-                fontproperties={"size": 7},
+                fontproperties=style.LETTERS,
             )
             style.heading(ax, name, f"rms {rms(d):.1f} cm")
     return fig

@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
-from acx4book.report.shown import Drawing, Text
+from acx4book.report.shown import Text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,12 +26,12 @@ class Part:
 
     Attributes
     ----------
-    content : Text or Drawing
+    content : Text or Figure
     told : mapping
-        What the notebook tells of a drawing: its label, caption, and words in its place.
+        What the notebook tells of a figure: its label, caption, and words in its place.
     """
 
-    content: Text | Drawing
+    content: Text | Figure
     told: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -58,7 +59,7 @@ def parts(
         for number, cell in enumerate(cells):
             on_cell(number, len(cells))
             content = _content(cell, names)
-            if isinstance(content, Text | Drawing):
+            if isinstance(content, Text | Figure):
                 yield Part(content=content, told=cell["metadata"].get("mystnb", {}))
     on_cell(len(cells), len(cells))
 

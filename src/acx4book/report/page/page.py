@@ -16,6 +16,7 @@ from acx4book.report.material import Material
 from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.shown import Text
+from acx4book.typesetting.drawing import vector
 from acx4book.typesetting.plain_text import shown
 from acx4lib.results.own_folder.marks import SCRATCH
 from acx4lib.results.own_folder.places import check_file
@@ -129,7 +130,7 @@ def _rendered(part: Part, document: Document) -> str:
     if isinstance(part.content, Text):
         return to_html(part.content.markdown, document)
     document.n_figures += 1
-    data = base64.b64encode(part.content.svg.encode()).decode()
+    data = base64.b64encode(vector(part.content).encode()).decode()
     alt = html.escape(part.told.get("image", {}).get("alt", ""))
     figure = part.told.get("figure", {})
     caption = to_html(figure.get("caption", ""), document).strip()

@@ -12,11 +12,11 @@ from html import escape
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acx4book.typesetting.drawing import VARIABLES
+from acx4book.typesetting import style
 from acx4book.typesetting.moving.explorer import Mark, digits, shown
 from acx4lib.expected import Array
 
-COLOURS = {name: f"var(--drawing-{name}, {colour})" for colour, name in VARIABLES.items()}
+COLOURS = {name: f"var(--figure-{name}, {colour})" for colour, name in style.NAMES.items()}
 """Colours by their names: those of the page's style sheet, or else those of all figures."""
 
 HEAD = 6.0

@@ -11,7 +11,7 @@ from acx4book.pages.back import clean
 from acx4lib.results import folder
 from acx4sim.designs import DESIGNS
 
-SOURCES = {path.stem: path for path in NOTEBOOKS_PATH.rglob("*.ipynb")}
+SOURCES = {path.stem: path for path in clean.sources()}
 
 
 def code(notebook):

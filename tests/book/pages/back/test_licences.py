@@ -3,6 +3,7 @@
 import pytest
 
 from acx4book.pages.back import licences
+from support.helpers import ROOT
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,7 @@ def test_our_own_belong_to_nobody_else(file):
 
 
 def test_the_page_names_licences_and_repositories():
-    page = licences.page()
+    page = licences.page(ROOT / "book" / "_moving" / "package-lock.json")
+    assert "| three.js, in the 3-D view | MIT | three 0." in page
     assert "| MathJax with its fonts | Apache-2.0 | sphinx-mathjax-offline " in page
     assert "| `niclasborlin/dbat` | 15 | BSD-like" in page

@@ -47,7 +47,7 @@ def test_a_curve_goes_through_its_places():
 def test_text_is_escaped_and_colours_are_those_of_the_page_or_of_the_figures():
     text = PLANE.text((0.0, 0.0), "<b> & c", colour="blue")
     assert "&lt;b&gt; &amp; c" in text
-    assert f'fill="var(--drawing-blue, {style.BLUE})"' in text
+    assert f'fill="var(--figure-blue, {style.BLUE})"' in text
 
 
 def test_axes_have_all_numbers():

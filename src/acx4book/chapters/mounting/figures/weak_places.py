@@ -123,7 +123,9 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
             "zorder": 3,
         }
         marks = ax.scatter(east, north, c=found[kind], norm=norm, cmap=style.SEQUENCE, **look)
-        handles.append(Line2D([], [], ls="", marker=marker, mfc="white", mec=style.INK, label=name))
+        handles.append(
+            Line2D([], [], ls="", marker=marker, mfc=style.PAPER, mec=style.INK, label=name)
+        )
     steps = np.outer(10.0 ** np.arange(-3, 3), [1, 2, 5]).ravel()
     ticks = [float(t) for t in steps if norm.vmin <= t <= norm.vmax]
     _bar(fig, ax, marks, "largest detectable error (m)", ticks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,15 @@ from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import Coverage, coverage, footprint
 from acx4lib.tie_points.ties import Overlap
 
-COUNTS = ("#f0bfae", "#eef2f6", "#c3d6e8", "#8fb2d3", "#5b8dbd")
-"""Grounds of what no head sees, and of what one to four or more heads see."""
+COUNTS = ("#d9603f66", "#4a86c010", "#4a86c040", "#4a86c080", "#4a86c0c0")
+"""Grounds of what no head sees, and of what one to four or more heads see; light shines through."""
 
-SHOWN = ("before", "mean shift", "rotations")
-"""Ways to refine that `refinements` shows beside each other."""
+SHOWN = {
+    "before": WAYS["before"],
+    "mean shift": f"less by {WAYS['mean shift']}",
+    "rotations": f"less by {WAYS['rotations']}",
+}
+"""Panels of `refinements`: before all, and what two ways to refine take away."""
 
 CELLS = 12
 """Cells along the longer side of the synthetic image in `refinements`."""
@@ -130,7 +135,7 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
 
 
 def refinements(refined: Refinement, synthetic: Camera) -> Figure:
-    """Draw the differences between heads at tie points after each of several refinements.
+    """Draw the differences between heads at tie points, and what refinements take away of them.
 
     Parameters
     ----------
@@ -141,14 +146,18 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     -------
     Figure
         Those of `SHOWN` that there are: means of cells, in pixels of the synthetic image, with one
-        scale; only a dot is seen where nothing is left.
+        scale; only a dot is seen where they are zero.
     """
-    fields = {WAYS[way]: refined.overlaps(way) for way in SHOWN if way in refined.orientations}
+    fields = {
+        title: refined.overlaps(way) for way, title in SHOWN.items() if way in refined.orientations
+    }
     if not any(fields.values()):
         return style.nothing("No two heads share a tie point at an exposure.")
     pixel = synthetic.pixel_mm
     size = max(synthetic.width_px, synthetic.height_px) * pixel / CELLS
-    means = {title: [_cell_means(o, size) for o in found] for title, found in fields.items()}
+    before = next(iter(fields.values()))
+    drawn = {t: found if found is before else _taken(before, found) for t, found in fields.items()}
+    means = {title: [_cell_means(o, size) for o in found] for title, found in drawn.items()}
     every = np.concatenate([d for field in means.values() for _, d in field])
     key = style.round_length(max(float(np.hypot(*every.T).max(initial=0.0)) / pixel, 1e-6))
     width, height = _size(synthetic, len(fields))
@@ -163,7 +172,7 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
             _draw_frame(ax, synthetic, [refined.orientation])
             _draw_vectors(ax, means[title], scale=scale, key=key, pixel=pixel, key_at=key_at)
             d = np.concatenate([o.d for o in found]) / pixel
-            style.heading(ax, title, _rms_and_largest(d))
+            style.heading(ax, title, f"{'' if found is before else 'left: '}{_rms_and_largest(d)}")
             ax.set_ylabel(ax.get_ylabel() if ax is axes[0, 0] else "")
         handles = [
             Line2D([], [], color=style.colour(k), lw=1, label=style.plain(head.name))
@@ -171,6 +180,12 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
         ]
         style.legend_below(fig, handles)
     return fig
+
+
+def _taken(before: Sequence[Overlap], after: Sequence[Overlap]) -> list[Overlap]:
+    """Return the part of the differences that a refinement takes away."""
+    pairs = zip(before, after, strict=True)
+    return [replace(one, d=one.d - other.d) for one, other in pairs]
 
 
 def _rms_and_largest(d: Array) -> str:
@@ -218,5 +233,10 @@ def _draw_vectors(
     )
     label = f"{key:g} px"
     ax.quiverkey(
-        arrows, *key_at, scale * key * pixel, label, labelpos="W", fontproperties={"size": 7}
+        arrows,
+        *key_at,
+        scale * key * pixel,
+        label,
+        labelpos="W",
+        fontproperties=style.LETTERS,
     )

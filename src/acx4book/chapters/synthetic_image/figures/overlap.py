@@ -219,7 +219,7 @@ def _draw_plan(
                 va="center",
                 color=style.colour(k),
                 weight="bold",
-                fontsize=7.5,
+                fontsize=style.SMALL,
             )
     ax.autoscale_view()
     ax.set_aspect("equal")
@@ -256,7 +256,7 @@ def _draw_lengths(ax: Axes, lengths: Array, last: float, sigma: Array) -> None:
         xycoords="axes fraction",
         textcoords="offset points",
         ha="right",
-        fontsize=7.5,
+        fontsize=style.SMALL,
         color=style.SOFT,
     )
     ax.set(xlim=(0, last), xlabel="length of the difference (px)", ylabel="tie points (1)")

@@ -146,13 +146,18 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
             va="center",
             color=style.colour(k),
             weight="bold",
-            fontsize=7,
+            fontsize=style.SMALL,
         )
     ax.plot(0, 0, "o", ms=6, mfc="none", mec=style.INK, mew=1.3)
     tail, tip = _flight_arrow(synthetic, 0.4 * (right - left)) + np.array([0, 1.2 * bottom])
     arrow = {"arrowstyle": "->", "color": style.INK, "lw": 1.4, "mutation_scale": 11}
     ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
-    said: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 7.5, "color": style.SOFT}
+    said: dict[str, Any] = {
+        "ha": "center",
+        "va": "top",
+        "fontsize": style.SMALL,
+        "color": style.SOFT,
+    }
     ax.text(0, 1.27 * bottom, "arrow: flight\nring: middle of the image", **said)
     style.bare(ax)
     ax.set(xticks=[], yticks=[], xlim=(1.35 * left, 1.35 * right), aspect="equal")
@@ -265,7 +270,7 @@ def _busiest(image: Raster) -> list[Window]:
 def _mark(ax: Axes, synthetic: Camera, window: Window, letter: str) -> None:
     """Draw where an enlarged part is."""
     left, right, bottom, top = extent_mm(synthetic, window)
-    for width, ink in ((2.4, style.INK), (1.2, "white")):
+    for width, ink in ((2.4, style.BLACK), (1.2, "white")):
         ax.add_patch(
             Rectangle((left, bottom), right - left, top - bottom, fc="none", ec=ink, lw=width)
         ).set_zorder(7)

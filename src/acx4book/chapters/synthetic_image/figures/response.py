@@ -90,7 +90,7 @@ def _draw_overlaps(ax: Axes, overlaps: Sequence[OverlapResponse], names: Sequenc
         y = line + offset
         before, after, floor = (100 * np.expm1(v) for v in (one.before, one.after, one.floor))
         ax.hlines(y, after, before, color=style.SOFT, lw=0.8, alpha=0.7)
-        ax.plot(before, y, "o", ms=4.5, mfc="white", mec=style.INK, mew=1.0)
+        ax.plot(before, y, "o", ms=4.5, mfc=style.PAPER, mec=style.INK, mew=1.0)
         ax.plot(after, y, "o", ms=4.5, color=style.INK)
         ax.plot(floor, y, "|", ms=6, color=style.colour(5), mew=1.3)
     labels = [f"{names[o.head_a]}, {names[o.head_b]}" for o in overlaps]
@@ -124,7 +124,7 @@ def _handles(names: Sequence[str]) -> list[Any]:
     dot: dict[str, Any] = {"color": "none", "marker": "o", "ms": 4.5, "markeredgecolor": style.INK}
     return [
         *heads,
-        Line2D([], [], mfc="white", label="as taken", **dot),
+        Line2D([], [], mfc=style.PAPER, label="as taken", **dot),
         Line2D([], [], mfc=style.INK, label="equalised", **dot),
         Line2D([], [], color="none", marker="|", mec=style.colour(5), mew=1.3, ms=7, label="noise"),
     ]

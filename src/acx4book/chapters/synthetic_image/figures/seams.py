@@ -326,4 +326,4 @@ def _draw_plan(
     style.bare(ax)
     ax.set(xlim=(1.18 * left, 1.18 * right), ylim=(1.18 * bottom, 1.18 * top), aspect="equal")
     ax.set(xticks=[], yticks=[])
-    ax.set_title(place.name, fontsize=8, pad=3)
+    ax.set_title(place.name, fontsize=style.SMALL, pad=3)

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from acx4book.batch import table
+from acx4book.command.batch import table
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.results import folder

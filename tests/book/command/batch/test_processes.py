@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from acx4book.batch.processes import ProcessDiedError, Processes
+from acx4book.command.batch.processes import ProcessDiedError, Processes
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from acx4book.batch import standing, table
-from acx4book.batch.jobs import Job
+from acx4book.command.batch import standing, table
+from acx4book.command.batch.jobs import Job
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
 from acx4lib.errors import Acx4Error, FlightError, OutputError, visible

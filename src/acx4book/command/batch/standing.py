@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from acx4book.batch.jobs import Settings
+from acx4book.command.batch.jobs import Settings
 from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight, table_files

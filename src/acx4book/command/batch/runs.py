@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
-from acx4book.batch import table, work
-from acx4book.batch.executors import finished
-from acx4book.batch.jobs import TABLE, TIMES, Job
-from acx4book.batch.work import Outcome
+from acx4book.command.batch import table, work
+from acx4book.command.batch.executors import finished
+from acx4book.command.batch.jobs import TABLE, TIMES, Job
+from acx4book.command.batch.work import Outcome
 from acx4lib.results.own_folder import claims
 
 COMMAND = "acx4 run of many flights"

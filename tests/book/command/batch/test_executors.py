@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from acx4book.batch import executors
+from acx4book.command.batch import executors
 
 
 def sleep(seconds):

@@ -10,7 +10,7 @@ import time
 import distributed
 import pytest
 
-from acx4book.batch import executors, jobs, runs, table
+from acx4book.command.batch import executors, jobs, runs, table
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import OutputError
@@ -30,7 +30,7 @@ def one_by_one(small_flights, tmp_path_factory):
 def cluster():
     """Start a scheduler and two workers, each a process that is replaced when it dies."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as started:
         yield started.scheduler_address
 

@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future, as_completed, wait
 from contextlib import contextmanager
 from typing import TypeVar
 
-from acx4book.batch.processes import Processes
+from acx4book.command.batch.processes import Processes
 from acx4lib.production.workers import connected
 
 J = TypeVar("J")

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 import acx4sim
-from acx4book.batch import jobs, work
-from acx4book.batch.processes import ProcessDiedError
+from acx4book.command.batch import jobs, work
+from acx4book.command.batch.processes import ProcessDiedError
 from acx4book.notebooks import functions, runner
 from acx4lib.errors import AdjustmentError
 from acx4lib.results import folder as results

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import acx4sim
-from acx4book.batch import jobs, runs
+from acx4book.command.batch import jobs, runs
 from acx4lib.results import folder as results
 from support.flights import sized
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from acx4book.batch import jobs
+from acx4book.command.batch import jobs
 
 SETTINGS = jobs.Settings(stages=("mounting",))
 

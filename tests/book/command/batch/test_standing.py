@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from acx4book.batch import standing
+from acx4book.command.batch import standing
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader

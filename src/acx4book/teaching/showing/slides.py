@@ -1,0 +1,174 @@
+"""One lecture as a page of its own: a slide is a title, some sentences, a figure of the book."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from acx4book.teaching.showing.figure_pack import Figure
+
+MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slide:
+    """A slide.
+
+    Attributes
+    ----------
+    title : str
+    says : tuple of str
+        Sentences, one a line.
+    chapter, figure : str
+        Of the figure; both empty where there is none.
+    """
+
+    title: str
+    says: tuple[str, ...]
+    chapter: str = ""
+    figure: str = ""
+
+
+LECTURE = (
+    Slide(
+        title="From pixels to the ground without control points",
+        says=(
+            "Four cameras on one aircraft make one image.",
+            "GNSS and INS say where the IMU is, and how it is turned.",
+            "What else must be known, so that a pixel is a place?",
+        ),
+    ),
+    Slide(
+        title="A pixel is a direction",
+        says=(
+            "Similar triangles: image over focal length is ground over height.",
+            "The focal length and the flying height only occur together.",
+        ),
+        chapter="foundations/1-image",
+        figure="fig-image-ray",
+    ),
+    Slide(
+        title="Where does a pixel begin?",
+        says=("Two programs, two origins: half a pixel.", "It is a shift, and calibrates away."),
+        chapter="foundations/1-image",
+        figure="fig-image-pixels",
+    ),
+    Slide(
+        title="A rotation has axes",
+        says=(
+            "ω, φ, κ count from the axes of the map.",
+            "Roll, pitch and heading count from the horizon and from true north.",
+        ),
+        chapter="foundations/2-rotations",
+        figure="fig-rotation-axes",
+    ),
+    Slide(
+        title="Most errors are a sign or an axis",
+        says=("Guess first: what does each do to the point on the ground?",),
+        chapter="foundations/2-rotations",
+        figure="fig-rotation-mistakes",
+    ),
+    Slide(
+        title="Equation (14): three vectors",
+        says=(
+            "From the origin to the IMU: GNSS.",
+            "From the IMU to the camera: the lever arm, turned by the attitude.",
+            "From the camera to the ground: the ray, turned by the boresight, too.",
+        ),
+        chapter="foundations/7-direct-georeferencing",
+        figure="fig-vector-sum",
+    ),
+    Slide(
+        title="What one standard deviation moves",
+        says=("Each observation leaves another pattern on the ground.",),
+        chapter="foundations/7-direct-georeferencing",
+        figure="fig-ground-errors",
+    ),
+    Slide(
+        title="Opposite strips, two heights",
+        says=(
+            "A lever arm turns with the aircraft, a shift of GNSS does not.",
+            "A boresight grows with the height, a lever arm does not.",
+        ),
+        chapter="foundations/7-direct-georeferencing",
+        figure="fig-three-flights",
+    ),
+    Slide(
+        title="What an image cannot tell",
+        says=("A change of the interior orientation hides behind a change of the pose.",),
+        chapter="foundations/6-bundle",
+        figure="fig-what-is-left",
+    ),
+    Slide(
+        title="Designs",
+        says=("Four flights with as many images. Which would you fly?",),
+        chapter="foundations/9-block-design",
+        figure="fig-plans",
+    ),
+    Slide(
+        title="Two heights are worth their price",
+        says=("The larger their ratio, the better f and the lever arm are told apart.",),
+        chapter="foundations/9-block-design",
+        figure="fig-ratio",
+    ),
+    Slide(
+        title="Frames: the map is not the ground",
+        says=("The map has another scale than the ground, and its north is not true north.",),
+        chapter="foundations/8-frames",
+        figure="fig-projection",
+    ),
+    Slide(
+        title="The paper's block",
+        says=("Calibrate on one flight; prove on another.",),
+        chapter="00-flight",
+        figure="fig-blocks",
+    ),
+    Slide(
+        title="A proof needs points that nobody used",
+        says=("Bias: a t-test. Scatter: a χ² test. Both on points, not on pairs of images.",),
+        chapter="04-validation",
+        figure="fig-differences",
+    ),
+    Slide(
+        title="One step forgotten at a time",
+        says=("Each has its own size. Most are found by an independent block.",),
+        chapter="04-validation",
+        figure="fig-mistakes",
+    ),
+    Slide(
+        title="Your turn",
+        says=(
+            "Lab 1: pixels, directions and scale. Lab 2: the attitude of one exposure.",
+            "Every student has another flight. Talk about the way, not about the numbers.",
+        ),
+    ),
+)
+
+
+def page(found: Sequence[Figure], slides: Sequence[Slide] = LECTURE) -> str:
+    """Return slides as one HTML page that needs no other file.
+
+    Parameters
+    ----------
+    found : sequence of Figure
+        Figures of the book; a slide whose figure is not among them has its text alone.
+    slides : sequence of Slide
+    """
+    by_name = {(one.chapter, one.name): one for one in found}
+    sections = (_section(slide, by_name.get((slide.chapter, slide.figure))) for slide in slides)
+    template = Path(__file__).with_name("slides.html").read_text(encoding="utf-8")
+    return template.replace("<!-- slides -->", "\n".join(sections))
+
+
+def _section(slide: Slide, figure: Figure | None) -> str:
+    lines = "".join(f"<p>{escape(line)}</p>" for line in slide.says)
+    picture = "" if figure is None else _picture(figure)
+    return f"<section><h1>{escape(slide.title)}</h1>{lines}{picture}</section>"
+
+
+def _picture(figure: Figure) -> str:
+    data = base64.b64encode(figure.content).decode("ascii")
+    return f'<img alt="{escape(figure.alt)}" src="data:{MEDIA[figure.kind]};base64,{data}">'

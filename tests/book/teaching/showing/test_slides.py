@@ -1,0 +1,35 @@
+import html.parser
+import json
+import re
+
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4book.teaching.showing import slides
+from acx4book.teaching.showing.figure_pack import Figure
+
+
+def test_every_figure_of_the_lecture_is_in_the_book():
+    for slide in slides.LECTURE:
+        if slide.figure:
+            text = (NOTEBOOKS_PATH / f"{slide.chapter}.ipynb").read_text(encoding="utf-8")
+            named = [
+                cell["metadata"].get("mystnb", {}).get("figure", {}).get("name")
+                for cell in json.loads(text)["cells"]
+            ]
+            assert slide.figure in named
+
+
+def test_the_page_has_all_slides_and_asks_for_no_other_file():
+    figure = Figure(
+        chapter="c", name="f", caption="", alt='a "b" <c>', kind="svg", content=b"<svg/>"
+    )
+    told = (
+        slides.Slide(title="1 < 2", says=("a", "b"), chapter="c", figure="f"),
+        slides.Slide(title="Two", says=("c",), chapter="c", figure="not there"),
+    )
+    page = slides.page([figure], told)
+    html.parser.HTMLParser().feed(page)
+    assert page.count("<section>") == 2
+    assert "1 &lt; 2" in page
+    assert 'alt="a &quot;b&quot; &lt;c&gt;"' in page
+    assert re.findall(r'(?:src|href)="([^"]{0,30})', page) == ["data:image/svg+xml;base64,PHN2"]
+    assert "http" not in page

@@ -1,0 +1,33 @@
+"""The page of symbols names what there is in the code and in files."""
+
+import re
+
+import pytest
+
+from acx4lib.geometry.parameters import REPORTED
+from support.helpers import ROOT
+
+ROWS = re.findall(
+    r"^\* - (.*?)(?=^\* - |^```)",
+    (ROOT / "book" / "notation.md").read_text(encoding="utf-8"),
+    flags=re.MULTILINE | re.DOTALL,
+)
+SOURCES = "\n".join(
+    path.read_text(encoding="utf-8") for path in sorted((ROOT / "src" / "acx4lib").rglob("*.py"))
+)
+NAMES = sorted({name for row in ROWS for name in re.findall(r"`(\w+)`", row.rpartition("  -")[2])})
+
+
+def test_rows_have_symbol_meaning_unit_place_and_name():
+    assert len(ROWS) > 30
+    assert {row.count("\n  -") for row in ROWS} == {4}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_used_by_the_library(name):
+    assert re.search(rf"(?<!\w){name}(?!\w)", SOURCES)
+
+
+def test_every_parameter_that_is_reported_has_a_row():
+    names = set(NAMES)
+    assert {name for name, _ in REPORTED.values()} <= names
