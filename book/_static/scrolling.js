@@ -16,8 +16,10 @@
     }
   };
 
+  window.addEventListener("load", mark);
   document.addEventListener("DOMContentLoaded", () => {
     const article = document.querySelector(".bd-article");
     if (article) new ResizeObserver(mark).observe(article); // formulas come later, windows change
+    document.fonts.ready.then(mark);
   });
 })();

@@ -24,6 +24,7 @@ CUT_OFF = """async () => {
     const cut = [];
     const parts = 'article :is(mjx-container, table, pre, .drawing svg)';
     for (const part of document.querySelectorAll(parts)) {
+        if (part.closest('details:not([open]), .toggle-hidden')) continue;
         const {left, right, width} = part.getBoundingClientRect();
         let box = part;
         while (box && !scrolls(box)) box = box.parentElement;
