@@ -27,7 +27,7 @@ from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares import processors
 
 
 def free_orientation(
@@ -247,7 +247,7 @@ def _robust(network: Network, state: State) -> State:
     """Return the state that most observations agree on; the same one where no step is possible."""
     if not in_front(network, state):
         return state
-    with adjustment.on_one_thread():
+    with processors.on_one_thread():
         return robust_phase(network, state)
 
 

@@ -76,7 +76,7 @@ def options(way: str) -> Iterator[list[str]]:
     from distributed import LocalCluster  # noqa: PLC0415 the other ways do without
 
     with LocalCluster(
-        n_workers=WORKERS[way], threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=WORKERS[way], threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as started:
         yield ["--cluster", started.scheduler_address]
 

@@ -30,7 +30,7 @@ def one_by_one(small_flights, tmp_path_factory):
 def cluster():
     """Start a scheduler and two workers, each a process that is replaced when it dies."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as started:
         yield started.scheduler_address
 

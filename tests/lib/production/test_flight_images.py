@@ -273,7 +273,7 @@ def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
 def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_path):
     folder, _ = rendered()
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:
         report = render_flight(
             flights.read(made[0]),
