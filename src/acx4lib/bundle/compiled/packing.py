@@ -211,8 +211,8 @@ def ordered(point: Index, pose: Index, n_poses: int) -> Index:
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
     _link(starts, pose[order], linked)
     graph = scipy.sparse.csr_matrix(linked)
-    order = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
-    return np.asarray(order, dtype=np.int64)
+    new = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
+    return new.astype(np.int64)
 
 
 @uncounted
