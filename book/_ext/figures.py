@@ -53,7 +53,7 @@ def drawn(svg: str, *, alt: str, name: str) -> str:
     inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
     coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
     named = NAMED.sub(lambda found: found[0] + name, coloured)
-    return f'<div class="drawing">{begin}{named}</div>'
+    return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -30,9 +30,7 @@ def copy(app: Sphinx) -> None:
             shutil.copyfile(Path(app.srcdir, path), folder / path.name)
 
 
-def add(
-    app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: Any
-) -> None:
+def add(app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: Any) -> None:
     """Add to a page what its figures need."""
     needed = [path for mark, path in FILES.items() if mark in context.get("body", "")]
     if needed:

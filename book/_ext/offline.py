@@ -1,4 +1,4 @@
-"""Keep the book free of requests to other hosts, and its MathJax to what its pages use."""
+"""Keep the book free of requests to other hosts, and of files that no page loads."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from sphinx.application import Sphinx
 
 # What `tex-chtml.js` may load while a page is shown: its fonts and the packages of TeX macros.
 MATHJAX_USED = ("tex-chtml.js", "output/chtml/fonts", "input/tex/extensions")
+
+UNUSED = ("**/*.map", "**/*.ttf", "**/all-packages.js", "**/fa-brands-400.*")
+"""For debuggers, for browsers of 2012, for MathJax without its loader, and signs of companies."""
 
 
 def drop_thebe(
@@ -26,11 +29,18 @@ def drop_thebe(
     ]
 
 
-def prune_mathjax(app: Sphinx, exception: Exception | None) -> None:
-    """Remove the parts of MathJax that no page loads, after they were copied."""
-    root = Path(app.outdir) / "_static" / "mathjax"
-    if exception is not None or not root.is_dir():
+def prune(app: Sphinx, exception: Exception | None) -> None:
+    """Remove what no page loads, after it was copied."""
+    static, sources = Path(app.outdir) / "_static", Path(app.outdir) / "_sources"
+    if exception is not None or app.builder.format != "html":
         return
+    for path in [found for pattern in UNUSED for found in static.glob(pattern)]:
+        path.unlink(missing_ok=True)  # by two patterns
+    shutil.rmtree(sources / "_generated", ignore_errors=True)  # written for Sphinx alone
+    _prune_mathjax(static / "mathjax")
+
+
+def _prune_mathjax(root: Path) -> None:
     used = [root / name for name in MATHJAX_USED]
     for path in sorted(root.rglob("*"), reverse=True):
         if any(path == u or path.is_relative_to(u) or u.is_relative_to(path) for u in used):
@@ -44,5 +54,5 @@ def prune_mathjax(app: Sphinx, exception: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the two steps, each after the extension that it corrects."""
     app.connect("html-page-context", drop_thebe, priority=900)
-    app.connect("build-finished", prune_mathjax, priority=900)
+    app.connect("build-finished", prune, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

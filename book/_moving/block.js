@@ -85,12 +85,11 @@ class View {
       ["nearer", () => this.turn(0, 0, NEARER)], ["farther", () => this.turn(0, 0, 1 / NEARER)],
       ["as at the start", () => { this.place(); this.orbit.update(); this.draw(); }],
     ].map(([textContent, onclick]) => element("button", { type: "button", textContent, onclick }));
-    const boxes = this.layers.map(({ name, colour }, i) => {
+    figure.querySelectorAll(".layers li").forEach((item, i) => {
       const show = ({ target }) => { this.objects[i].visible = target.checked; this.draw(); };
       const box = element("input", { type: "checkbox", checked: true, onchange: show });
-      return element("li", { className: `colour-${colour}` }, element("label", {}, box, " ", name));
+      item.replaceChildren(element("label", {}, box, " ", ...item.childNodes));
     });
-    figure.querySelector(".layers").replaceChildren(...boxes);
     figure.querySelector(".layers").before(element("div", { className: "turns" }, ...buttons));
     figure.classList.add("moves");
     new ResizeObserver(() => this.resize()).observe(figure.querySelector(".view"));
@@ -138,7 +137,7 @@ class View {
   colour() {
     const style = getComputedStyle(this.figure);
     this.objects.forEach(({ material }, i) =>
-      material.color.set(style.getPropertyValue(`--${this.layers[i].colour}`).trim()));
+      material.color.set(style.getPropertyValue(`--figure-${this.layers[i].colour}`).trim()));
     this.draw();
   }
 

@@ -1,12 +1,10 @@
-"""How functions are compiled, where the result is kept, and how processors share their work."""
+"""How functions are compiled, and where the result is kept."""
 
 from __future__ import annotations
 
 import os
 import pickle
-import sys
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -18,11 +16,8 @@ from llvmlite import binding, ir
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime.nrt import rtsys
-from threadpoolctl import ThreadpoolController
 
 F = TypeVar("F", bound=Callable[..., Any])
-P = TypeVar("P")
-R = TypeVar("R")
 
 _HERE = Path(__file__).parent
 _CONFIG: Any = numba.core.config
@@ -125,8 +120,9 @@ _DAMAGED = (
 class _Kept(CompileResultCacheImpl):
     """Machine code; the code that other functions are compiled with is kept beside it.
 
-    Of the latter numba reads the names at once. All of it takes longer to read than a small
-    adjustment lasts, and is needed only where something else is compiled anew.
+    Of the latter numba reads the names at once, and asks for those of functions. All of it takes
+    longer to read than a small adjustment lasts, and is needed only where something else is
+    compiled anew.
     """
 
     def reduce(self, data: Any) -> Any:
@@ -143,9 +139,9 @@ class _Kept(CompileResultCacheImpl):
 
 
 def _names_alone(code: bytes) -> bytes:
-    """Return code that defines the same names, and nothing else."""
+    """Return code that defines the names of the same functions, and nothing else."""
     full, out = binding.parse_bitcode(code), ir.Module()
-    for named in (*full.functions, *full.global_variables):
+    for named in full.functions:
         if not named.is_declaration:
             ir.GlobalVariable(out, ir.IntType(8), named.name).initializer = ir.IntType(8)(0)
     bitcode: bytes = binding.parse_assembly(str(out)).as_bitcode()
@@ -194,34 +190,3 @@ def _kept(function: F, **how: Any) -> F:
     finally:
         _CONFIG.CACHE_DIR = given
     return dispatcher
-
-
-# --- several processors ----------------------------------------------------------------------
-
-
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
-
-
-def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
-    """Return a function of each part, in the order of the parts; as many at a time as processors.
-
-    For functions that spend their time where Python's lock is free. Meanwhile linear algebra has
-    one thread, so that results do not depend on the number of processors.
-
-    Parameters
-    ----------
-    function : callable
-        It must not change what the parts share.
-    parts : iterable
-    """
-    listed = list(parts)
-    with _blas().limit(limits=1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
-        return list((pool.map if len(listed) > 1 else map)(function, listed))
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return the libraries of linear algebra in this process; looking for them takes a while."""
-    return ThreadpoolController()

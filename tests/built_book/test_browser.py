@@ -2,6 +2,8 @@
 
 import pytest
 
+from acx4book.typesetting import style
+
 WIDTHS, HEIGHT = (1280, 390), 900
 """Of a desktop's window and a phone's, px."""
 
@@ -19,14 +21,18 @@ DRAWN = """async () => {
 IN_THE_DARK = """() => {
     const light = colour => Math.min(...colour.match(/[\\d.]+/g).slice(0, 3).map(Number));
     const style = element => getComputedStyle(element);
-    const images = [...document.querySelectorAll('article figure img, article .cell_output img')];
+    const inked = [...document.querySelectorAll('div.drawing [style*="fill: var(--figure-ink)"]')];
     return {
         page: light(style(document.body).backgroundColor),
         text: light(style(document.querySelector('article p')).color),
-        cards: images.map(i => style(i).backgroundColor).map(
-            c => /^rgba.*, 0\\)$/.test(c) ? 0 : light(c)),
+        letters: inked.map(element => light(style(element).fill)),
+        cards: [...document.querySelectorAll('div.drawing')].map(
+            drawing => style(drawing).backgroundColor),
     };
 }"""
+
+PIXELS_PER_POINT = """() => [...document.querySelectorAll('div.drawing svg')].map(
+    drawing => drawing.getBoundingClientRect().width / drawing.viewBox.baseVal.width)"""
 
 
 class Window:
@@ -95,15 +101,26 @@ def test_some_pages_have_mathematics(chapters):
     assert len(chapters["frames-and-notation.html"].select("div.math")) >= 14
 
 
-def test_figures_stand_on_a_light_card_in_the_dark(window, chapters):
+def test_figures_are_light_on_the_dark_page(window, chapters):
     book = window(colours="dark")
-    with_figures = [name for name, page in chapters.items() if page.select("article figure img")]
+    with_figures = [name for name, page in chapters.items() if page.select("div.drawing")]
     assert with_figures
     for name in with_figures:
         seen = book.open(name).evaluate(IN_THE_DARK)
         assert seen["page"] < 60, name
         assert seen["text"] > 180, name
-        assert min(seen["cards"]) > 220, name
+        assert min(seen["letters"]) > 180, name
+        assert set(seen["cards"]) == {"rgba(0, 0, 0, 0)"}, name
+
+
+def test_letters_of_figures_can_be_read_on_the_desktop_and_on_a_phone(window, chapters):
+    """The smallest letters have `style.SMALL` points; a figure of the whole column 504 of them."""
+    book = window()
+    for name in [name for name, page in chapters.items() if page.select("div.drawing")]:
+        for width, px in zip(WIDTHS, (11, 9), strict=True):
+            book.page.set_viewport_size({"width": width, "height": HEIGHT})
+            scales = book.open(name).evaluate(PIXELS_PER_POINT)
+            assert min(scales) * style.SMALL >= px, (name, width)
 
 
 def test_the_button_switches_to_the_dark_and_back(window):

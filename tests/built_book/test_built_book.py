@@ -9,6 +9,9 @@ import pytest
 
 from support.helpers import ROOT
 
+HEAVY, HEAVY_BOOK = 1.5e6, 25e6
+"""Bytes of a page and of the whole book."""
+
 OUTSIDE = re.compile(r"^(https?:)?//", re.IGNORECASE)
 
 
@@ -47,8 +50,9 @@ def test_every_image_says_what_it_shows(pages):
     silent = [
         f"{name}: {image.get('src')}: {alt!r}"
         for name, page in pages.items()
-        for image in page.select("img")
-        if len((alt := image.get("alt", "")).split()) < 3 or re.search(r"<Figure|\.(svg|png)$", alt)
+        for image in page.select("img, svg[role=img]")
+        if len((alt := image.get("alt") or image.get("aria-label", "")).split()) < 3
+        or re.search(r"<Figure|\.(svg|png)$", alt)
     ]
     assert silent == []
 
@@ -83,6 +87,34 @@ def test_pages_of_rooms_say_what_every_module_is_for_and_have_no_cellars(chapter
     ]
     assert empty == []
     assert [name for name, page in rooms.items() if page.select("[id*='.compiled.']")] == []
+
+
+def test_no_page_is_heavy_and_neither_is_the_book(html, pages):
+    """Apart from scripts and style sheets, which all pages share."""
+    heavy = {}
+    for name, page in pages.items():
+        folder = (html / name).parent
+        images = {folder / image["src"] for image in page.select("img[src]")}
+        own = [html / name, *(image for image in images if "_static" not in image.parts)]
+        size = sum(path.stat().st_size for path in own)
+        if size > HEAVY:
+            heavy[name] = size
+    assert heavy == {}
+    assert sum(path.stat().st_size for path in html.rglob("*") if path.is_file()) < HEAVY_BOOK
+
+
+def test_figures_and_tables_of_notebooks_say_where_they_come_from(chapters):
+    silent, told = [], 0
+    for name, page in chapters.items():
+        if not name.startswith("_executed/"):
+            continue
+        for shown in page.select("figure:has(figcaption), .cell_output table:has(caption)"):
+            line = shown.select_one("p.provenance") or shown.find_next("p", class_="provenance")
+            if line is None or not re.search(r"\.ipynb, cell \d+ .*commit", line.get_text()):
+                silent.append(f"{name}: {shown.get('id')}")
+            told += 1
+    assert silent == []
+    assert told > 20
 
 
 LEFT_OVER = {

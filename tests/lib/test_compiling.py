@@ -4,12 +4,10 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_info
 
 compiling = pytest.importorskip("acx4lib.compiling")
 PACKAGE = Path(compiling.__file__).parent
@@ -114,33 +112,3 @@ def test_what_is_not_a_number_is_found_in_a_sum():
 def test_no_compiled_module_asks_for_finite_numbers(source):
     """In compiled code of a sum the answer is always yes."""
     assert "isfinite" not in source.read_text(encoding="utf-8")
-
-
-# --- several processors ----------------------------------------------------------------------
-
-
-def test_results_come_in_the_order_of_the_parts():
-    late, done = threading.Event(), []
-
-    def work(part):
-        if part == 0 and compiling.cores() > 1:
-            late.wait(10)  # the second part overtakes the first
-        late.set()
-        done.append(part)
-        return part**2
-
-    assert compiling.in_order(work, range(8)) == [n**2 for n in range(8)]
-    assert sorted(done) == list(range(8))
-
-
-def test_an_error_of_a_part_is_raised():
-    with pytest.raises(ZeroDivisionError):
-        compiling.in_order(lambda n: 1 / n, [2, 1, 0])
-
-
-def test_linear_algebra_has_one_thread_meanwhile():
-    def blas(_):
-        return [lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas"]
-
-    (inside,) = compiling.in_order(blas, [0])
-    assert set(inside) <= {1}

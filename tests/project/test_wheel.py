@@ -122,7 +122,7 @@ def names_of(requirements):
 def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     sources = [path for path in (ROOT / "src").rglob("*.py") if "__pycache__" not in path.parts]
     expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
-    expected |= {"acx4lib/py.typed", "acx4sim/py.typed"}
+    expected |= {f"{house}/py.typed" for house in HOUSES}
     expected.add("acx4book/report/page/report.css")
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (

@@ -15,8 +15,8 @@ import acx4sim
 from acx4book.paper import printed as paper
 from acx4lib.calibration import estimates as calibration
 from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
-from acx4lib.calibration.mounting import METHODS
 from acx4lib.georeferencing import accuracy, validation
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import simulated as flown

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4lib.calibration import mounting
-from acx4lib.calibration.mounting import METHODS
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.georeferencing import validation
 from support.flights import simulated as flown
 from support.flights.simulated import SEEDS

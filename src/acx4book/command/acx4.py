@@ -6,7 +6,7 @@ in one line per problem on standard error.
 
 from __future__ import annotations
 
-import importlib.metadata
+import gc
 import logging
 import os
 import signal
@@ -28,6 +28,10 @@ ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "
 """Linear algebra on one thread: with more, sums in another order differ in the last bits, and
 matrices this small take longer."""
 
+GARBAGE = 100_000
+"""Objects made between two searches for garbage. With Python's 700, libraries that are being
+loaded, of which nothing is garbage, are searched again and again: a tenth of a small flight."""
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -45,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         Replaces the arguments of the command line.
     """
     os.environ |= ONE_THREAD
+    gc.set_threshold(GARBAGE)
     terminal.prepare_streams()
     for library in ("papermill", "matplotlib"):  # their remarks are on their own affairs
         logging.getLogger(library).addHandler(logging.NullHandler())
@@ -57,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 def _show_version(wanted: bool) -> None:
     if not wanted:
         return
+    import importlib.metadata  # noqa: PLC0415 quick help
+
     try:
         terminal.show(importlib.metadata.version("acx4lib"))
     except importlib.metadata.PackageNotFoundError:

@@ -189,7 +189,7 @@ papermill_engines.register(ENGINE, Interpreter)
 
 def _show_as_drawings(shell: InteractiveShell) -> None:
     """Let IPython show figures as vectors, and no longer as pixels."""
-    formatters = shell.display_formatter.formatters
+    formatters = shell.display_formatter.formatters  # type: ignore[union-attr] # always there
     formatters["image/png"].pop(Figure, None)
     formatters["image/svg+xml"].for_type(Figure, vector)
 

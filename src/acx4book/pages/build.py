@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import nbformat
 from matplotlib.figure import Figure
@@ -96,6 +97,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
         (generated / name).write_text(vector(figure), encoding="utf-8")
+    told = made_from(flight_path, ideal=whole)
+    (generated / "made_from.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
     (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
@@ -128,6 +131,16 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
         execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
         execute.scrub(executed / source.name)
         fold(executed / source.name, executed / source.name)
+
+
+def made_from(flight_path: Path, *, ideal: bool) -> dict[str, Any]:
+    """Return what the extension `provenance` of the book tells: commit, and flights by page."""
+    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS), flight_path.name)
+    of_ideal = {runner.NOTEBOOKS[stage]: "acx4-ideal" for stage in OF_IDEAL if ideal}
+    return {
+        "commit": provenance.short(provenance.commit()),
+        "flights": {**named, **of_ideal, "scorecard": flight_path.name},
+    }
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:

@@ -28,6 +28,12 @@ def commit() -> str:
         return "not a clone of the repository"
 
 
+def short(commit: str) -> str:
+    """Return what `commit` names with ten characters of the hash."""
+    name, _, changed = commit.partition(",")
+    return f"{name[:10]}{' with changes' if changed else ''}" if " " not in name else name
+
+
 def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Compose a numbered table in MyST."""
     lines = [header, ["---"] * len(header), *rows]

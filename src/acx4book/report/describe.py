@@ -14,7 +14,7 @@ from acx4book.report.words import listed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import code
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
-from acx4lib.calibration.mounting import TWO_STEP
+from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
 from acx4lib.results.folder import STAGES

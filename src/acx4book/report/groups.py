@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.material import Material
-from acx4lib.bundle.reliability import noncentrality
+from acx4lib.bundle.gross_errors.rejections import noncentrality
 from acx4lib.georeferencing.accuracy import rms_limits
 
 GROUPS = {
@@ -37,7 +37,7 @@ GROUPS = {
 """The group of every kind and component of an observation."""
 
 DETECTABLE = noncentrality()
-"""Baarda's delta_0: the shift of w by an error that is found with `reliability.POWER`."""
+"""Baarda's delta_0: the shift of w by an error that is found with `rejections.POWER`."""
 
 PROBABILITY = 0.999
 """Probability of the limits by chance that tables show and that the verdict uses."""

@@ -11,14 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4lib.calibration import rig
-from acx4lib.calibration.mounting import METHODS
+from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.carried import mounted_block
 from acx4lib.results.own_folder import claims
 
 BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
@@ -143,8 +141,10 @@ def block_of(material: Material, stage_method: str) -> Block:
     name = "heads" if (stage, method) == ("mounting", "rig") else BLOCK[stage]
     if name not in material.flight.blocks:
         raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
-    if method in rig.METHODS:
+    if method in RIGS or name not in material.flight.carried:
         return material.flight.blocks[name]
+    from acx4lib.results.carried import mounted_block  # noqa: PLC0415 few reports need what adjusts
+
     return mounted_block(material.flight, name, material.found)
 
 

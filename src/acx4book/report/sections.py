@@ -16,7 +16,7 @@ from acx4book.report.words import heading, pair_text, parameter_title
 from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
-from acx4lib.calibration.mounting import METHODS
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from scipy.spatial import ConvexHull
+from matplotlib.tri import Triangulation
 
 from acx4book.typesetting import style
 from acx4lib.expected import Array
@@ -123,10 +123,17 @@ def _tint(outlines: Array) -> float:
     """Return an opacity with which the mean overlap of footprints becomes a light grey."""
     if not len(outlines):
         return 0.0
-    x, y = outlines[..., 0], outlines[..., 1]
-    areas = np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)) / 2
-    covered = ConvexHull(outlines.reshape(-1, 2)).volume  # in two dimensions this is the area
-    return float(np.clip(0.28 * covered / areas.sum(), 0.006, 0.15))
+    corners = outlines.reshape(-1, 2)
+    hull = corners[Triangulation(*corners.T).triangles]
+    return float(np.clip(0.28 * _areas(hull).sum() / _areas(outlines).sum(), 0.006, 0.15))
+
+
+def _areas(polygons: Array) -> Array:
+    """Return the areas of polygons, shape (n, corners, 2)."""
+    x, y = polygons[..., 0], polygons[..., 1]
+    twice = np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)
+    areas: Array = np.abs(twice) / 2
+    return areas
 
 
 def _draw_level(ax: Axes, block: Block, level: design.Level, at: Array, *, colour: str) -> None:

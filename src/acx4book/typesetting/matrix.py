@@ -1,13 +1,17 @@
-"""The figure of a correlation matrix."""
+"""Figures of matrices: correlations with their numbers, and the pattern of what is not zero."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
+from acx4lib.expected import Mask
 
 
 def correlation_matrix(correlations: pd.DataFrame) -> Figure:
@@ -56,3 +60,27 @@ def _label(name: str) -> str:
     if parameter not in LABELS:
         return style.plain(name)
     return f"{style.plain(camera)} {LABELS[parameter]}" if camera else LABELS[parameter]
+
+
+def cells(ax: Axes, filled: Mask, colour: str, *, gap: float = 0.1) -> None:
+    """Draw cells of a matrix as one shape, so that a drawing of thousands is small.
+
+    Parameters
+    ----------
+    ax : Axes
+        Row 0 is from 0 to 1, and so is column 0.
+    filled : ndarray of bool, shape (rows, columns)
+    colour : str
+    gap : float
+        Between two cells, in cells; without it, neighbours in a row are one bar.
+    """
+    if gap:
+        rows, left = np.nonzero(filled)
+        right = left + 1
+    else:
+        ends = np.diff(np.pad(filled, ((0, 0), (1, 1))).astype(int), axis=1)
+        (rows, left), (_, right) = np.nonzero(ends == 1), np.nonzero(ends == -1)
+    x0, x1, y0, y1 = left + gap / 2, right - gap / 2, rows + gap / 2, rows + 1 - gap / 2
+    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1, x0, y0], axis=1).reshape(-1, 2)
+    codes = np.tile([Path.MOVETO, *3 * [Path.LINETO], Path.CLOSEPOLY], len(rows))
+    ax.add_patch(PathPatch(Path(corners, codes), fc=colour, lw=0))

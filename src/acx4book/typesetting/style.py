@@ -23,8 +23,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 
 from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Array, Index
@@ -261,30 +259,6 @@ def bare(ax: Axes) -> None:
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-
-
-def cells(ax: Axes, filled: Array, colour: str, *, gap: float = 0.1) -> None:
-    """Draw cells of a matrix as one shape, so that a drawing of thousands is small.
-
-    Parameters
-    ----------
-    ax : Axes
-        Row 0 is from 0 to 1, and so is column 0.
-    filled : ndarray of bool, shape (rows, columns)
-    colour : str
-    gap : float
-        Between two cells, in cells; without it, neighbours in a row are one bar.
-    """
-    if gap:
-        rows, left = np.nonzero(filled)
-        right = left + 1
-    else:
-        ends = np.diff(np.pad(filled, ((0, 0), (1, 1))).astype(int), axis=1)
-        (rows, left), (_, right) = np.nonzero(ends == 1), np.nonzero(ends == -1)
-    x0, x1, y0, y1 = left + gap / 2, right - gap / 2, rows + gap / 2, rows + 1 - gap / 2
-    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1, x0, y0], axis=1).reshape(-1, 2)
-    codes = np.tile([Path.MOVETO, *3 * [Path.LINETO], Path.CLOSEPOLY], len(rows))
-    ax.add_patch(PathPatch(Path(corners, codes), fc=colour, lw=0))
 
 
 def nothing(text: str) -> Figure:

@@ -301,7 +301,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
             r_m_c=np.ascontiguousarray(T_m_c.r),
             camera=camera,
             interior=np.array([interior.to_array() for interior in state.interiors]),
-            x_m=state.x_m[packed.rays.point],
+            x_m=np.require(state.x_m, requirements=("C", "W")),  # one kind of array, compiled once
             V=V,
             h=h,
             refraction=network.refraction == "standard",

@@ -13,16 +13,12 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.bundle.gross_errors.rejections import CRITICAL, POWER, noncentrality
 from acx4lib.bundle.observations import of_halves
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
-from acx4lib.least_squares.statistical import distributions
-
-POWER = 0.8
-"""Probability with which an error of the detectable size is found."""
 
 WEAK = 0.1
 """Redundancy number below which an observation is poorly controlled."""
@@ -53,28 +49,6 @@ class Reliability:
     redundancy: Array
     detectable: Array
     external: Array
-
-
-def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
-    """Return delta_0: the shift of w that the test finds with the probability `power`.
-
-    4.74 for a critical w of 3.9 (alpha = 0.01 %); textbooks have 4.13 for 3.29 (alpha = 0.1 %).
-
-    Parameters
-    ----------
-    critical : float
-        Critical value of w.
-    power : float
-        The other side of the two-sided test is neglected: its probability is below 1e-16.
-
-    Raises
-    ------
-    ValueError
-        Where `critical` is not positive or `power` is no probability.
-    """
-    expected.positive_number("critical", critical)
-    expected.probability("power", power)
-    return critical + distributions.norm_ppf(power)
 
 
 def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWER) -> Reliability:

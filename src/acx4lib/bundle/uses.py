@@ -27,35 +27,7 @@ from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.least_squares import adjustment
-
-BEYOND = 300_000.0
-"""Distance from the median of the control points, m, that no point of a block can have."""
-
-
-def require_control(block: Block) -> None:
-    """Raise where images do not show three control points that are not on one line.
-
-    Parameters
-    ----------
-    block : Block
-
-    Raises
-    ------
-    AdjustmentError
-        Without them, exterior orientations that no trajectory observes have no datum.
-    """
-    expected.instance("block", block, Block)
-    rays = block.rays[block.control.point_idx]
-    usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
-    x_m, spread = block.control.x_m[usable], np.zeros(3)
-    if len(x_m):  # seen from an absurdly far point, all others seem to lie in one place
-        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
-        spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
-    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
-        needed = "three that do not lie on one line are needed"
-        msg = f"{len(x_m)} control points in images do not orient the block: {needed}"
-        raise AdjustmentError(msg)
+from acx4lib.least_squares import processors
 
 
 def free_orientation(
@@ -275,7 +247,7 @@ def _robust(network: Network, state: State) -> State:
     """Return the state that most observations agree on; the same one where no step is possible."""
     if not in_front(network, state):
         return state
-    with adjustment.on_one_thread():
+    with processors.on_one_thread():
         return robust_phase(network, state)
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from acx4lib import compiling, expected
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.eliminated_points import elimination
 from acx4lib.least_squares.normal_equations import Equations, Group
 from acx4lib.least_squares.statistical import distributions
@@ -256,7 +257,7 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     for row, k in enumerate(chosen):
         starts = range(first[k], first[k + 1], AT_A_TIME)
         parts = [np.arange(start, min(start + AT_A_TIME, first[k + 1])) for start in starts]
-        out[row] = sum(compiling.in_order(with_all, parts))
+        out[row] = sum(processors.in_order(with_all, parts))
     return out
 
 

@@ -18,7 +18,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.dense import Inverse
 
@@ -109,7 +109,7 @@ def _inverse_at(single: Bundle, gnss: Bundle) -> Inverse:
     state = replace(
         gnss.state, interiors=single.state.interiors, T_m_b=single.T_m_c, x_m=single.state.x_m
     )
-    with adjustment.on_one_thread():
+    with processors.on_one_thread():
         return adjustment.normals(gnss.network, state).precision().inverse
 
 

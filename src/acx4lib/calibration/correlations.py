@@ -1,29 +1,23 @@
-"""Correlations between the parameters that a bundle estimates (section 4.1), and joint tests.
-
-A single test asks whether a parameter differs from a value, whatever the others are. Where k1, k2
-and k3 correlate by -0.99, each of them may be near zero if the other two take over its part, so
-none seems significant although together they are. A joint test asks for all of them at once.
-"""
+"""Correlations between the parameters that a bundle estimates (section 4.1); tests by adjusting."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
-from acx4lib.bundle.unknowns import Layout, holding
-from acx4lib.calibration.estimates import Calibration
-from acx4lib.expected import Array, Index
+from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.trust.joint_tests import GroupTest, estimated
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.collinearity import mounted_jacobian
-from acx4lib.geometry.frames import Pose, log, opk_jacobian
-from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.geometry.frames import Pose, opk_jacobian
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, REPORTED
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import held_at_zero
-from acx4lib.least_squares.statistical import distributions
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
 """The exterior orientation as results report it: relative to the grid."""
@@ -114,94 +108,6 @@ def largest_pairs(correlations: Correlations, *, n: int = 4) -> dict[str, float]
     }
 
 
-KEYS = (*INTERIOR, *MOUNT)
-
-GROUPS = (("k1", "k2", "k3"), ("p1", "p2"), LEVER_ARM, BORESIGHT)
-"""Parameters that are tested together."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroupTest:
-    """Several parameters of one camera, tested together against given values.
-
-    Attributes
-    ----------
-    camera : str
-    keys : tuple of str
-        The library's names of the parameters.
-    largest : float
-        The largest of their single test statistics, absolute.
-    f_ratio : float
-        d^T C^-1 d / k of the k differences, C their a posteriori covariance.
-    redundancy : int
-        Of the adjustment from which sigma0 comes.
-    """
-
-    camera: str
-    keys: tuple[str, ...]
-    largest: float
-    f_ratio: float
-    redundancy: int
-
-    @property
-    def p(self) -> float:
-        """Probability of such an F-ratio or a larger one, where the given values are right."""
-        return distributions.f_sf(self.f_ratio, len(self.keys), max(self.redundancy, 1))
-
-
-def undistorted(camera: Camera) -> Camera:
-    """Return a camera to test against: it has no distortion, and keeps its mounting."""
-    interior = camera.interior
-    return camera.with_interior(Interior(f=interior.f, xp=interior.xp, yp=interior.yp))
-
-
-def group_tests(
-    calibration: Calibration, against: Sequence[Camera], *, redundancy: int
-) -> list[GroupTest]:
-    """Test every group of parameters of every camera, where two or more of it are estimated.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    against : sequence of Camera
-        With the values to test against, in the order of the calibration's cameras.
-    redundancy : int
-        Of the calibration's adjustment.
-    """
-    expected.instance("calibration", calibration, Calibration)
-    expected.sequence("against", against, Camera)
-    expected.many("against", against, len(calibration.cameras), "cameras")
-    expected.whole("redundancy", redundancy, least=0)
-    return list(_group_tests(calibration, against, redundancy))
-
-
-def _group_tests(
-    calibration: Calibration, against: Sequence[Camera], redundancy: int
-) -> Iterator[GroupTest]:
-    for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
-        difference = _difference(camera, other)
-        for group in GROUPS:
-            own, columns = _estimated(calibration.layout, k, group)
-            if len(own) < 2 or calibration.open_columns[columns].any():
-                continue
-            cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
-            z = difference[own] / sigmas(cov)
-            yield GroupTest(
-                camera=camera.name,
-                keys=tuple(KEYS[i] for i in own),
-                largest=float(np.abs(z).max()),
-                f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(own),
-                redundancy=redundancy,
-            )
-
-
-def _estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:
-    """Return which of camera k's parameters are estimated, of those named, and their columns."""
-    all_columns = np.concatenate([columns.interior[k], columns.mount[k]])
-    own = np.flatnonzero(np.isin(KEYS, keys) & (all_columns >= 0))
-    return own, all_columns[own]
-
-
 def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -> float:
     """Return the F-ratio of a group by an adjustment that holds it at the given values.
 
@@ -231,7 +137,7 @@ def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -
     expected.many("against", against, len(network.block.cameras), "cameras")
     expected.one_of("test.camera", test.camera, [c.name for c in network.block.cameras])
     k = [camera.name for camera in network.block.cameras].index(test.camera)
-    _, columns = _estimated(network.layout, k, test.keys)
+    _, columns = estimated(network.layout, k, test.keys)
     state = bundle.state
     interiors, mounts = list(state.interiors), state.T_b_c
     interiors[k], T_b_c = _at(test.keys, interiors[k], mounts[k], against[k])
@@ -251,15 +157,4 @@ def _at(
     return replace(interior, **values), Pose(
         R=given.T_b_c.R if set(keys) & set(BORESIGHT) else T_b_c.R,
         r=np.where(np.isin(LEVER_ARM, keys), given.T_b_c.r, T_b_c.r),
-    )
-
-
-def _difference(camera: Camera, other: Camera) -> Array:
-    """Return all parameters less another camera's, the boresight about the camera's axes."""
-    return np.concatenate(
-        [
-            camera.interior.to_array() - other.interior.to_array(),
-            camera.T_b_c.r - other.T_b_c.r,
-            log(other.T_b_c.R.T @ camera.T_b_c.R),
-        ]
     )

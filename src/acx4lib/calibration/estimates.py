@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.trust.needs import needed
 from acx4lib.expected import Array, Index, Mask
@@ -17,11 +17,26 @@ from acx4lib.geometry.frames import opk_jacobian
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
+if TYPE_CHECKING:
+    from acx4lib.bundle.adjust import Bundle
+
+TWO_STEP = ("two_step", "two_step_gnss")
+"""Methods that average over images, eqs (12) and (13); the paper's is the second of them."""
+
+METHODS = (*TWO_STEP, "single_step")
+"""All methods that calibrate a mounting, in the order of Table 3."""
+
+RIGS = ("rig", "rig_calibration")
+"""The rig in the results: of the block heads, and of the calibration block in its heads."""
+
 LIMIT_LEVER_M = 1.0
 LIMIT_BORESIGHT_DEG = 0.1
 LIMIT_INTERIOR = 0.002
 """Standard deviations above which a lever arm, a boresight angle or f, xp, yp (as a share of f)
 count as not determined."""
+
+LIMIT_SCALE = 0.01
+"""Scale error between control and trajectory above which something is wrong, not imprecise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

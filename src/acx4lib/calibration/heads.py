@@ -10,7 +10,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
-from acx4lib.bundle.uses import free_orientation, require_control
+from acx4lib.bundle.uses import free_orientation
+from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_camera

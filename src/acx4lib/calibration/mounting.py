@@ -13,21 +13,16 @@ from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import free_mount
-from acx4lib.bundle.uses import free_orientation, mounted_orientation, require_control
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.averaged_mountings import averaged
-from acx4lib.calibration.estimates import Calibration, from_bundle
+from acx4lib.calibration.estimates import METHODS, Calibration, from_bundle
+from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, transform
 from acx4lib.geometry.parameters import LEVER_ARM
-
-TWO_STEP = ("two_step", "two_step_gnss")
-"""Methods that average over images, eqs (12) and (13); the paper's is the second of them."""
-
-METHODS = (*TWO_STEP, "single_step")
-"""All methods, in the order of Table 3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

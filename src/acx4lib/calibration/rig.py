@@ -26,9 +26,6 @@ from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.covariance import propagate
 
-METHODS = ("rig", "rig_calibration")
-"""The rig in the results: of the block heads, and of the calibration block in its heads."""
-
 
 def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") -> Mounting:
     """Estimate interior orientation, boresight and lever arm of all heads in one adjustment.

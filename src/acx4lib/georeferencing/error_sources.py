@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index
-from acx4lib.least_squares.adjustment import on_one_thread
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.covariance import half, propagate
 
 
@@ -107,7 +107,7 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
     if len(d) == 0:
         return 0.0
     K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(len(d), -1)
-    with on_one_thread():
+    with processors.on_one_thread():
         S = splu(_without_parameters(sources), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
         by_S, K_by_S = S.solve(d), S.solve(K)
         shared = np.linalg.solve(np.eye(K.shape[1]) + K.T @ K_by_S, K.T @ by_S)

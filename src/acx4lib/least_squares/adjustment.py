@@ -8,17 +8,15 @@ eliminates the points. A `problem.Problem` linearises its observations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cache
 from typing import TypeVar
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from acx4lib import expected
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Group, PlainNormals
@@ -178,7 +176,7 @@ def solve(
     """
     expected.whole("max_iterations", max_iterations)
     expected.positive_number("tolerance", tolerance)
-    with on_one_thread():
+    with processors.on_one_thread():  # matrices are small or banded: more cost more than they bring
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         precision = at_state.precision()
     return state, Solution(
@@ -190,21 +188,6 @@ def solve(
         cov_points=precision.cov_points,
         groups=precision.groups,
     )
-
-
-def on_one_thread() -> AbstractContextManager[object]:
-    """Return a context in which linear algebra takes one thread.
-
-    The matrices of an adjustment are small, or banded: more threads cost more than they bring.
-    """
-    limit: AbstractContextManager[object] = _blas().limit(limits=1, user_api="blas")
-    return limit
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return the libraries of linear algebra in this process; looking for them takes a while."""
-    return ThreadpoolController()
 
 
 def _iterate(

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from acx4lib.expected import Array, Index, Mask
 
@@ -90,14 +90,14 @@ class Dense:
         """Cholesky's lower triangle; None where it breaks down."""
         if len(self.N) == 0:
             return None
-        factor, info = linalg.lapack.dpotrf(self._scaled, lower=1, clean=0)
+        factor, info = scipy.linalg.lapack.dpotrf(self._scaled, lower=1, clean=0)
         ok = info == 0 and np.min(np.diagonal(factor)) ** 2 > SINGULAR
         return np.asarray(factor) if ok else None
 
     @cached_property
     def spectrum(self) -> tuple[Array, Array]:
         """Eigenvalues, ascending, and eigenvectors of the scaled matrix."""
-        values, vectors = linalg.eigh(self._scaled)
+        values, vectors = scipy.linalg.eigh(self._scaled)
         return values, vectors
 
     def solve(self, g: Array) -> Array:
@@ -105,7 +105,7 @@ class Dense:
         if len(g) == 0:
             return np.zeros(0)
         if self._factor is not None:
-            solved, _ = linalg.lapack.dpotrs(self._factor, self.scale * g, lower=1)
+            solved, _ = scipy.linalg.lapack.dpotrs(self._factor, self.scale * g, lower=1)
             return np.asarray(self.scale * solved)
         values, vectors = self.spectrum
         keep = values > SINGULAR
@@ -119,7 +119,7 @@ class Dense:
         if n == 0:
             return DenseInverse(dense=np.zeros((0, 0)), undetermined=nothing_open, system=self)
         if self._factor is not None:
-            lower, _ = linalg.lapack.dpotri(self._factor, lower=1)
+            lower, _ = scipy.linalg.lapack.dpotri(self._factor, lower=1)
             cov = np.tril(lower) + np.tril(lower, -1).T
             # the trace of the inverse bounds its largest eigenvalue
             if np.trace(cov) * SINGULAR < 1:

@@ -13,18 +13,22 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import Stopped, sentence
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
-from acx4lib.calibration import gnss_shift, rig
-from acx4lib.calibration.estimates import Calibration, from_bundle, not_determined
+from acx4lib.calibration import gnss_shift
+from acx4lib.calibration.estimates import (
+    LIMIT_SCALE,
+    RIGS,
+    TWO_STEP,
+    Calibration,
+    from_bundle,
+    not_determined,
+)
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.calibration.mounting import TWO_STEP, Mounting, Mountings
+from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.trust import determination
 from acx4lib.calibration.trust.confirmation import confirmations
 from acx4lib.calibration.trust.needs import features
 from acx4lib.results import folder as results
 from acx4lib.results.rows import bundle_tables, orientation_tables
-
-SCALE_LIMIT = 0.01
-"""Scale error between control and trajectory above which something is wrong, not imprecise."""
 
 MANY_REJECTED = 0.005
 """Share of rejected image points above which a user is warned; chance rejects 1/20 of it."""
@@ -37,7 +41,7 @@ NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
 )
 """Entries of summary.json for an adjustment that was not made or failed."""
 
-OPTIONAL = (*TWO_STEP, *rig.METHODS)
+OPTIONAL = (*TWO_STEP, *RIGS)
 """Methods that need more than every flight has: if they fail, a run goes on."""
 
 
@@ -179,7 +183,7 @@ def _notes(method: str, bundle: Bundle) -> list[str]:
     if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = height_scale(bundle)
-    if abs(scale - 1) > SCALE_LIMIT:
+    if abs(scale - 1) > LIMIT_SCALE:
         notes.append(
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"

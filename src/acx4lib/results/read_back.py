@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acx4lib.bundle.unknowns import Layout
-from acx4lib.calibration import rig
-from acx4lib.calibration.estimates import Calibration, given, to_reported
-from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.calibration.mounting import METHODS
+from acx4lib.calibration.estimates import METHODS, RIGS, Calibration, given, to_reported
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT, REPORTED
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results import folder
-from acx4lib.results.rows import RELATIVE, joint_names
+
+if TYPE_CHECKING:
+    from acx4lib.calibration.heads import RelativeOrientation
 
 
 def read_relative_orientation(
@@ -39,6 +39,10 @@ def read_relative_orientation(
     FlightError
         Where the folder does not have the heads.
     """
+    # a calibration alone is read without what adjusts heads
+    from acx4lib.calibration.heads import RelativeOrientation  # noqa: PLC0415
+    from acx4lib.results.rows import RELATIVE, joint_names  # noqa: PLC0415
+
     names = folder.cameras(found, stage_method)
     values = np.array(
         [folder.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
@@ -167,7 +171,7 @@ def rigs_for(found: folder.Results, cameras: Sequence[Camera]) -> dict[str, Cali
     names = {camera.name for camera in cameras}
     return {
         method: read_calibration(found, f"mounting/{method}", cameras)
-        for method in calibrated_methods(found, rig.METHODS)
+        for method in calibrated_methods(found, RIGS)
         if names <= set(folder.cameras(found, f"mounting/{method}"))
     }
 

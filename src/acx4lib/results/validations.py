@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from acx4lib.calibration.estimates import LIMIT_SCALE
 from acx4lib.flight.block import Block
 from acx4lib.georeferencing import accuracy, error_sources, standards
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.results.adjustments import SCALE_LIMIT, Record, of_left_out, stopped_entries
+from acx4lib.results.adjustments import Record, of_left_out, stopped_entries
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
 
@@ -123,7 +124,7 @@ def _notes(validation: Validation) -> Iterator[str]:
             "rather a wrong calibration or trajectory than so many gross errors"
         )
     off, share = height_offset(validation)
-    if abs(share) > SCALE_LIMIT:
+    if abs(share) > LIMIT_SCALE:
         yield (
             f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
             f"{100 * abs(share):.1f} % of the flying height: the height system of check "

@@ -9,6 +9,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.calibration import rig
+from acx4lib.calibration.estimates import RIGS
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
@@ -29,7 +30,7 @@ class RigStage:
     left_out : str
         Why there is no rig; empty where there is one.
     method : str
-        One of `rig.METHODS`.
+        One of `estimates.RIGS`.
     """
 
     block: Block
@@ -72,7 +73,7 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
     method : str
         ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
     """
-    expected.one_of("method", method, rig.METHODS)
+    expected.one_of("method", method, RIGS)
     block = _of_heads(flight, "heads" if method == "rig" else "calibration")
     try:
         found = rig.calibrate(block, free=flight.estimate_heads, refraction=flight.refraction)

@@ -8,10 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
-from acx4lib import compiling, expected
+from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.compiled.patch_means import patch_means
 from acx4lib.synthetic_image.frame import footprint, head_from_synthetic
 from acx4lib.synthetic_image.mapped_pixels import forget
@@ -105,7 +106,7 @@ def overlap_samples(
         both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in pair]
         return _samples(orientation, pair, xy, both)
 
-    found = compiling.in_order(sampled, pairs)
+    found = processors.in_order(sampled, pairs)
     for image in images:
         forget(image)
     return found

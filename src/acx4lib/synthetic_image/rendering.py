@@ -11,10 +11,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4lib import compiling, expected
+from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.compiled.blend_weights import Heads, Recipe, Window, room
 from acx4lib.synthetic_image.compiled.interpolation import MOST_BANDS, method_number
 from acx4lib.synthetic_image.compiled.resampling import resample_cells
@@ -108,9 +109,9 @@ def render_plan(
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)
-    maps = compiling.in_order(
-        lambda k: levelled(head_map(orientation, k, synthetic, step_px=step)),
-        range(len(orientation.heads)),
+    heads = range(len(orientation.heads))
+    maps = processors.in_order(
+        lambda k: levelled(head_map(orientation, k, synthetic, step_px=step)), heads
     )
     return RenderPlan(
         maps=tuple(maps),
@@ -287,9 +288,8 @@ def _resample(
         for start, stop in pairwise(cuts)
         for cell in range(0, n_cells, CELLS)
     ]
-    with ThreadPoolExecutor(threads or compiling.cores()) as pool:
-        for done in [pool.submit(_make, *part) for part in parts]:
-            done.result()
+    with ThreadPoolExecutor(threads or processors.cores()) as pool:
+        list(pool.map(_make, *zip(*parts, strict=True)))
 
 
 def _make(

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acx4lib import compiling, expected
+from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.mapped_pixels import forget
 from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
 from acx4lib.tie_points.harris import best_of_cells, response
@@ -148,7 +149,7 @@ def match_overlaps(tasks: Sequence[OverlapTask]) -> list[OverlapMatches]:
     The tiles of all overlaps are shared among the processors.
     """
     parts = [(task, part) for task in tasks for part in _parts(task)]
-    found = iter(compiling.in_order(lambda one: _match_part(*one), parts))
+    found = iter(processors.in_order(lambda one: _match_part(*one), parts))
     return [_joined(task, [next(found) for _ in _parts(task)]) for task in tasks]
 
 

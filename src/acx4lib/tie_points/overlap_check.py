@@ -9,9 +9,9 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from acx4lib import compiling
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera
+from acx4lib.least_squares import processors
 from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
 from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap
@@ -73,7 +73,7 @@ def check_overlaps(
     noise = [noise_level(image, rng=rng) for image in images]
     names = [head.name for head in orientation.heads]
     tasks = [_task(right, orientation, synthetic, one, noise[one.head_a]) for one in windows]
-    found = compiling.in_order(lambda task: _verdict(task, right, turned), tasks)
+    found = processors.in_order(lambda task: _verdict(task, right, turned), tasks)
     verdicts = [verdict for one in found for verdict in one]
     if all(verdict.turns == _AS_THEY_ARE for verdict in verdicts):
         return []

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from acx4lib import compiling
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import (
     coverage,
     footprint,
@@ -212,7 +212,7 @@ def reduced_exposure(
     heads = reduced_heads(orientation, factor)
     pairs = zip(images, heads.heads, strict=True)
     return GreyExposure(
-        images=tuple(compiling.in_order(lambda pair: _reduced_grey(*pair, factor), pairs)),
+        images=tuple(processors.in_order(lambda pair: _reduced_grey(*pair, factor), pairs)),
         orientation=heads,
         synthetic=reduced_camera(synthetic, factor),
         factor=factor,

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import compiling
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points import large_shifts
 from acx4lib.tie_points.harris import noise_level
@@ -160,7 +160,7 @@ def find_ties(
         )
         for shared in windows
     ]
-    shifts = compiling.in_order(lambda task: large_shifts.coarse_shift(task, coarse), tasks)
+    shifts = processors.in_order(lambda task: large_shifts.coarse_shift(task, coarse), tasks)
     tasks = [replace(task, shift=shift) for task, shift in zip(tasks, shifts, strict=True)]
     found = list(map(_measured, tasks, match_overlaps(tasks)))
     return _assembled(found, orientation, synthetic, exposure)

@@ -135,18 +135,3 @@ def test_a_legend_that_would_repeat_its_colours_often_is_left_out():
             handles = [ax.plot([0, i], label=f"{i}")[0] for i in range(n)]
             style.legend_below(fig, handles)
         assert len(fig.legends) == (n <= style.LISTED)
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.2])
-def test_cells_cover_what_is_filled_and_nothing_else(gap):
-    filled = np.array([[True, True, False, True], [False, False, False, False], [True] * 4])
-    with style.applied():
-        _, ax = style.subplots(figsize=(2, 2))
-        style.cells(ax, filled, style.BLUE, gap=gap)
-    shape = ax.patches[0].get_path()
-    rows, columns = np.indices(filled.shape)
-    middles = np.column_stack([columns.ravel(), rows.ravel()]) + 0.5
-    bars = shape.to_polygons()
-    seen = [any(mpl.path.Path(bar).contains_point(m) for bar in bars) for m in middles]
-    assert np.array_equal(np.reshape(seen, filled.shape), filled)
-    assert len(bars) == (7 if gap else 3)

@@ -43,7 +43,7 @@ def folder(tmp_path_factory, flown, mountings):
     return path
 
 
-@pytest.mark.parametrize("method", mounting.METHODS)
+@pytest.mark.parametrize("method", estimates.METHODS)
 def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, folder, method):
     said = mountings[method].calibration
     back = read_back.read_calibration(
@@ -59,7 +59,7 @@ def test_a_calibration_comes_back_from_its_files_as_it_was(flown, mountings, fol
 
 def test_sigma_in_parameters_is_the_root_of_the_covariance(folder):
     found = results.read(folder)
-    for method in mounting.METHODS:
+    for method in estimates.METHODS:
         cov = results.covariance(found, f"mounting/{method}")
         listed = results.rows(found, "parameters", f"mounting/{method}")
         names = listed["camera"] + "/" + listed["parameter"]
@@ -69,7 +69,7 @@ def test_sigma_in_parameters_is_the_root_of_the_covariance(folder):
 
 def test_every_residual_stands_in_the_table_and_sums_up_to_the_cost(mountings, folder):
     found = results.read(folder)
-    for method in mounting.METHODS:
+    for method in estimates.METHODS:
         rows = results.rows(found, "residuals", f"mounting/{method}")
         solution = mountings[method].bundle.solution
         assert len(rows) == solution.n_observations
@@ -82,7 +82,7 @@ def test_every_residual_stands_in_the_table_and_sums_up_to_the_cost(mountings, f
 
 def test_the_summary_of_a_validation_counts_the_rows_of_its_tables(folder):
     found = results.read(folder)
-    for method in mounting.METHODS:
+    for method in estimates.METHODS:
         entry = found.summary[f"validation/{method}"]
         pairs = results.rows(found, "validation", f"validation/{method}")
         points = results.rows(found, "check_points", f"validation/{method}")

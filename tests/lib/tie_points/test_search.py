@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib import compiling
 from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads, synthetic_from_head
 from acx4lib.tie_points.matching import TieOptions
 from acx4lib.tie_points.overlaps import grey, grey_window, reduced_exposure, shared_windows
@@ -107,7 +107,7 @@ def test_ties_are_numbered_and_lie_in_their_heads(found):
 def test_the_same_images_give_the_same_ties_on_any_number_of_cores(
     images, found, monkeypatch, cores
 ):
-    monkeypatch.setattr(compiling, "cores", lambda: cores)
+    monkeypatch.setattr(processors, "cores", lambda: cores)
     again = find_ties(images, NOMINAL, SYNTHETIC, exposure=7)
     for name in ("head_a", "head_b", "colrow_a", "colrow_b", "sigma_px"):
         assert_array_equal(getattr(again.ties, name), getattr(found.ties, name))

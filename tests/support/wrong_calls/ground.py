@@ -9,6 +9,7 @@ import numpy as np
 from acx4book.pages.benchmarks import sigma_tests
 from acx4book.paper import printed
 from acx4lib.bundle import reliability
+from acx4lib.bundle.gross_errors import rejections
 from acx4lib.geometry import geodesy
 from acx4lib.georeferencing import accuracy, differences, direct, standards, validation
 from acx4lib.least_squares import covariance
@@ -164,11 +165,11 @@ def statistics() -> list[Wrong]:
             "n: expected zero or a positive number, got -2.5",
         ),
         Wrong(
-            lambda: reliability.noncentrality(power=80),
+            lambda: rejections.noncentrality(power=80),
             "power: expected a probability between 0 and 1, got 80",
         ),
         Wrong(
-            lambda: reliability.noncentrality(critical=-3.9),
+            lambda: rejections.noncentrality(critical=-3.9),
             "critical: expected a positive number, got -3.9",
         ),
         Wrong(

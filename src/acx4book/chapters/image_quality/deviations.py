@@ -16,8 +16,9 @@ from scipy.spatial import KDTree
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.start.robust import SUSPECT
-from acx4lib.bundle.uses import free_orientation, require_control
+from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.trust.needs import require_control
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, inside, xy_from_colrow

@@ -134,9 +134,9 @@ def way_table(
             {
                 "Heads": NAMES[name],
                 "RMS (px)": _beside(rms_of_coordinates(one.found.d_px), geometry[name]["rms_px"]),
-                "Oriented (px)": _beside(_left(one, "oriented"), geometry[name]["oriented_px"]),
+                "Oriented (px)": _beside(left_px(one, "oriented"), geometry[name]["oriented_px"]),
                 "Calibrated (px)": _beside(
-                    _left(one, "calibrated"), geometry[name]["calibrated_px"]
+                    left_px(one, "calibrated"), geometry[name]["calibrated_px"]
                 ),
                 "Radial (px)": _beside(
                     largest_radial(one.fits["calibrated"]), geometry[name]["radial_px"]
@@ -151,7 +151,8 @@ def _beside(pixels: float, geometry: float) -> str:
     return f"{pixels:.2f} ({geometry:.2f})"
 
 
-def _left(examined: Examined, step: str) -> float:
+def left_px(examined: Examined, step: str) -> float:
+    """Return the RMS of a coordinate that a bundle of the image leaves, px."""
     return rms_of_coordinates(residuals_px(examined.fits[step]))
 
 
@@ -217,7 +218,7 @@ def self_calibration_sentence(examined: Examined) -> str:
         f"Of the true orientation it finds a radial distortion of {largest_radial(lens):.2f} px "
         f"at most and a decentring of {largest_decentring(lens):.2f} px in the corner "
         f"($p_1$, $p_2$ up to {t:.1f} standard deviations), and leaves the residuals as they "
-        f"were: {_left(examined, 'oriented'):.3f} and {_left(examined, 'calibrated'):.3f} px. "
+        f"were: {left_px(examined, 'oriented'):.3f} and {left_px(examined, 'calibrated'):.3f} px. "
         f"Only relief tells $f$ from the flying height in one image: freed, it becomes "
         f"{f.value:.3f} ± {f.sigma:.3f} mm instead of {held:g} mm, because the lenses "
         "of the heads are not in one place, and takes nothing more off the residuals."
@@ -233,7 +234,7 @@ def paper_sentence(examined: Mapping[str, Examined], known: KnownExposure) -> st
     border = printed.statement("synthetic_border_distortion_px")
     pixel_um = 1000 * known.synthetic.pixel_mm
     found = [
-        f"{pixel_um * _left(one, 'oriented'):.1f} µm ({_left(one, 'oriented'):.2f} px) and "
+        f"{pixel_um * left_px(one, 'oriented'):.1f} µm ({left_px(one, 'oriented'):.2f} px) and "
         f"{largest_radial(one.fits['calibrated']):.1f} px {words}"
         for one, words in (
             (examined["mean shift"], "after the paper's mean differences"),
@@ -244,7 +245,7 @@ def paper_sentence(examined: Mapping[str, Examined], known: KnownExposure) -> st
         f"The paper states residuals of about {um:g} µm ({px:g} px) and a radial distortion "
         f"close to {border:g} px at the border, not significant in its decentring. Here residuals "
         f"and radial distortion are {found[0]}, and {found[1]}; the noise of matching at "
-        f"this size, {_left(examined['true'], 'oriented'):.2f} px, is part of the former."
+        f"this size, {left_px(examined['true'], 'oriented'):.2f} px, is part of the former."
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from IPython.display import Markdown
 
 from acx4book.typesetting.moving import scene
 from acx4book.typesetting.moving.scene import Layer, Scene
@@ -31,7 +30,7 @@ LARGE = 0.03
 """Largest half axis of a median ellipsoid, as a share of the block."""
 
 
-def view(mounting: Mounting | None) -> Shown | Markdown:
+def view(mounting: Mounting | None) -> Shown:
     """Return the block of the single step as the reader turns it.
 
     Parameters
@@ -40,7 +39,8 @@ def view(mounting: Mounting | None) -> Shown | Markdown:
         None where a method gave no result: then there is a sentence.
     """
     if mounting is None:
-        return Markdown("The single step gave no result, so there is nothing to be shown in space.")
+        nothing = "The single step gave no result, so there is nothing to be shown in space."
+        return Shown(f"<p>{nothing}</p>", nothing)
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], tie_points(bundle)
     if len(ties):
@@ -107,7 +107,7 @@ def _images(bundle: Bundle) -> Iterator[Layer]:
         pairs = [np.repeat(line, 2, axis=0)[1:-1] for line in lines if len(line) > 1]
         yield Layer(name=f"strips {name}", kind="lines", colour=colour, at=_joined(pairs))
         chosen = thinned(images, MOST_IMAGES)
-        deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * np.ptp(at)
+        deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * float(np.ptp(at))
         pyramids = [_pyramid(bundle, image, deep) for image in chosen]
         yield Layer(name=f"cameras {name}", kind="lines", colour=colour, at=_joined(pyramids))
 

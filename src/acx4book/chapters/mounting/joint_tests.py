@@ -10,8 +10,9 @@ import pandas as pd
 
 from acx4book.paper import printed
 from acx4book.typesetting.labels import group_label, p_value
-from acx4lib.calibration.correlations import GroupTest, group_tests, nested_f_ratio, undistorted
+from acx4lib.calibration.correlations import nested_f_ratio
 from acx4lib.calibration.mounting import Mounting
+from acx4lib.calibration.trust.joint_tests import GroupTest, group_tests, undistorted
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera

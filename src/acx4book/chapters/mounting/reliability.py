@@ -8,7 +8,8 @@ import pandas as pd
 from acx4book.typesetting.labels import LABELS, UNITS, inside
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.reliability import WEAK, noncentrality, parameter_effects, reliability
+from acx4lib.bundle.gross_errors.rejections import noncentrality
+from acx4lib.bundle.reliability import WEAK, parameter_effects, reliability
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index
 from acx4lib.results.rows import COMPONENTS

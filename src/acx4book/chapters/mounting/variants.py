@@ -12,8 +12,8 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.unknowns import free_mount
 from acx4lib.bundle.uses import mounted_orientation
-from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
-from acx4lib.calibration.mounting import METHODS, Mounting, Mountings
+from acx4lib.calibration.estimates import METHODS, from_bundle, parameters, reported_covariance
+from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block, SurveyedPoints, select_images

@@ -165,3 +165,29 @@ def without_shared_points(flight: Flight, found: Mapping[str, Deformation]) -> s
         f"In the overlaps the heads misfit by {without:.3f} px without shared points and by "
         f"{shared:.3f} px with them, {without / shared:.1f} times less."
     )
+
+
+def answer(
+    flight: Flight,
+    stage: RigStage,
+    ways: Mapping[str, RelativeOrientation],
+    found: Mapping[str, Deformation],
+) -> str:
+    """Say what one adjustment of all heads gains."""
+    synthetic = flight.synthetic_camera
+    if stage.rig is None or synthetic is None or not {ONE_BY_ONE, RIG} <= set(found):
+        return "There is nothing to compare: the heads are not oriented in both ways."
+    sigma = [1e3 * p.sigma for p in parameters(stage.rig.calibration) if p.key == "f"]
+    apart, together = (found[title].sigma.max() / synthetic.pixel_mm for title in (ONE_BY_ONE, RIG))
+    said = (
+        f"Adjusted together, the heads are better known: standard deviations are "
+        f"{_by_group(ways, ONE_BY_ONE)}. The largest standard deviation in the synthetic image "
+        f"falls from {apart:.2f} to {together:.2f} px."
+    )
+    if not sigma:
+        return said
+    return (
+        f"{said} The focal lengths need not be held: they come out with a standard deviation of "
+        f"{min(sigma):.1f} to {max(sigma):.1f} µm, because the trajectory observes the flying "
+        "height."
+    )

@@ -17,6 +17,9 @@ from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
 
+UNLIKELY = 0.01
+"""Probability below which differences do not agree with their covariance."""
+
 NOTHING = "No method has all its parameters determined, so there is nothing to validate."
 
 
@@ -82,12 +85,7 @@ def answer(flight: Flight, validations: Sequence[Validation]) -> str:
     )
     if printed.applies(flight):
         first += f"; over pairs of images, {_beside_print(pairs)}"
-    expected = np.sqrt(np.mean(last.points.sigma**2, axis=0))
-    return (
-        f"{first}.\n\nThe standard deviations that the adjustment predicts are "
-        f"{listed(expected, '.2f')} m in east, north and height, where {listed(points, '.2f')} m "
-        f"are found. {_class(last)}"
-    )
+    return f"{first}.\n\n{_honest(last)} {_class(last)}"
 
 
 def _beside_print(pairs: Array) -> str:
@@ -96,6 +94,16 @@ def _beside_print(pairs: Array) -> str:
     return (
         f"as the paper counts, it is {np.hypot(*pairs[:2]):.2f} m and {pairs[2]:.2f} m (printed: "
         f"{np.hypot(*said[:2]):.2f} and {said[2]:.2f} m)"
+    )
+
+
+def _honest(last: Validation) -> str:
+    """Say whether the differences are as large as their covariance predicts."""
+    p = last.joint_chi_square_p
+    fits = "are as large as" if p >= UNLIKELY else "are not as large as"
+    return (
+        f"The differences {fits} their predicted covariance says: $\\chi^2$ = "
+        f"{last.joint_chi_square:.1f} with {last.joint_dof} degrees of freedom ($p$ = {p:.2f})."
     )
 
 

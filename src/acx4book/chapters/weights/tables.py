@@ -171,3 +171,25 @@ def ratio_sentence(errors: pd.DataFrame) -> str:
         f"the shift as an unknown. The lever arm's $z$ is off by "
         f"{lever_z['shifted, none']:+.2f} m and {lever_z['shifted, shift']:+.2f} m."
     )
+
+
+def answer(errors: pd.DataFrame, scatter: pd.DataFrame, refraction: pd.DataFrame) -> str:
+    """Say what an adjustment notices of wrong standard deviations, and what it does not.
+
+    Parameters
+    ----------
+    errors, scatter, refraction : DataFrame
+        As `simulated` returns them.
+    """
+    slow = scatter[(scatter["kind"] == "slow")].set_index("parameter")["ratio"]
+    boresight = slow[slow.index.str.startswith("boresight")]
+    variance = errors.groupby("kind")["sigma0_squared"].mean()["slow"]
+    off = np.abs(refraction["without_model"] / refraction["sigma"])
+    return (
+        "A standard deviation that is wrong for a whole group of observations shows in the "
+        "residuals, as far as other observations contradict it. Errors that change slowly do not: "
+        f"the boresight is then wrong by {boresight.min():.1f} to {boresight.max():.1f} times its "
+        f"stated standard deviation, while the variance of unit weight is {variance:.2f}. A shift "
+        "of the trajectory needs control points and an unknown of its own. Refraction that is left "
+        f"out costs up to {off.max():.1f} standard deviations."
+    )

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 
 from acx4book.foundations.adjusting import operations, whole_system
 from acx4book.foundations.adjusting.self_calibration import View
+from acx4book.typesetting.matrix import cells
 from acx4book.typesetting.style import (
     BLUE,
     BRICK,
@@ -24,7 +25,6 @@ from acx4book.typesetting.style import (
     WIDTH,
     applied,
     bare,
-    cells,
     legend_below,
     subplots,
 )

@@ -103,7 +103,7 @@ def _matrix(ax: Axes, values: Array, names: Sequence[str]) -> None:
     ax.tick_params(which="minor", length=0)
     for i, j in zip(*np.nonzero(np.abs(values) >= READABLE), strict=True):
         if i != j:
-            shown = f"{values[i, j]:.2f}".replace("0.", ".")
+            shown = f"{values[i, j]:.2f}".replace("0.", ".").replace("1.00", "1.0")
             colour = "white" if abs(values[i, j]) > 0.6 else style.BLACK
             ax.text(j, i, shown, ha="center", va="center", fontsize=style.SMALL, color=colour)
 

@@ -126,7 +126,8 @@ def explorer() -> Explorer:
             "What a wrong mounting does to points on flat ground, in strips of four directions "
             f"(north is up). Each rectangle is the footprint of an image from {HEIGHT_M:.0f} m; "
             "arrows go from the true points to the computed ones, "
-            f"{EXAGGERATED:.0f} times too long. The table has the point in the middle of the image."
+            f"{EXAGGERATED:.0f} times too long. The table has the error in the middle "
+            "of the image, in centimetres, from two heights."
         ),
         sliders=SLIDERS,
         presets={
@@ -137,7 +138,7 @@ def explorer() -> Explorer:
         },
         panels=[_panel(name, azimuth, colour) for name, (azimuth, colour) in STRIPS.items()],
         columns=[
-            Column(title=f"from {height:.0f} m: {axis}, cm", digits=0)
+            Column(title=f"{height:.0f} m: {axis}", digits=0)
             for height in (HEIGHT_M, HIGHER_M)
             for axis in ("east", "north")
         ],

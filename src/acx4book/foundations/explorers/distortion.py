@@ -169,7 +169,10 @@ def _curve(corner: Array) -> Panel:
             labels=("radius, mm", "distortion outwards, µm"),
         )
         + plane.line([(0, 0), (35, 0)])
-        + plane.text((34, 142), "upper right", anchor="end", colour="blue")
-        + plane.text((34, 128), "lower left", anchor="end", colour="orange"),
+        + "".join(
+            plane.line([(20, at), (22, at)], colour, 1.6)
+            + plane.text((22.8, at), f"to the {where}", anchor="start", shift=(0, 4))
+            for at, colour, where in ((142, "blue", "upper right"), (125, "orange", "lower left"))
+        ),
         marks=marks,
     )

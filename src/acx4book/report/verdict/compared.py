@@ -9,10 +9,10 @@ from acx4book.report.groups import PROBABILITY
 from acx4book.report.material import Material, sentences, validated
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import listed
+from acx4lib.calibration.estimates import LIMIT_SCALE
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.accuracy import rms_limits
 from acx4lib.least_squares.statistical import distributions
-from acx4lib.results.adjustments import SCALE_LIMIT
 
 FEWEST = 2
 """Number of check points from which something can be said of them."""
@@ -60,10 +60,10 @@ def heights(material: Material) -> Iterator[Finding]:
     if not offsets:
         return
     worst = max(offsets, key=lambda name: abs(offsets[name]))
-    wrong = abs(offsets[worst]) > SCALE_LIMIT
+    wrong = abs(offsets[worst]) > LIMIT_SCALE
     answer = (
         f"Heights of points differ from those of the trajectory by {100 * abs(offsets[worst]):.2g} "
-        f"% of the flying height in {worst}; more than {100 * SCALE_LIMIT:g} % is another height "
+        f"% of the flying height in {worst}; more than {100 * LIMIT_SCALE:g} % is another height "
         "system or a wrong focal length."
     )
     yield Finding(question=question, state=FAILS if wrong else HOLDS, answer=answer)

@@ -72,7 +72,8 @@ def given(case: Case) -> Sequence[str]:
     first, last = (case.block.images.names[i] for i in case.block.image_points.image_idx[rows])
     return [
         f"Your point is `{name}`, from the images `{first}` and `{last}`. The camera is known: "
-        "flight.toml has its interior orientation, boresight (mount_*) and lever arm (lever_*)."
+        "`flight.toml` has its interior orientation, boresight (`mount_*`) and lever arm "
+        "(`lever_*`)."
     ]
 
 

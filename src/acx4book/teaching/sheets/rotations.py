@@ -61,7 +61,7 @@ def given(case: Case) -> Sequence[str]:
     """Return the student's exposure."""
     return [
         f"Your exposure is `{case.block.images.names[IMAGE]}`. The boresight is known: the "
-        "mount_* angles in flight.toml."
+        "`mount_*` angles in `flight.toml`."
     ]
 
 

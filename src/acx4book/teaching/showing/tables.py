@@ -84,7 +84,8 @@ def _mistakes(sheet: Sheet, right: Rights, mistakes: Sequence[Mistake]) -> pd.Da
         off, name, value = max(seen, default=(0.0, "", 0.0))
         if off > 1.0:
             q = next(q for q in sheet.questions if q.name == name)
-            pair = (f"{right[name].value:.{q.digits}f}", f"{value:.{q.digits}f}")
+            wrong = f"{value:.{q.digits}f}" if round(value, q.digits) else f"{value:.2g}"
+            pair = (f"{right[name].value:.{q.digits}f}", wrong)
             rows.append((mistake.says, Markup(f"`{name}`"), *pair))
         elif mistake.gives_sigma:
             name, sigma = next(iter(mistake.gives_sigma.items()))

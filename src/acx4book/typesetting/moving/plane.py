@@ -1,7 +1,6 @@
 """A drawing in SVG: a plane with a scale, and what stands still in it.
 
-Colours stand in the elements, for readers without the book's style sheet, and are named by a class,
-by which the style sheet replaces them where the page is dark.
+Colours are those of the page, by day and by night.
 """
 
 from __future__ import annotations
@@ -17,16 +16,8 @@ from acx4book.typesetting import style
 from acx4book.typesetting.moving.explorer import Mark, digits, shown
 from acx4lib.expected import Array
 
-COLOURS = {
-    "ink": style.INK,
-    "soft": style.SOFT,
-    "blue": style.BLUE,
-    "orange": style.ORANGE,
-    "teal": style.TEAL,
-    "plum": style.PLUM,
-    "brick": style.BRICK,
-}
-"""Colours by the names that classes have."""
+COLOURS = {name: f"var(--figure-{name}, {colour})" for colour, name in style.NAMES.items()}
+"""Colours by their names: those of the page's style sheet, or else those of all figures."""
 
 HEAD = 6.0
 """Longest stroke of an arrow's head; that of a short arrow is half as long as the arrow."""
@@ -93,9 +84,8 @@ class Plane:
         """Return plain text beside a point of the plane; the shift is in px, down and right."""
         x, y = self.at(np.array([at], dtype=np.float64))[0] + np.array(shift)
         return (
-            f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" class="fill-{colour}"'
-            f' fill="{COLOURS[colour]}" font-size="12" font-family="sans-serif">'
-            f"{escape(text)}</text>"
+            f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{COLOURS[colour]}"'
+            f' font-size="12" font-family="sans-serif">{escape(text)}</text>'
         )
 
     def axes(self, x: Sequence[float], y: Sequence[float], *, labels: tuple[str, str]) -> str:
@@ -156,6 +146,6 @@ def stroke(d: str, colour: str, width: float, dash: str = "", *, filled: bool = 
     kind, other = ("fill", "stroke") if filled else ("stroke", "fill")
     dashed = f' stroke-dasharray="{dash}"' if dash else ""
     return (
-        f'<path d="{d}" class="{kind}-{colour}" {kind}="{COLOURS[colour]}" {other}="none"'
+        f'<path d="{d}" {kind}="{COLOURS[colour]}" {other}="none"'
         f' stroke-width="{width:g}" stroke-linejoin="round" stroke-linecap="round"{dashed}/>'
     )

@@ -129,7 +129,8 @@ def view(scene: Scene) -> shown.Shown:
 def html(scene: Scene) -> str:
     """Return the HTML of a scene: the drawing, and the data with which the script replaces it."""
     names = "".join(
-        f'<li class="colour-{layer.colour}">{escape(layer.name)}</li>' for layer in scene.layers
+        f'<li><i style="background: {plane.COLOURS[layer.colour]}"></i> {escape(layer.name)}</li>'
+        for layer in scene.layers
     )
     return (
         f'<figure class="acx4-block" id="{scene.name}"><div class="view">{drawing(scene)}</div>'

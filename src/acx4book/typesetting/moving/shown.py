@@ -44,7 +44,8 @@ def html(shown: Explorer) -> str:
         f'<figure class="acx4-explorer" id="{shown.name}">'
         f'<div class="panels" style="--narrow: {narrow:.0f}px">{panels}</div>'
         f'<div class="sliders">{_values(shown)}</div>'
-        f'<div class="readings" aria-live="polite">{_table(shown)}</div>'
+        f'<div class="readings" role="group" aria-label="readings" tabindex="0" aria-live="polite">'
+        f"{_table(shown)}</div>"
         f"<figcaption>{escape(shown.caption)}</figcaption>{data(shown.data())}</figure>"
     )
 

@@ -14,7 +14,6 @@ from typing import TypeVar
 import numpy as np
 from scipy import linalg
 
-from acx4lib import compiling
 from acx4lib.bundle.compiled import covariances, elimination
 from acx4lib.bundle.compiled.chain_rule import (
     Hanging,
@@ -28,6 +27,7 @@ from acx4lib.bundle.compiled.joined import Joined
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.banded import (
     LARGEST_DENSE,
     Banded,
@@ -48,7 +48,7 @@ def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -
     first, last = zip(*packed.parts, strict=True)
     if len(packed.parts) == 1:
         return list(map(work, first, last, *each))
-    with ThreadPoolExecutor(min(compiling.cores(), len(packed.parts))) as pool:
+    with ThreadPoolExecutor(min(processors.cores(), len(packed.parts))) as pool:
         return list(pool.map(work, first, last, *each))
 
 

@@ -9,9 +9,13 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.flight.block import Block
+from acx4lib.least_squares.statistical import distributions
 
 CRITICAL = 3.9
 """Critical value of a w-test: alpha = 0.01 % per component."""
+
+POWER = 0.8
+"""Probability with which an error of the detectable size is found."""
 
 KINDS = ("image_point", "control_point", "gnss", "attitude", "distance")
 """Kinds of observations that may be rejected, in the order of a network's groups."""
@@ -101,3 +105,25 @@ def _numbers_of_rows(block: Block) -> tuple[int, ...]:
     """Return a block's number of observations of each of the `KINDS`."""
     n = len(block.trajectory)
     return len(block.image_points), len(block.control), n, n, len(block.distances)
+
+
+def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
+    """Return delta_0: the shift of w that the test finds with the probability `power`.
+
+    4.74 for a critical w of 3.9 (alpha = 0.01 %); textbooks have 4.13 for 3.29 (alpha = 0.1 %).
+
+    Parameters
+    ----------
+    critical : float
+        Critical value of w.
+    power : float
+        The other side of the two-sided test is neglected: its probability is below 1e-16.
+
+    Raises
+    ------
+    ValueError
+        Where `critical` is not positive or `power` is no probability.
+    """
+    expected.positive_number("critical", critical)
+    expected.probability("power", power)
+    return critical + distributions.norm_ppf(power)

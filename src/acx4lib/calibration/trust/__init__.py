@@ -1,5 +1,6 @@
 """What the estimates can be trusted for.
 
 `determination` has what is determined worst, `needs` the flight geometry that a parameter needs,
-and `confirmation` whether estimated mountings are those that were declared.
+`confirmation` whether estimated mountings are those that were declared, and
+`joint_tests` whether several parameters together differ from given values.
 """

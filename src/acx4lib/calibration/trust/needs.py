@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib.bundle.uses import require_control
+from acx4lib import expected
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
@@ -20,6 +20,10 @@ OUTER = 0.85
 
 ENOUGH = "more images or measurements of what is there already, or it held"
 """What a parameter needs in a flight that has its geometry."""
+
+
+BEYOND = 300_000.0
+"""Distance from the median of the control points, m, that no point of a block can have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +132,31 @@ def _has_control(block: Block) -> bool:
     except AdjustmentError:
         return False
     return True
+
+
+def require_control(block: Block) -> None:
+    """Raise where images do not show three control points that are not on one line.
+
+    Parameters
+    ----------
+    block : Block
+
+    Raises
+    ------
+    AdjustmentError
+        Without them, exterior orientations that no trajectory observes have no datum.
+    """
+    expected.instance("block", block, Block)
+    rays = block.rays[block.control.point_idx]
+    usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
+    x_m, spread = block.control.x_m[usable], np.zeros(3)
+    if len(x_m):  # seen from an absurdly far point, all others seem to lie in one place
+        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
+        spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
+    if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
+        needed = "three that do not lie on one line are needed"
+        msg = f"{len(x_m)} control points in images do not orient the block: {needed}"
+        raise AdjustmentError(msg)
 
 
 def _has_overlap(block: Block) -> bool:

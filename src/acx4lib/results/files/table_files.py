@@ -17,10 +17,9 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from acx4lib import compiling
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
-from acx4lib.results.files.compiled.lines import LONGEST, put_lines
+from acx4lib.least_squares import processors
 
 _METHOD = ("stage", "method")
 _DIFFERENCE = ("d_east_m", "d_north_m", "d_height_m")
@@ -235,6 +234,9 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     ValueError
         Where a cell is no number.
     """
+    # tables are read without what writes them
+    from acx4lib.results.files.compiled.lines import LONGEST, put_lines  # noqa: PLC0415
+
     texts = [column for column in COLUMNS[name] if column in _TEXT | _COUNT]
     numbers = [column for column in COLUMNS[name] if column not in texts]
     order = [texts.index(c) if c in texts else -1 - numbers.index(c) for c in COLUMNS[name]]
@@ -256,7 +258,7 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
 
     begins = range(0, len(frame), ROWS)
     for k in range(0, len(begins), TOGETHER):
-        yield from compiling.in_order(text, begins[k : k + TOGETHER])
+        yield from processors.in_order(text, begins[k : k + TOGETHER])
 
 
 def _cells(texts: list[str]) -> tuple[bytes, list[int]]:

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from acx4book.chapters.image_quality import tables
+from acx4book.chapters.image_quality import sentences, tables
 from acx4book.chapters.image_quality.examined import (
     border_distortion_of_targets,
     drawn_calibration,
@@ -166,3 +166,10 @@ def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(exposure):
     assert rotations["Overlaps, RMS (px)"] < 0.01
     assert rotations["at most in the frame (px)"] < 0.02
     assert shift["at most in the frame (px)"] > 1.0
+
+
+def test_the_answer_has_what_each_refinement_leaves(examined):
+    said = sentences.answer(examined)
+    left = [tables.left_px(examined[way], "oriented") for way in ("true", "mean shift")]
+    assert f"with true heads {left[0]:.2f} px" in said
+    assert f"leave {left[1]:.2f} px after the paper's mean differences" in said

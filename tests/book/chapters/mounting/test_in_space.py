@@ -33,7 +33,7 @@ def named(layers, beginning):
 
 
 def test_without_a_result_there_is_a_sentence():
-    assert "no result" in in_space.view(None).data
+    assert "no result" in in_space.view(None).html
 
 
 def test_every_image_has_a_pyramid_whose_corners_are_those_of_the_image(mounted, layers):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acx4book.chapters.mounting.reliability import FORMATS, largest_effect, reliability_table
-from acx4lib.bundle.reliability import noncentrality
+from acx4lib.bundle.gross_errors.rejections import noncentrality
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
 

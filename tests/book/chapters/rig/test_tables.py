@@ -121,3 +121,13 @@ def test_points_of_one_exposure_only_are_said(flight):
     ]
     assert entry["n_left_out"] == 0
     assert "1 points are in that exposure only" in tables.shared(stage)
+
+
+def test_the_answer_has_the_gain_in_the_frame(flight, stage, ways):
+    found = deformations.of_all(flight, ways, truth.true_orientation(flight, stage))
+    said = tables.answer(flight, stage, ways, found)
+    pixel = flight.synthetic_camera.pixel_mm
+    apart, together = (found[way].sigma.max() / pixel for way in ("one by one", "rig"))
+    assert f"falls from {apart:.2f} to {together:.2f} px" in said
+    assert "focal lengths need not be held" in said
+    assert "nothing to compare" in tables.answer(flight, stage, ways, {})

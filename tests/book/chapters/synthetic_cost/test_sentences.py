@@ -56,3 +56,10 @@ def test_no_number_is_missing(found, say):
     said = getattr(sentences, say)(found)
     assert "nan" not in said
     assert "inf" not in said.replace("inferior", "")
+
+
+def test_the_answer_has_the_cost_in_accuracy_and_in_trust(found):
+    said = sentences.answer(found)
+    ratio = study.scatter(found, study.SYNTHETIC)["ratio"].max()
+    assert f"by up to {ratio:.1f} times their stated" in said
+    assert f"{study.variance_factors(found, study.SYNTHETIC).mean():.3f} on average" in said

@@ -54,3 +54,13 @@ def test_refining_what_is_right_moves_it_by_hundredths_of_a_pixel(
     assert np.linalg.norm(places[1] - places[0]) < 0.05 * K
     assert tables.ways(stage)["Refined by"].iloc[-1] == tables.EACH
     assert len(tables.found(stage)) == 2  # exposures of one overlap
+
+
+def test_the_answer_names_the_share_of_one_head_and_what_overlaps_cannot_show(
+    scene_flight, scene_orientation, scene_pictures, scene_ties
+):
+    stage = stage_of(scene_flight, scene_orientation, scene_pictures, scene_ties)
+    first, rest = sentences.answer(scene_flight, stage, None).split("\n\n")
+    assert f"at {len(stage.refinement.kept)} tie points" in first
+    assert "deform the image without a trace" in rest
+    assert "Grey values" not in rest

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from matplotlib.collections import QuadMesh
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4book.foundations import example
 from acx4book.foundations.adjusting import operations, self_calibration, whole_system
@@ -9,21 +8,26 @@ from acx4book.foundations.drawings import bundle as drawings
 from support.figures import assert_labelled, assert_texts_apart, drawn, quivers, title
 
 
-def meshes(ax):
-    return [np.asarray(m.get_array()) for m in ax.collections if isinstance(m, QuadMesh)]
+def filled(patch, shape):
+    """Return which cells of a matrix a shape covers."""
+    covered = np.zeros(shape, dtype=bool)
+    for bar in patch.get_path().to_polygons():
+        (left, top), (right, _) = np.round(bar[0]), np.round(bar[2])
+        covered[int(top), int(left) : int(right)] = True
+    return covered
 
 
 def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
     A, _, _ = whole_system.equations(whole_system.start())
     fig = drawn(drawings.patterns(A, np.ones((27, 27))))
-    cells = [meshes(ax)[0] for ax in fig.axes]
-    assert_allclose(cells[0].reshape(46, 33) > 0, A != 0)
-    assert_allclose(cells[1].reshape(33, 33) > 0, A.T @ A != 0)
-    kinds = cells[1].reshape(33, 33)
-    assert kinds[0, 20] == 1  # the boresight's border
-    assert (kinds[3, 8], kinds[3, 9], kinds[27, 29], kinds[27, 30]) == (2, 0, 3, 0)
-    assert kinds[3, 27] == 4
-    assert_allclose(cells[2] > 0, True)
+    entries = (A != 0, A.T @ A != 0, np.ones((27, 27), dtype=bool))
+    for ax, entry in zip(fig.axes, entries, strict=True):
+        kinds = [filled(patch, entry.shape) for patch in ax.patches]
+        assert_array_equal(np.sum(kinds, axis=0), entry)
+    boresight, poses, points, both = (filled(p, (33, 33)) for p in fig.axes[1].patches)
+    assert boresight[0, 20]  # the boresight's border
+    assert (poses[3, 8], poses[3, 9], points[27, 29], points[27, 30]) == (True, False, True, False)
+    assert both[3, 27]
     assert fig.axes[0].texts[0].get_text() == "image points"
     assert_texts_apart(fig)
 
@@ -31,9 +35,9 @@ def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
 def test_a_block_s_images_and_points():
     fig = drawn(drawings.of_block(example.block()))
     assert_labelled(fig)
-    seen, shared = (meshes(ax)[0] for ax in fig.axes)
-    assert_allclose(seen.ravel(), np.ones(8))
-    assert_allclose(shared.ravel(), np.ones(16))
+    seen, shared = (ax.patches[0] for ax in fig.axes)
+    assert filled(seen, (4, 2)).all()
+    assert filled(shared, (4, 4)).all()
 
 
 def test_cost_is_that_of_the_formulas():

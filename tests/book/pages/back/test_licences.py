@@ -12,6 +12,7 @@ from support.helpers import ROOT
         ("_static/mathjax/output/chtml/fonts/woff-v2/MathJax_Zero.woff", "sphinx-mathjax-offline"),
         ("_static/scripts/bootstrap.js", "pydata-sphinx-theme"),
         ("_static/searchtools.js", "Sphinx"),
+        ("_static/moving/block.js", "three"),
     ],
 )
 def test_a_file_belongs_to_who_brings_it(file, brought_by):

@@ -90,6 +90,8 @@ def test_without_photographs_figures_and_sentences_remain(tmp_path):
     ]
     assert all("nan" not in sentence for sentence in said)
     assert f"{refinements['misfit_cm'][0]:.1f} cm apart (rms)" in said[1]
+    answer = sentences.answer(overlaps, refinements)
+    assert f"fits to {refinements['misfit_cm'][0]:.1f} cm in the overlaps" in answer
 
 
 def test_the_index_has_the_licences():

@@ -2,6 +2,8 @@
 
 import re
 import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -41,6 +43,23 @@ def test_the_report_is_one_file_that_asks_for_nothing(acx4, made, run, tmp_path)
     acx4("report", made[1], "--out", again)
     assert again.read_text(encoding="utf-8") == text
     assert {path.name for path in tmp_path.iterdir()} == {"report.html", "again.html"}
+
+
+def test_what_adjusts_is_not_loaded_for_a_report(made, tmp_path):
+    """It takes longer to load than the report takes to compute its tables."""
+    code = (
+        "import atexit, sys\n"
+        "unwanted = {'numba', 'cv2', 'scipy.linalg', 'scipy.spatial', 'matplotlib.pyplot'}\n"
+        "atexit.register(lambda: print('loaded', sorted(unwanted & set(sys.modules))))\n"
+        "from acx4book.command.acx4 import main\n"
+        "main()"
+    )
+    given = ("report", made[1], "--out", tmp_path / "report.html")
+    done = subprocess.run(
+        [sys.executable, "-c", code, *given], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "loaded []"
 
 
 @pytest.mark.parametrize(

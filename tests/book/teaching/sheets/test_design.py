@@ -29,7 +29,7 @@ def test_fewer_strips_are_a_flight_with_fewer_rows(key, solved):
 
 def test_the_lesson_shows_for_every_student(solved):
     """One height leaves f and z of the lever arm nearly open."""
-    for k in range(10):
+    for k in range(4):
         _, right = solved("lab-8", f"Student {k}")
         whole, one = (right[f"sigma_{d}_f_mm"].value for d in ("all", "one_height"))
         assert one > 5 * whole

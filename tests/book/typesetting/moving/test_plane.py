@@ -3,6 +3,7 @@ import re
 import numpy as np
 import pytest
 
+from acx4book.typesetting import style
 from acx4book.typesetting.moving import plane
 from acx4book.typesetting.moving.explorer import Linear, Mark
 from acx4book.typesetting.moving.plane import Plane
@@ -43,11 +44,10 @@ def test_a_curve_goes_through_its_places():
     assert plane.path(mark("curve", 1.0, 2.0, 3.0, 4.0), [1.0]) == "M11.00 22.00L13.00 24.00"
 
 
-def test_text_and_colours_are_for_readers_without_a_style_sheet():
+def test_text_is_escaped_and_colours_are_those_of_the_page_or_of_the_figures():
     text = PLANE.text((0.0, 0.0), "<b> & c", colour="blue")
     assert "&lt;b&gt; &amp; c" in text
-    assert plane.COLOURS["blue"] in text
-    assert 'class="fill-blue"' in text
+    assert f'fill="var(--figure-blue, {style.BLUE})"' in text
 
 
 def test_axes_have_all_numbers():

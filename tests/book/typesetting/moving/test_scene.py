@@ -67,7 +67,7 @@ def test_the_drawing_is_inside_its_frame_and_in_proportion(made):
 
 def test_names_are_text_in_the_page(made):
     page = BeautifulSoup(scene.html(made), "html.parser")
-    assert [item.get_text() for item in page.select("li")] == ["line", "<b>", "e"]
+    assert [item.get_text().strip() for item in page.select("li")] == ["line", "<b>", "e"]
     assert page.select_one("svg text").get_text() == "<i>"
     assert page.select_one("svg")["aria-label"] == made.alt
     assert json.loads(page.select_one("script").string) == made.data()

@@ -7,13 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4lib import compiling
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.geometry.prior import Prior
-from acx4lib.least_squares import adjustment
+from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.banded import BandedInverse
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support.flights.simulated import read_back
@@ -188,7 +187,7 @@ def test_without_compiled_code_the_answer_is_the_same(flight, monkeypatch):
 def test_one_thread_or_many_give_the_same_bytes(flight, monkeypatch, parts):
     net = NETWORKS["single step"](flight)
     first = net.normals(net.start).step()
-    monkeypatch.setattr(compiling, "cores", lambda: 1)
+    monkeypatch.setattr(processors, "cores", lambda: 1)
     second = net.normals(net.start).step()
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b)

@@ -1,8 +1,9 @@
 """What was rejected is taken out of a block, and nothing else."""
 
 import numpy as np
+import pytest
 
-from acx4lib.bundle.gross_errors.rejections import Rejection, without
+from acx4lib.bundle.gross_errors.rejections import Rejection, noncentrality, without
 from support import blocks
 
 
@@ -33,3 +34,8 @@ def test_a_control_point_without_a_component_goes_as_a_whole(exact_block):
     out = np.isinf(without(exact_block, [whole]).control.sigma_m)
     assert np.flatnonzero(out.any(axis=1)).tolist() == [2]
     assert out[2].all()
+
+
+def test_delta_0_of_text_books():
+    assert noncentrality(critical=3.29, power=0.8) == pytest.approx(4.13, abs=0.005)  # Baarda
+    assert noncentrality() == pytest.approx(3.9 + 0.8416, abs=1e-4)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from acx4book.typesetting import style
+from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.sketch import blank, note
 from acx4lib.expected import Array
 from acx4lib.flight import design
@@ -148,8 +149,8 @@ def caption(flight: Flight) -> str:
     thick = "the synthetic image that is made of them" if n > 1 else "its frame"
     return (
         f"{cameras}, {found.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
-        f"cameras of the flight {flight.name}. Thick: {thick}, {each[0]:.0f} x {each[1]:.0f} m on "
-        "the ground. Thin: the other exposures of the strip."
+        f"cameras of the flight {shown(flight.name)}. Thick: {thick}, {each[0]:.0f} x "
+        f"{each[1]:.0f} m on the ground. Thin: the other exposures of the strip."
     )
 
 

@@ -1,0 +1,65 @@
+"""How processors share work, and how linear algebra leaves them to it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from functools import cache
+from typing import TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+_NAMES = ("blas", "blis", "lapack", "mkl", "flame")
+"""Parts of the names under which libraries of linear algebra are loaded, also through links."""
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
+    """Return a function of each part, in the order of the parts; as many at a time as processors.
+
+    For functions that spend their time where Python's lock is free. Meanwhile linear algebra has
+    one thread, so that results do not depend on the number of processors.
+
+    Parameters
+    ----------
+    function : callable
+        It must not change what the parts share.
+    parts : iterable
+    """
+    listed = list(parts)
+    with on_one_thread(), ThreadPoolExecutor(cores()) as pool:
+        return list((pool.map if len(listed) > 1 else map)(function, listed))
+
+
+def on_one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra takes one thread."""
+    limit: AbstractContextManager[object] = _blas("scipy.linalg" in sys.modules).limit(limits=1)
+    return limit
+
+
+@cache
+def _blas(scipys: bool) -> ThreadpoolController:  # noqa: ARG001 scipy may bring a library of its own
+    """Return the libraries of linear algebra in this process; looking for them takes a while."""
+    return _LinearAlgebra()
+
+
+class _LinearAlgebra(ThreadpoolController):  # type: ignore[misc] # without types
+    """The libraries of linear algebra alone.
+
+    A process has a hundred other files open, and following the links of each of their names takes
+    longer than reading compiled code.
+    """
+
+    def _make_controller_from_path(self, filepath: str) -> None:
+        if any(name in os.path.basename(filepath).lower() for name in _NAMES):  # noqa: PTH119 quick
+            super()._make_controller_from_path(filepath)
