@@ -58,7 +58,7 @@ class View {
   /* The view as at the start: from the side that the drawing has. */
   place() {
     const distance = this.radius / Math.sin((FIELD_OF_VIEW_DEG * Math.PI) / 360);
-    this.camera.position.copy(this.start).multiplyScalar(0.78 * distance);
+    this.camera.position.copy(this.start).multiplyScalar(0.88 * distance);
     this.orbit?.target.set(0, 0, 0);
   }
 
