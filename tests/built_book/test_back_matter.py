@@ -65,7 +65,6 @@ def test_a_term_is_linked_once_on_a_page_and_never_in_a_heading(chapters):
 def test_every_file_that_others_made_has_its_licence(html):
     ours = {"acx4.css", "accessible.js", "favicon.svg", "logo.svg", "print.css"}
     ours |= {"scrolling.css", "scrolling.js", "moving/explorer.js", "moving/moving.css"}
-    ours |= {"moving/block.js"}  # the licence of three.js stands in it
     files = [path.relative_to(html).as_posix() for path in (html / "_static").rglob("*.*")]
     nobodys = {name for name in files if licences.of(name) is None}
     assert {name.removeprefix("_static/") for name in nobodys} <= ours

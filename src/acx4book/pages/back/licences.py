@@ -128,6 +128,12 @@ WORKS = (
         brought_by="sphinx-proof",
         files=("_static/proof*",),
     ),
+    Work(
+        what="three.js, in the 3-D view",
+        licence="MIT",
+        brought_by="three",
+        files=("_static/moving/block.js",),
+    ),
 )
 
 
@@ -144,12 +150,14 @@ def page(lock: Path) -> str:
     lock : Path
         The lock of npm, by which the 3-D view comes.
     """
-    packages = json.loads(lock.read_text(encoding="utf-8"))["packages"]
-    three = packages["node_modules/three"]
-    carried = [
-        *((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS),
-        ("three.js, in the 3-D view", three["license"], f"three {three['version']}"),
-    ]
+    locked = json.loads(lock.read_text(encoding="utf-8"))["packages"]
+    by_npm = {
+        name.removeprefix("node_modules/"): one.get("version") for name, one in locked.items()
+    }
+    carried = (
+        (w.what, w.licence, f"{w.brought_by} {by_npm.get(w.brought_by) or version(w.brought_by)}")
+        for w in WORKS
+    )
     return "\n".join(
         [
             table(
