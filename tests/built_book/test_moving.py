@@ -121,3 +121,14 @@ def test_it_is_moved_by_the_keyboard_and_by_buttons(opened, explorer):
     assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(explorer.start[0])
     drawn = numbers(page.locator(".marks path").first.get_attribute("d"))
     assert drawn == pytest.approx(numbers(start), abs=0.02)
+
+
+def test_every_explorer_of_the_book_has_its_sliders(browser, html, chapters):
+    with_one = [name for name, page in chapters.items() if page.select("figure.acx4-explorer")]
+    assert len(with_one) >= len(MODULES)
+    page = browser.new_page()
+    for name in with_one:
+        page.goto((html / name).as_uri())
+        for figure in page.locator("figure.acx4-explorer").all():
+            assert figure.locator("input[type=range]").count() > 0, name
+    page.close()

@@ -12,6 +12,9 @@ import nbformat
 HOUSES = ("acx4lib", "acx4sim", "acx4book")
 """Packages whose modules are followed; all others have their version in environment.lock."""
 
+SHOWS = "acx4book.typesetting.drawing"
+"""The module by which figures are shown, which no notebook imports."""
+
 
 def digest(notebook: Path, sources: Path, data: Iterable[Path]) -> str:
     """Return the SHA-256 of a notebook, of all modules that it reaches, and of its data.
@@ -37,7 +40,7 @@ def modules(notebook: Path, sources: Path) -> set[Path]:
     """
     read = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
     cells = [cell.source for cell in read.cells if cell.cell_type == "code"]
-    waiting = list(_imported("\n".join(cells)))
+    waiting = [SHOWS, *_imported("\n".join(cells))]
     found: set[Path] = set()
     while waiting:
         name = waiting.pop()

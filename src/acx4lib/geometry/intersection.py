@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from acx4lib import expected
@@ -139,6 +138,8 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     if len(colrow) < 3:
         msg = f"a resection needs three points or more, got {len(colrow)}"
         raise ValueError(msg)
+    import cv2  # noqa: PLC0415 few flights need a resection, and it loads long
+
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     centre = x_m.mean(axis=0)
     found, rvec, tvec = cv2.solvePnP(

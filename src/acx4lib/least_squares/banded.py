@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -169,9 +169,10 @@ class Banded:
         """Return the condition of the scaled matrix and its weakest eigenvector."""
         n = len(self.scale)
         start = np.ones(n) / np.sqrt(n)
-        inverse = LinearOperator((n, n), matvec=self._solve_scaled, dtype=float)
+        operator, eigsh = scipy.sparse.linalg.LinearOperator, scipy.sparse.linalg.eigsh
+        inverse = operator((n, n), matvec=self._solve_scaled, dtype=float)
         largest_of_inverse, weakest = eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
-        itself = LinearOperator((n, n), matvec=self._times_scaled, dtype=float)
+        itself = operator((n, n), matvec=self._times_scaled, dtype=float)
         largest = eigsh(itself, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
         return float(largest[0] * largest_of_inverse[0]), weakest[:, 0]
 

@@ -71,3 +71,8 @@ def test_a_chapter_depends_on_its_own_room_and_not_on_anothers():
     assert "acx4book/chapters/bad_starts/trials.py" in found
     assert "acx4lib/bundle/compiled/normals.py" in found
     assert "acx4book/chapters/rig/figures.py" not in found
+
+
+def test_a_chapter_depends_on_how_figures_are_shown(tmp_path):
+    notebook = write(tmp_path / "a.ipynb", "seed = 1")
+    assert "acx4book/typesetting/drawing.py" in reached(notebook, ROOT / "src")

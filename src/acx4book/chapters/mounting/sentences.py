@@ -100,19 +100,39 @@ def answer(flight: Flight, mountings: Mountings) -> str:
     if single is None or len(single.calibration.cameras) > 1:
         return "There is no single step of one camera, and so no answer."
     found = {p.name: p for p in parameters(single.calibration) if np.isfinite(p.sigma)}
-    said = [
-        *(_together(found, title, names, unit) for title, names, unit in PARTS),
-    ]
-    first = f"The single step finds {', '.join(filter(None, said))}."
-    return f"{first}\n\n{_methods_differ(flight, mountings)}"
+    said = ", ".join(filter(None, (_together(found, *part) for part in PARTS)))
+    taken_up = absorption(mountings)
+    if taken_up is None:
+        return f"The single step finds {said}.\n\nThe two methods cannot be compared here."
+    shift, expected = taken_up.shift_mm[:3], (taken_up.by_lever @ taken_up.lever_m)[:3]
+    differ = ", ".join(
+        f"{off:+.4f} mm{_printed_difference(flight, name)} in {LABELS[name]}"
+        for name, off in zip(INTERIOR, shift, strict=True)
+    )
+    return (
+        f"The single step finds {said}; the two-step method differs from it by {differ}.\n\n"
+        f"{BECAUSE} Least squares over this block says how much each must take up, and the "
+        f"differences follow to {1e3 * np.abs(shift - expected).max():.2f} µm. {USE}"
+    )
 
 
 PARTS = (
-    ("$f$", ("f_mm",), " mm"),
     ("the lever arm", tuple(f"lever_{axis}_m" for axis in "xyz"), " m"),
     ("the boresight", BORESIGHT_ANGLES, "°"),
 )
 """What the answer names, with the parameters and their unit."""
+
+INTERIOR = ("f_mm", "xp_mm", "yp_mm")
+"""What takes up the lever arm."""
+
+BECAUSE = (
+    "The reason is the lever arm, which the two-step method does not know: focal length and "
+    "principal point take it up."
+)
+USE = (
+    "Either set of values may be used, but only as a set, and only near the flying heights of the "
+    "calibration."
+)
 
 
 def _together(found: Mapping[str, Parameter], title: str, names: Sequence[str], unit: str) -> str:
@@ -121,26 +141,6 @@ def _together(found: Mapping[str, Parameter], title: str, names: Sequence[str], 
         return ""
     each = ", ".join(value_and_sigma(found[n].value, found[n].sigma) for n in names)
     return f"{title} {each}{unit}"
-
-
-def _methods_differ(flight: Flight, mountings: Mountings) -> str:
-    """Say by how much the two methods differ, and what the lever arm explains of it."""
-    found = absorption(mountings)
-    if found is None:
-        return "The two methods cannot be compared here."
-    shift, expected = found.shift_mm[:3], (found.by_lever @ found.lever_m)[:3]
-    names = {"f_mm": 0, "xp_mm": 1, "yp_mm": 2}
-    differ = ", ".join(
-        f"{LABELS[name]} by {shift[row]:+.4f} mm{_printed_difference(flight, name)}"
-        for name, row in names.items()
-    )
-    return (
-        f"The two-step method differs from it: {differ}. The reason is the lever arm, which the "
-        "two-step method does not know: focal length and principal point take it up. Least "
-        "squares over this block says how much each must take up, and the differences follow to "
-        f"{1e3 * np.abs(shift - expected).max():.2f} µm. Either set of values may be used, but "
-        "only as a set, and only near the flying heights of the calibration."
-    )
 
 
 def _printed_difference(flight: Flight, name: str) -> str:

@@ -7,8 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+import scipy
 
 from acx4lib.bundle.compiled.rays import SortedRays
 from acx4lib.compiling import uncounted
@@ -211,7 +210,9 @@ def ordered(point: Index, pose: Index, n_poses: int) -> Index:
     starts = np.append(np.flatnonzero(np.diff(point[order], prepend=-1)), len(order))
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
     _link(starts, pose[order], linked)
-    return reverse_cuthill_mckee(sparse.csr_matrix(linked), symmetric_mode=True).astype(np.int64)
+    graph = scipy.sparse.csr_matrix(linked)
+    new = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
+    return new.astype(np.int64)
 
 
 @uncounted
