@@ -8,18 +8,24 @@
     "div.highlight pre",
   ].map((box) => `.bd-article ${box}`).join(", ");
 
+  // A mark takes place itself, and could end what it says: it stays until the window changes.
   const mark = () => {
     for (const box of document.querySelectorAll(BOXES)) {
-      const scrolls = box.scrollWidth > box.clientWidth + 1;
-      box.toggleAttribute("data-scrolls", scrolls);
-      if (scrolls) box.tabIndex = 0;
+      if (box.scrollWidth <= box.clientWidth + 1) continue;
+      box.toggleAttribute("data-scrolls", true);
+      box.tabIndex = 0;
     }
+  };
+  const begin = () => {
+    document.querySelectorAll("[data-scrolls]").forEach((box) => box.removeAttribute("data-scrolls"));
+    mark();
   };
 
   window.addEventListener("load", mark);
+  window.addEventListener("resize", begin);
   document.addEventListener("DOMContentLoaded", () => {
-    const article = document.querySelector(".bd-article");
-    if (article) new ResizeObserver(mark).observe(article); // formulas come later, windows change
+    const changed = new ResizeObserver(mark); // formulas come later
+    document.querySelectorAll(`.bd-article, ${BOXES}`).forEach((box) => changed.observe(box));
     document.fonts.ready.then(mark);
   });
 })();
