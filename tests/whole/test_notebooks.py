@@ -35,4 +35,4 @@ def test_the_notebook_runs_on_pixels(tmp_path):
     assert results.cameras(kept, "synthetic/refined") == pictured.HEADS
     text = (folder / "notebooks" / "02-synthetic-image.ipynb").read_text(encoding="utf-8")
     assert '"output_type": "error"' not in text
-    assert text.count('"image/png"') >= 7
+    assert text.count('"image/svg+xml"') >= 7
