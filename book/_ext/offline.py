@@ -31,12 +31,11 @@ def drop_thebe(
 
 def prune(app: Sphinx, exception: Exception | None) -> None:
     """Remove what no page loads, after it was copied."""
-    static, sources = Path(app.outdir) / "_static", Path(app.outdir) / "_sources"
+    static = Path(app.outdir) / "_static"
     if exception is not None or app.builder.format != "html":
         return
     for path in [found for pattern in UNUSED for found in static.glob(pattern)]:
         path.unlink(missing_ok=True)  # by two patterns
-    shutil.rmtree(sources / "_generated", ignore_errors=True)  # written for Sphinx alone
     _prune_mathjax(static / "mathjax")
 
 

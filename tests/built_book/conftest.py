@@ -36,7 +36,8 @@ def html():
 @pytest.fixture(scope="session")
 def pages(html):
     """Every page, parsed, by its path inside the book; listings of source code have no colours."""
-    files = [path for path in sorted(html.rglob("*.html")) if "_static" not in path.parts]
+    others = {"_static", "_downloads"}  # no pages of the book
+    files = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
     gc.disable()  # which would look through all pages again and again
     parsed = {path.relative_to(html).as_posix(): parse(path) for path in files}
     gc.freeze()
