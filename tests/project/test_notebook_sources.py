@@ -23,13 +23,13 @@ ROOMS = {
     "05": ["reference"],
     "06": ["paper.errata"],
     "07": ["report"],
-    "08": ["chapters.rig"],
-    "09": ["chapters.weights"],
-    "10": ["chapters.image_quality", "chapters.synthetic_image"],
+    "08": ["chapters.beyond.rig"],
+    "09": ["chapters.beyond.weights"],
+    "10": ["chapters.beyond.image_quality", "chapters.synthetic_image"],
     "11": ["reference"],
-    "12": ["chapters.synthetic_cost"],
-    "13": ["chapters.bad_starts"],
-    "14": ["chapters.failures"],
+    "12": ["chapters.beyond.synthetic_cost"],
+    "13": ["chapters.beyond.bad_starts"],
+    "14": ["chapters.beyond.failures"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""
 

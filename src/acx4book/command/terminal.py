@@ -29,7 +29,7 @@ Flight = Annotated[
 """The first argument of most commands."""
 
 
-BOOK = ("IPython", "markdown_it", "matplotlib", "nbformat", "papermill", "traitlets", "yaml")
+BOOK = ("IPython", "PIL", "markdown_it", "matplotlib", "nbformat", "papermill", "traitlets", "yaml")
 """Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + signal.SIGPIPE

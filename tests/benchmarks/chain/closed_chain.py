@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.rig.truth import true_head
+from acx4book.chapters.beyond.rig.truth import true_head
 from acx4lib.calibration import mounting, rig
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.heads import RelativeOrientation

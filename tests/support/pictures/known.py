@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from acx4book.chapters.image_quality.known_exposure import known_exposure
+from acx4book.chapters.beyond.image_quality.known_exposure import known_exposure
 from acx4sim.scenery.noise import cell_m
 
 LEVEL, SWING = 30_000.0, 15_000.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.chapters.image_quality import deviations
+from acx4book.chapters.beyond.image_quality import deviations
 from acx4book.chapters.synthetic_image import parallax
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import synthetic_images

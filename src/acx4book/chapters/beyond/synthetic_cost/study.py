@@ -1,0 +1,148 @@
+"""Flights with a synthetic image and without one, as ``make chain`` left them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.expected import Array
+
+STORED = Path(str(resources.files("acx4book.chapters.beyond.synthetic_cost") / "stored"))
+"""Folder of the flights that the project brings."""
+
+SYNTHETIC, RIG = "synthetic", "rig"
+"""The two ways: a single step of carried points, and a rig of four heads."""
+
+PARTS = ("parameters", "points", "sweep", "pattern", "squares")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """What both ways make of many flights, and of exact ones.
+
+    Attributes
+    ----------
+    parameters : DataFrame
+        seed, way, camera, parameter, value, sigma.
+    points : DataFrame
+        seed, way, over (points or pairs), axis, n, rms_m, mean_m, sigma_m.
+    sweep : DataFrame
+        Of exact data: f_1_mm, heads (calibrated or refined), camera, parameter, value, sigma.
+    pattern : DataFrame
+        Of exact data: height_m, head, col_px, row_px, d_col_px, d_row_px.
+    squares : DataFrame
+        Of exact data: side_m of the square of the lens centres, camera, parameter, value, sigma.
+    about : mapping
+        Date, processor, commit, seeds.
+    """
+
+    parameters: pd.DataFrame
+    points: pd.DataFrame
+    sweep: pd.DataFrame
+    pattern: pd.DataFrame
+    squares: pd.DataFrame
+    about: Mapping[str, Any]
+
+    @property
+    def n_flights(self) -> int:
+        """Number of flights."""
+        return int(self.parameters["seed"].nunique())
+
+
+def read(folder: str | Path = "") -> Study:
+    """Read what ``make chain`` left in a folder; by default, what the project brings.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file is missing: the message says how to make it.
+    """
+    place = Path(folder) if folder else STORED
+    files = {part: place / f"closed_chain_{part}.csv" for part in PARTS}
+    about = place / "closed_chain.json"
+    if not all(path.is_file() for path in (about, *files.values())):
+        msg = f"no flights of the closed chain in {place}: make chain"
+        raise FileNotFoundError(msg)
+    tables = {part: pd.read_csv(path) for part, path in files.items()}
+    return Study(about=json.loads(about.read_text(encoding="utf-8")), **tables)
+
+
+def variance_factors(study: Study, way: str) -> Array:
+    """Return the variance factor of every flight."""
+    own = study.parameters
+    chosen = (own["way"] == way) & (own["parameter"] == "sigma0_squared")
+    return own.loc[chosen, "value"].to_numpy()
+
+
+def scatter(study: Study, way: str) -> pd.DataFrame:
+    """Return how estimates scatter over flights, beside their a posteriori sigma.
+
+    Returns
+    -------
+    DataFrame
+        One row per camera and parameter: mean, scatter (standard deviation over flights), sigma
+        (root mean square), ratio of the last two and the ratio's own standard deviation.
+    """
+    own = study.parameters[(study.parameters["way"] == way) & study.parameters["sigma"].notna()]
+    grouped = own.assign(variance=own["sigma"] ** 2).groupby(["camera", "parameter"], sort=False)
+    table = pd.DataFrame(
+        {
+            "mean": grouped["value"].mean(),
+            "scatter": grouped["value"].std(),
+            "sigma": np.sqrt(grouped["variance"].mean()),
+        }
+    )
+    table["ratio"] = table["scatter"] / table["sigma"]
+    table["sigma_ratio"] = table["ratio"] / np.sqrt(2 * (grouped.size() - 1))
+    return table.reset_index()
+
+
+def accuracy(study: Study) -> pd.DataFrame:
+    """Return the accuracy at check points of both ways, over all flights.
+
+    Returns
+    -------
+    DataFrame
+        One row per over and axis: for either way RMS and predicted sigma (m); and by how many
+        percent the synthetic image's RMS is larger, with the standard error of that, for which
+        both ways of a flight are a pair.
+    """
+    squared = study.points.assign(
+        rms=study.points["rms_m"] ** 2, predicted=study.points["sigma_m"] ** 2
+    )
+    rows = []
+    for (over, axis), own in squared.groupby(["over", "axis"], sort=False):
+        squares, predicted = (
+            own.pivot_table(index="seed", columns="way", values=name)
+            for name in ("rms", "predicted")
+        )
+        row: dict[str, Any] = {"over": over, "axis": axis}
+        for way in (SYNTHETIC, RIG):
+            row |= {f"rms_{way}": np.sqrt(squares[way].mean())}
+            row |= {f"sigma_{way}": np.sqrt(predicted[way].mean())}
+        rows.append(row | _percent_larger(squares[SYNTHETIC].to_numpy(), squares[RIG].to_numpy()))
+    return pd.DataFrame(rows)
+
+
+def _percent_larger(first: Array, second: Array) -> dict[str, float]:
+    """Return by how many percent one RMS over flights is larger, from squares by flight.
+
+    To first order the ratio of two RMS is one plus half of the relative difference of squares.
+    """
+    ratio = float(np.mean(first) / np.mean(second))
+    error = np.std(first - ratio * second, ddof=1) / np.sqrt(len(first)) / np.mean(second)
+    root = np.sqrt(ratio)
+    return {"percent": 100 * (root - 1), "sigma_percent": float(100 * error / (2 * root))}
+
+
+def exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
+    """Return a parameter over the focal length of head 1: a column for each kind of heads."""
+    own = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
+    return own.pivot_table(index="f_1_mm", columns="heads", values="value")

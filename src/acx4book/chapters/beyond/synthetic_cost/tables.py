@@ -1,0 +1,106 @@
+"""Tables of the same measurements with a synthetic image and without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from acx4book.chapters.beyond.synthetic_cost import heights, study
+from acx4book.chapters.beyond.synthetic_cost.study import RIG, SYNTHETIC, Study
+from acx4book.paper import printed
+from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+
+ACCURACY_FORMATS = {
+    f"{what}, {way}": ".3f" for what in ("RMS (m)", "Predicted (m)") for way in (SYNTHETIC, RIG)
+}
+HEIGHT_FORMATS = {
+    "Flying height (m)": ".0f",
+    "RMS (px)": ".2f",
+    "Largest (px)": ".2f",
+    "Largest step at a seam (px)": ".2f",
+    "That step on the ground (cm)": ".0f",
+}
+SQUARE_ROWS = ("f_mm", "k1", "k2", "k3", "p1", "p2", "lever_x_m", "lever_y_m", "lever_z_m")
+"""Parameters of the table of squares; a boresight does not depend on them."""
+
+HEIGHTS_M = (700.0, 1000.0, 1250.0, 1500.0, 2000.0, 3000.0)
+"""Flying heights of the table."""
+
+
+def accuracy_table(found: Study) -> pd.DataFrame:
+    """Return RMS and predicted sigma at check points for both ways, and how much larger one is."""
+    rows = [
+        {
+            "Over": row["over"],
+            "Axis": row["axis"].removesuffix("_m"),
+            **{f"RMS (m), {way}": row[f"rms_{way}"] for way in (SYNTHETIC, RIG)},
+            **{f"Predicted (m), {way}": row[f"sigma_{way}"] for way in (SYNTHETIC, RIG)},
+            "Larger by (%)": value_and_sigma(row["percent"], row["sigma_percent"]),
+        }
+        for row in study.accuracy(found).to_dict("records")
+    ]
+    return pd.DataFrame(rows)
+
+
+def parameter_table(found: Study) -> pd.DataFrame:
+    """Return the synthetic camera beside Table 3: mean, scatter over flights and stated sigma."""
+    rows = [
+        {
+            "Parameter": with_unit(LABELS[row["parameter"]], unit(row["parameter"])),
+            "Table 3": printed.shown(3, row["parameter"], "single_step"),
+            "Mean and scatter over flights": value_and_sigma(row["mean"], row["scatter"]),
+            "Scatter over stated σ": f"{row['ratio']:.2f} ± {row['sigma_ratio']:.2f}",
+        }
+        for row in study.scatter(found, SYNTHETIC).to_dict("records")
+    ]
+    return pd.DataFrame(rows)
+
+
+def print_of(parameter: str) -> tuple[float, float]:
+    """Return a value of Table 3's single step, and its sigma."""
+    of = 3, parameter, "single_step"
+    return printed.value(*of), printed.sigma(*of)
+
+
+def unit(parameter: str) -> str:
+    """Return the unit of a parameter of Table 3."""
+    rows = printed.table(3)
+    return str(rows.loc[rows["parameter"] == parameter, "unit"].iloc[0])
+
+
+def height_table(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFrame:
+    """Return what the synthetic camera leaves at several flying heights.
+
+    Parameters
+    ----------
+    found : Study
+    heights_m : iterable of float
+        Above the ground.
+    """
+    rows = []
+    for height_m in heights_m:
+        own = heights.at_height(found.pattern, height_m)
+        step = heights.largest_step_px(own)
+        ground_cm = 100 * height_m * printed.pixel_mm("SYN") / print_of("f_mm")[0]
+        numbers = height_m, heights.rms_px(own), heights.largest_px(own), step, step * ground_cm
+        rows.append(dict(zip(HEIGHT_FORMATS, numbers, strict=True)))
+    return pd.DataFrame(rows)
+
+
+def square_table(found: Study) -> pd.DataFrame:
+    """Return what exact data give for squares of lens centres of different size, and Table 3."""
+    sides = {side: f"Square of {100 * side:.0f} cm" for side in np.unique(found.squares["side_m"])}
+    cells = {
+        (row["parameter"], row["side_m"]): value_and_sigma(row["value"], row["sigma"])
+        for row in found.squares.to_dict("records")
+    }
+    rows = [
+        {"Parameter": with_unit(LABELS[name], unit(name))}
+        | {title: cells[name, side] for side, title in sides.items()}
+        | {"Table 3": printed.shown(3, name, "single_step")}
+        for name in SQUARE_ROWS
+    ]
+    factors = {title: cells["sigma0_squared", side] for side, title in sides.items()}
+    return pd.DataFrame([*rows, {"Parameter": LABELS["sigma0_squared"], **factors}])

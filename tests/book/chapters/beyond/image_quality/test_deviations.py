@@ -1,0 +1,189 @@
+"""Points of a synthetic image against an ideal one, and what calibrating it by itself takes up."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import ndimage
+
+from acx4book.chapters.beyond.image_quality.deviations import (
+    LENS,
+    Deviations,
+    KnownGround,
+    consistent,
+    measure,
+    one_image_block,
+    residuals_px,
+    self_calibrate,
+    zones,
+)
+from acx4lib.calibration.estimates import from_bundle, parameters
+from acx4lib.calibration.lens import radial_profile
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from support.blocks import FRAME
+from support.pictures import printed_camera
+
+SYN = Camera(
+    name="SYN", width_px=12000, height_px=16200, pixel_mm=0.0056, interior=Interior(f=74.0)
+)
+POSE = Pose(R=rotation_from_opk(np.radians([1.0, -2.0, 28.0])), r=np.array([40.0, -25.0, 2500.0]))
+"""Where the camera of `seen_ground` stands: 1600 m over the ground."""
+
+# --- measured --------------------------------------------------------------------------------
+
+
+def texture(shape=(260, 300), *, seed=1):
+    """Return smooth noise, three bands, that no sampling harms."""
+    noise = np.random.default_rng(seed).normal(size=shape)
+    smooth = ndimage.gaussian_filter(noise, 2.0)
+    return 20_000 + 4000 * smooth / smooth.std()
+
+
+def bands(grey):
+    return np.clip(np.rint(grey), 0, 65535).astype(np.uint16)[..., None].repeat(3, axis=2)
+
+
+def moved(grey, by):
+    """Return a picture whose points stand at colrow + by(colrow)."""
+    row, col = np.indices(grey.shape).astype(float)
+    dx, dy = by(col, row)
+    return ndimage.map_coordinates(grey, [row - dy, col - dx], order=5, mode="nearest")
+
+
+def test_a_known_motion_is_measured_to_a_hundredth_of_a_pixel():
+    """Rounded to 16 bit and interpolated by splines, such smooth pictures lose no more."""
+
+    def by(col, row):
+        return 0.37 + 1e-3 * (col - 150), -1.21 + 5e-4 * (row - 130)
+
+    grey = texture()
+    found = measure(bands(moved(grey, by)), bands(grey))
+    assert len(found) >= 30  # of 48 cells; those at the border have less room
+    # the inverse motion is evaluated at the moved place; it differs by 1e-3 of a pixel
+    expected = np.column_stack(by(*found.ideal.T))
+    assert_allclose(found.d_px, expected, atol=0.01)
+    assert np.median(found.sigma_px) < 0.01
+
+
+def test_grey_values_may_differ_by_a_factor():
+    grey = texture()
+    found = measure(bands(1.3 * grey + 500), bands(grey))
+    assert_allclose(found.d_px, 0, atol=0.005)
+
+
+def test_sigma_is_the_size_of_the_errors_that_noise_makes():
+    grey = texture()
+    noisy = grey + np.random.default_rng(2).normal(0, 400, grey.shape)
+    found = measure(bands(noisy), bands(grey))
+    normalised = found.d_px / found.sigma_px[:, None]
+    # about 60 coordinates know their RMS to a tenth; windows of neighbours share no pixels
+    assert 0.7 < np.sqrt(np.mean(normalised**2)) < 1.3
+
+
+def test_pictures_without_texture_give_no_points():
+    flat = np.full((200, 200, 3), 9000, np.uint16)
+    assert len(measure(flat, flat)) == 0
+    assert consistent(measure(flat, flat)).shape == (0,)
+
+
+def test_pictures_of_different_sizes_are_refused():
+    with pytest.raises(ValueError, match=r"\(10, 20\) and \(10, 21\)"):
+        measure(np.zeros((10, 20, 3)), np.zeros((10, 21, 3)))
+
+
+def test_points_that_stand_out_from_those_around_are_told_and_a_smooth_field_is_not():
+    rng = np.random.default_rng(3)
+    ideal = rng.uniform(0, 1000, (600, 2))
+    d = 0.01 * ideal + rng.normal(0, 0.05, ideal.shape)  # ten pixels over the frame
+    wrong = rng.choice(600, 12, replace=False)
+    d[wrong] += 1.0
+    keep = consistent(Deviations(ideal=ideal, d_px=d, sigma_px=np.full(600, 0.05)))
+    assert not keep[wrong].any()
+    assert np.sum(~keep) <= 15
+
+
+# --- zones -----------------------------------------------------------------------------------
+
+
+def test_one_head_sees_seven_tenths_of_the_frame_of_table_1():
+    cols, rows = np.meshgrid(np.arange(40, 12000, 80), np.arange(40, 16200, 81))
+    found = zones(printed_camera.heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
+    one, several, border = (found[name].mean() for name in found)
+    assert_allclose(one, 0.692, atol=0.003)  # counted on a much denser grid
+    assert_allclose(one + several, 1.0)
+    margin = 0.05 * 16200
+    assert_allclose(border, 1 - (1 - 2 * margin / 12000) * (1 - 2 * margin / 16200), atol=0.005)
+
+
+# --- calibrated by itself --------------------------------------------------------------------
+
+
+def seen_ground(interior, *, relief_m=60.0, n=400, seed=4):
+    """Return pixels all over the frame, and the ground that they see by eqs (7)-(11) as printed."""
+    rng = np.random.default_rng(seed)
+    colrow = rng.uniform(0, [11999, 16199], (n, 2))
+    x = (colrow[:, 0] - 5999.5) * 0.0056 - interior.xp
+    y = (8099.5 - colrow[:, 1]) * 0.0056 - interior.yp
+    r2 = x**2 + y**2
+    radial = interior.k1 * r2 + interior.k2 * r2**2 + interior.k3 * r2**3
+    dx = x * radial + interior.p1 * (r2 + 2 * x**2) + 2 * interior.p2 * x * y
+    dy = y * radial + interior.p2 * (r2 + 2 * y**2) + 2 * interior.p1 * x * y
+    rays = np.column_stack([x - dx, y - dy, np.full(n, -interior.f)]) @ POSE.R.T
+    height = 900.0 + relief_m * rng.uniform(-1, 1, n)
+    x_m = POSE.r + rays * ((height - POSE.r[2]) / rays[:, 2])[:, None]
+    start = Pose(
+        R=POSE.R @ rotation_from_opk(np.full(3, 1e-4)), r=POSE.r + np.array([1.0, -2.0, 1.5])
+    )
+    return colrow, KnownGround(frame=FRAME, T_m_c=start, x_m=x_m)
+
+
+def calibrated(interior, free, **options):
+    colrow, ground = seen_ground(interior, **options)
+    block = one_image_block(SYN, ground, colrow, np.full(len(colrow), 0.1))
+    return self_calibrate(block, free=free)
+
+
+def test_a_lens_inserted_is_found():
+    true = Interior(f=74.0, k1=2.4e-8, k2=-9e-12, k3=2e-15, p1=1.7e-7, p2=-2e-7)
+    fit = calibrated(true, LENS)
+    found = {p.name: p.value for p in parameters(from_bundle(fit))}
+    # exact but for where the adjustment stops, 1e-5 of the sigma of 400 points of 0.1 px
+    assert_allclose(
+        [found[name] for name in LENS], [getattr(true, name) for name in LENS], rtol=1e-3
+    )
+    assert_allclose(residuals_px(fit), 0, atol=1e-5)
+    r = np.hypot(6000, 8100) * 0.0056
+    corner_px = r**3 * (true.k1 + true.k2 * r**2 + true.k3 * r**4) / 0.0056
+    assert_allclose(radial_profile(fit)[1][-1], corner_px, rtol=1e-4)
+
+
+def test_relief_tells_f_from_the_flying_height():
+    true = Interior(f=74.05, xp=0.03, yp=-0.02)
+    fit = calibrated(true, ("f", "xp", "yp"), relief_m=60.0)
+    found = {p.name: p.value for p in parameters(from_bundle(fit))}
+    assert_allclose([found[f"{n}_mm"] for n in ("f", "xp", "yp")], [74.05, 0.03, -0.02], atol=1e-5)
+
+
+def test_without_relief_the_flying_height_takes_up_an_error_of_f():
+    """A camera 0.05 mm longer sees flat ground as one that flies lower by the same share."""
+    fit = calibrated(Interior(f=74.05), (), relief_m=0.0)
+    # the image plane is tilted by 2.2 degrees against the ground
+    assert np.abs(residuals_px(fit)).max() < 0.05 * np.radians(2.3) / 0.0056
+    lower = (POSE.r - fit.T_m_c.r[0])[2] / 1600
+    assert_allclose(lower, 0.05 / 74, rtol=0.02)
+
+
+def test_residuals_are_measured_less_estimated_along_columns_and_rows():
+    colrow, ground = seen_ground(Interior(f=74.0))
+    colrow[7] += [2.0, -1.0]
+    block = one_image_block(SYN, ground, colrow, np.full(len(colrow), 0.1))
+    # one of 400 points hardly draws the others to itself
+    assert_allclose(residuals_px(self_calibrate(block, free=()))[7], [2.0, -1.0], atol=0.05)
+
+
+def test_two_points_calibrate_nothing():
+    colrow, ground = seen_ground(Interior(f=74.0), n=2)
+    block = one_image_block(SYN, ground, colrow, np.full(2, 0.1))
+    with pytest.raises(AdjustmentError, match="2 control points in images do not orient"):
+        self_calibrate(block, free=LENS)

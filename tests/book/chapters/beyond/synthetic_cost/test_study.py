@@ -1,0 +1,67 @@
+"""The stored flights of the closed chain, and their sums over flights."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4book.chapters.beyond.synthetic_cost import study
+
+
+@pytest.fixture(scope="module")
+def found():
+    return study.read()
+
+
+def test_the_stored_study_has_fifty_flights_both_ways(found):
+    assert found.n_flights == 50
+    for way in (study.SYNTHETIC, study.RIG):
+        assert len(study.variance_factors(found, way)) == 50
+    assert found.about["design"] == "acx4"
+
+
+def test_a_missing_file_names_the_target_of_make(tmp_path):
+    with pytest.raises(FileNotFoundError, match="make chain"):
+        study.read(tmp_path)
+
+
+def test_the_rig_keeps_its_promises(found):
+    table = study.scatter(found, study.RIG)
+    assert len(table) == 48
+    # a ratio of 50 flights is known to a tenth; those of one head are correlated
+    assert table["ratio"].to_numpy() == pytest.approx(1, abs=0.33)
+    assert np.sqrt(np.mean(table["ratio"] ** 2)) == pytest.approx(1, abs=0.1)
+    assert study.variance_factors(found, study.RIG).mean() == pytest.approx(1, abs=0.005)
+
+
+def made(first, second):
+    """Return a study of one axis: RMS by flight of both ways."""
+    rows = [
+        {"seed": i, "way": way, "over": "points", "axis": "east_m", "rms_m": v, "sigma_m": 2 * v}
+        for way, values in ((study.SYNTHETIC, first), (study.RIG, second))
+        for i, v in enumerate(values)
+    ]
+    empty = pd.DataFrame()
+    return study.Study(
+        parameters=empty, points=pd.DataFrame(rows), sweep=empty, pattern=empty, squares=empty,
+        about={},
+    )  # fmt: skip
+
+
+def test_what_is_a_tenth_larger_in_every_flight_has_no_error():
+    rig = np.array([0.1, 0.2, 0.3])
+    row = study.accuracy(made(1.1 * rig, rig)).iloc[0]
+    assert row["percent"] == pytest.approx(10)
+    assert row["sigma_percent"] == pytest.approx(0, abs=1e-9)
+    assert row["rms_rig"] == pytest.approx(np.sqrt(np.mean(rig**2)))
+    assert row["sigma_rig"] == pytest.approx(2 * row["rms_rig"])
+
+
+def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        common = rng.normal(1, 0.3, 50)
+        first, second = np.sqrt((common + rng.normal(0.1, 0.1, (2, 50))).clip(0.01))
+        found.append(study.accuracy(made(first, second)).iloc[0][["percent", "sigma_percent"]])
+    percent, sigma = np.array(found, dtype=float).T
+    assert sigma.mean() == pytest.approx(percent.std(), rel=0.1)  # 3.5 % of 400
