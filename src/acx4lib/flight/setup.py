@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -55,6 +56,21 @@ class Apriori:
     heading_deg: float = 0.008
 
 
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """When a flight was flown, and what may have changed its cameras.
+
+    Attributes
+    ----------
+    date : datetime.date or None
+    temperature_c : float
+        Of the cameras, degrees Celsius; NaN where not known.
+    """
+
+    date: dt.date | None = None
+    temperature_c: float = np.nan
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setup:
     """The content of flight.toml.
@@ -78,6 +94,7 @@ class Setup:
         Errors of GNSS positions that the mounting stage estimates: ``shift``, ``drift``.
     weights : str
         Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
+    session : Session
     """
 
     name: str
@@ -92,6 +109,7 @@ class Setup:
     fix: tuple[str, ...]
     gnss: tuple[str, ...]
     weights: str
+    session: Session
 
     @property
     def measured_in_heads(self) -> bool:
@@ -118,6 +136,14 @@ def setup_of(toml: Toml) -> Setup:
         fix=tuple(mounting.get("fix", ())),
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
+        session=_session_of(toml.table("session")),
+    )
+
+
+def _session_of(table: dict[str, Any]) -> Session:
+    date, celsius = table.get("date"), float(table.get("temperature_c", np.nan))
+    return Session(
+        date=date.date() if isinstance(date, dt.datetime) else date, temperature_c=celsius
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 from collections.abc import Iterable, Iterator
 
@@ -42,11 +43,13 @@ TOP = (
     "synthetic",
     "apriori",
     "adjustment",
+    "session",
     "stages",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
+TEMPERATURE = {"temperature_c": Range(-100.0, 100.0)}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
@@ -78,7 +81,18 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
     yield from _keys(toml, ("adjustment",), ADJUSTMENT)
     yield from _numbers(toml, ("adjustment",), ADJUSTMENT)
+    yield from _session_problems(toml)
     yield from _stage_problems(toml)
+
+
+def _session_problems(toml: Toml) -> Iterator[Problem]:
+    yield from _keys(toml, ("session",), ("date", *TEMPERATURE))
+    yield from _numbers(toml, ("session",), TEMPERATURE)
+    date = toml.get("session", "date")
+    if date is not None and not isinstance(date, dt.date):
+        yield toml.problem(
+            ("session", "date"), quoted(date), "must be a date without quotes, as 2026-05-02"
+        )
 
 
 def _is_name(value: object) -> bool:
