@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.calibration.estimates import reported_values, with_reported
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
@@ -26,12 +26,19 @@ class GroundEffects:
     ----------
     colrow : ndarray, shape (n, 2)
         Nodes over the format, pixels; those that see the ground.
+    xy : ndarray, shape (n, 2)
+        Where they lie, forward and left of the body, m.
     J : ndarray, shape (n, 2, k)
         d(forward, left) / d(parameter), m per unit of the parameter.
     """
 
     colrow: Array
+    xy: Array
     J: Array
+
+    def of(self, which: Index) -> GroundEffects:
+        """Return the effects of some of the parameters."""
+        return replace(self, J=self.J[:, :, which])
 
     def moved(self, d: Array) -> Array:
         """Return what changes of all parameters together move, m, shape (n, 2)."""
@@ -83,8 +90,9 @@ def ground_effects(
             for s in (step, -step)
         )
         J[:, :, k] = (ahead - behind) / (2 * step)
-    seen = np.isfinite(J).all(axis=(1, 2))
-    return GroundEffects(colrow=colrow[seen], J=J[seen])
+    xy = _on_ground(camera, colrow, height_m)
+    seen = np.isfinite(xy).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+    return GroundEffects(colrow=colrow[seen], xy=xy[seen], J=J[seen])
 
 
 def _on_ground(camera: Camera, colrow: Array, height_m: float) -> Array:

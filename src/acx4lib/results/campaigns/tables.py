@@ -61,6 +61,27 @@ def _of_camera(comparison: Comparison, camera: str) -> Index:
     return np.flatnonzero([p.camera == camera for p in comparison.parameters])
 
 
+def every(
+    comparison: Comparison, found: Sequence[Difference], ground: Ground
+) -> dict[str, pd.DataFrame]:
+    """Return all tables of a comparison by the names of their files.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    found : sequence of Difference
+    ground : Ground
+    """
+    return {
+        "campaigns": campaigns(comparison),
+        "tests": tests(comparison, found, ground),
+        "differences": differences(comparison, found, ground),
+        "pooled": pooled(comparison),
+        "trends": trends(comparison),
+        "covariance": covariances(comparison, found),
+    }
+
+
 def campaigns(comparison: Comparison) -> pd.DataFrame:
     """Return one row for each campaign, in the order of the comparison.
 
@@ -188,8 +209,7 @@ def _joint_effect(
     comparison: Comparison, one: Difference, effects: GroundEffects, camera: str, own: Index
 ) -> dict[str, float]:
     """Return what the parameters of a part move together, and what chance would move."""
-    chosen = np.isin(_of_camera(comparison, camera), own)
-    part = GroundEffects(colrow=effects.colrow, J=effects.J[:, :, chosen])
+    part = effects.of(np.flatnonzero(np.isin(_of_camera(comparison, camera), own)))
     moved, sigma = part.moved(one.d[own]), part.sigma(one.cov[np.ix_(own, own)])
     return {
         "ground_rms_m": float(np.sqrt(np.sum(moved**2, axis=1).mean())),

@@ -1,0 +1,143 @@
+"""What a comparison says in sentences: the verdict, and how to read it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from acx4book.report.campaigns.study import Study
+from acx4book.report.campaigns.units import cameras_to_say, label, rows_of, scale
+from acx4book.report.words import listed, plural
+from acx4book.typesetting.labels import p_value, value_and_sigma
+from acx4book.typesetting.plain_text import shown
+
+NAMED = 6
+"""Changes that a sentence names; the others are counted."""
+
+
+def verdict(study: Study) -> str:
+    """Say whether the campaigns have the same parameters, and what has changed, as Markdown."""
+    return "\n\n".join([_stability(study), _where(study), *_on_the_ground(study)])
+
+
+def _stability(study: Study) -> str:
+    found = study.tables["tests"].iloc[0]
+    n, same = len(study.comparison.campaigns), found["p"] >= study.level
+    counted = plural(len(study.comparison.parameters), "parameter")
+    what = "agree within their errors" if same else "are not the same"
+    return (
+        f"**The {n} campaigns {what}.** All {counted} together: χ² = {found['chi_square']:.1f} "
+        f"with {found['dof']} degrees of freedom, p {_p(found['p'])}; the level is {study.level:g}."
+    )
+
+
+def _p(p: float) -> str:
+    said = p_value(p)
+    return said if said.startswith("<") else f"= {said}"
+
+
+def _where(study: Study) -> str:
+    table = study.tables["differences"]
+    changed = table[table["p_joint"] < study.level]
+    if changed.empty:
+        return "No parameter by itself has changed at the joint level."
+    several = cameras_to_say(study.comparison.parameters)
+    most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
+    said = [_change(row, several) for row in rows_of(most.head(NAMED))]
+    more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
+    return f"At the joint level {_has(len(changed))} changed: {listed(said)}{more}."
+
+
+def _has(n: int) -> str:
+    return "one parameter has" if n == 1 else f"{n} parameters have"
+
+
+def _change(row: Any, several: bool) -> str:
+    factor, unit = scale(row.unit)
+    said = value_and_sigma(factor * row.difference, factor * row.sigma)
+    name = label(row.parameter, row.camera if several else "")
+    return f"{name} by {said} {unit} ({shown(row.earlier)} to {shown(row.later)})"
+
+
+def _on_the_ground(study: Study) -> Iterator[str]:
+    """Say what the latest difference moves on the ground, camera by camera."""
+    one, names = study.found[-1], [c.name for c in study.comparison.campaigns]
+    for camera, effects in study.ground.of.items():
+        own = np.flatnonzero([p.camera == camera for p in study.comparison.parameters])
+        moved = effects.moved(one.d[own])
+        sigma = effects.sigma(one.cov[np.ix_(own, own)])
+        far, chance = np.sqrt(np.sum(moved**2, axis=1).mean()), np.sqrt(np.mean(sigma**2))
+        yield (
+            f"From {study.ground.height_m:g} m above the ground a pixel of {shown(camera)} that is "
+            f"georeferenced with {shown(names[one.later])} lies {far:.3f} m (RMS over the format) "
+            f"from where it lies with {shown(names[one.earlier])}; errors of both calibrations "
+            f"alone make {chance:.3f} m."
+        )
+
+
+def notes(study: Study) -> str:
+    """Return what readers must know of these campaigns, as a list; empty without any."""
+    return "\n".join(f"- {shown(note)}." for note in study.comparison.notes)
+
+
+def trend(study: Study) -> str:
+    """Say which parameters follow time or temperature, or what a regression would need."""
+    found = study.tables["tests"]
+    slopes = found[found["test"].str.startswith("slope")]
+    if slopes.empty:
+        return (
+            "There is no regression: it needs three campaigns or more, and of all of them `date` "
+            "or `temperature_c` in `[session]` of flight.toml, not all the same."
+        )
+    return " ".join(
+        f"The {shown(row.test)} is {'not ' if row.p >= study.level else ''}significant for all "
+        f"parameters together (χ² = {row.chi_square:.1f}, {row.dof} degrees of freedom, p "
+        f"{_p(row.p)})."
+        for row in rows_of(slopes)
+    )
+
+
+def how(study: Study) -> str:
+    """Say how the numbers were obtained."""
+    sigma = (
+        "as they were stated before the adjustments"
+        if study.comparison.apriori
+        else "multiplied by the root of each campaign's own σ₀²"
+    )
+    p_of = "χ²" if study.comparison.apriori else "F, with the smallest redundancy of the campaigns"
+    return (
+        "Campaigns count as independent: the covariance of a difference is the sum of both, from "
+        f"covariance.csv. Standard deviations are {sigma}. χ² is $d^T C^{{-1}} d$ of the "
+        f"differences d with their joint covariance C; p is from {p_of}. *p, joint* is Holm's: "
+        f"among the tests of one table, the probability of one false alarm or more is at most "
+        f"{study.level:g}, however the tests depend on each other. Values *of all campaigns* are "
+        "fitted by least squares with the full covariances; they hold where nothing has changed. "
+        f"*Ground* is what a difference moves in a single image from {study.ground.height_m:g} m "
+        "over level ground of known height, as RMS over the format; *by chance* is what it would "
+        "be if only errors of both calibrations made it."
+    )
+
+
+def for_terminal(study: Study) -> list[str]:
+    """Return the verdict in lines without markup."""
+    table = study.tables["differences"]
+    changed = table[table["p_joint"] < study.level]
+    found = study.tables["tests"].iloc[0]
+    lines = [*study.comparison.notes]
+    same = found["p"] >= study.level
+    lines.append(
+        f"{len(study.comparison.campaigns)} campaigns "
+        f"{'agree within their errors' if same else 'are not the same'}: chi-square "
+        f"{found['chi_square']:.1f}, {found['dof']} degrees of freedom, p {_p(found['p'])}"
+    )
+    return [
+        *lines,
+        *(
+            f"{row.camera} {row.parameter}: {row.difference:+.4g} {row.unit}, sigma "
+            f"{row.sigma:.2g}, from {row.earlier} to {row.later}; {row.ground_rms_m:.3f} m on the "
+            "ground"
+            for row in rows_of(changed)
+        ),
+    ]
