@@ -12,19 +12,21 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.report.campaigns.study import Study
-from acx4book.report.campaigns.units import scale
+from acx4book.report.campaigns.units import fine
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 from acx4lib.expected import Array
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results.campaigns import comparison as compared
-from acx4lib.results.campaigns.tables import PER, trends_of
+from acx4lib.results.campaigns.tables import trends_of
 
 COLUMNS = 3
 BARS = 2.0
 """Length of error bars, in standard deviations to each side."""
 
 MOST_PANELS = 6
+YEARS = "years after the first campaign"
+
 SPREAD = 0.25
 """Distance of the first from the last camera in one place, as a share of that of two campaigns."""
 
@@ -79,16 +81,16 @@ def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -
     for i, p in enumerate(comparison.parameters):
         if p.name != name:
             continue
-        factor, unit = scale(p.unit)
+        factor, unit = fine(p.unit, float(band[i]))
         k = cameras.index(p.camera)
         shift = step * (k - (len(cameras) - 1) / 2) if len(cameras) > 1 else 0.0
         sigma = factor * np.sqrt(comparison.covs[:, i, i])
         bars: dict[str, Any] = {"fmt": "o", "ms": 3.5, "lw": 1.1, "color": style.colour(k)}
         ax.errorbar(at + shift, factor * d[:, i], yerr=BARS * sigma, **bars)
         if len(cameras) == 1:
-            ax.axhspan(*(BARS * factor * band[i] * np.array([-1, 1])), color=style.SKY, alpha=0.4)
+            ax.axhspan(*(BARS * factor * band[i] * np.array([-1, 1])), color=style.SHEET)
     ax.axhline(0, color=style.INK, lw=0.7)
-    return "1" if unit == "1" else unit
+    return unit
 
 
 def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
@@ -99,7 +101,6 @@ def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
         ax.set_xticks(at, names, rotation=90 if len(names) > 4 else 0)
     margin = 0.12 * float(np.ptp(at))
     ax.set_xlim(at.min() - margin, at.max() + margin)
-    ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
 
 
 def _legend(fig: Figure, study: Study, axes: Sequence[Axes]) -> None:
@@ -182,14 +183,13 @@ def over(study: Study, what: str) -> Figure:
         fig, axes = _panels([comparison.names[i] for i in steepest], height=1.6)
         for ax, i in zip(axes, steepest.tolist(), strict=False):
             p = comparison.parameters[i]
-            factor, unit = scale(p.unit)
+            factor, unit = fine(p.unit, float(np.sqrt(comparison.covs[0, i, i])))
             sigma = factor * np.sqrt(comparison.covs[:, i, i])
             d = factor * (comparison.values[:, i] - line.at_mean[i])
             ax.errorbar(line.at, d, yerr=BARS * sigma, fmt="o", ms=3.5, lw=1.1)
             ax.plot(ends, factor * line.slope[i] * (ends - line.at.mean()), color=style.ORANGE)
             camera = f"{style.plain(p.camera)} " if len(study.ground.of) > 1 else ""
             style.heading(ax, f"{camera}{LABELS[p.name]}", f"{unit}; slope {t[i]:.1f} σ")
-            ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
         for ax in axes[: len(steepest)][-COLUMNS:]:
-            ax.set_xlabel("temperature (°C)" if what == "temperature" else f"{PER[what]}s")
+            ax.set_xlabel("temperature (°C)" if what == "temperature" else YEARS)
     return fig

@@ -12,6 +12,7 @@ from acx4book.report.campaigns.units import cameras_to_say, label, rows_of, scal
 from acx4book.report.words import listed, plural
 from acx4book.typesetting.labels import p_value, value_and_sigma
 from acx4book.typesetting.plain_text import shown
+from acx4lib.results.campaigns.tables import NOUN, trends_of
 
 NAMED = 6
 """Changes that a sentence names; the others are counted."""
@@ -19,7 +20,8 @@ NAMED = 6
 
 def verdict(study: Study) -> str:
     """Say whether the campaigns have the same parameters, and what has changed, as Markdown."""
-    return "\n\n".join([_stability(study), _where(study), *_on_the_ground(study)])
+    parts = [_stability(study), _where(study), _together(study), *_on_the_ground(study)]
+    return "\n\n".join(part for part in parts if part)
 
 
 def _stability(study: Study) -> str:
@@ -48,6 +50,28 @@ def _where(study: Study) -> str:
     said = [_change(row, several) for row in rows_of(most.head(NAMED))]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     return f"At the joint level {_has(len(changed))} changed: {listed(said)}{more}."
+
+
+def _together(study: Study) -> str:
+    """Say which campaigns differ although no parameter by itself does."""
+    tests, singles = study.tables["tests"], study.tables["differences"]
+    changed = {
+        (row.later, row.earlier) for row in rows_of(singles[singles["p_joint"] < study.level])
+    }
+    whole = tests[tests["part"] == "all"]
+    p = dict(zip(whole["test"], whole["p_joint"], strict=True))
+    pairs = [
+        " and ".join(map(shown, reversed(study.names(one))))
+        for one in study.found
+        if p[study.title(one)] < study.level and study.names(one) not in changed
+    ]
+    if not pairs:
+        return ""
+    return (
+        f"{'; '.join(pairs)}: all parameters together differ, although none does by itself. "
+        "Parameters that are strongly correlated hide a change from each other; the effect on the "
+        "ground shows it."
+    )
 
 
 def _has(n: int) -> str:
@@ -84,18 +108,29 @@ def notes(study: Study) -> str:
 
 def trend(study: Study) -> str:
     """Say which parameters follow time or temperature, or what a regression would need."""
-    found = study.tables["tests"]
-    slopes = found[found["test"].str.startswith("slope")]
-    if slopes.empty:
+    if not trends_of(study.comparison):
         return (
             "There is no regression: it needs three campaigns or more, and of all of them `date` "
             "or `temperature_c` in `[session]` of flight.toml, not all the same."
         )
-    return " ".join(
-        f"The {shown(row.test)} is {'not ' if row.p >= study.level else ''}significant for all "
-        f"parameters together (χ² = {row.chi_square:.1f}, {row.dof} degrees of freedom, p "
-        f"{_p(row.p)})."
-        for row in rows_of(slopes)
+    return "\n\n".join(_line(study, what) for what in trends_of(study.comparison))
+
+
+def _line(study: Study, what: str) -> str:
+    """Say whether parameters follow time or temperature, and whether a line describes them."""
+    line, noun = trends_of(study.comparison)[what], NOUN[what]
+    sloping, straight = line.sloping.p < study.level, line.scatter.p >= study.level
+    said = (
+        f"Over {noun} the slopes of all parameters together are {'' if sloping else 'not '}"
+        f"significant (χ² = {line.sloping.chi_square:.1f}, {line.sloping.dof} degrees of freedom, "
+        f"p {_p(line.sloping.p)})."
+    )
+    if straight:
+        return f"{said} The campaigns lie on the lines within their errors."
+    return (
+        f"{said} But the campaigns do not lie on the lines (χ² = {line.scatter.chi_square:.1f}, "
+        f"{line.scatter.dof} degrees of freedom, p {_p(line.scatter.p)}): {noun} alone does not "
+        "explain what changed, and σ of the slopes do not hold."
     )
 
 
@@ -111,7 +146,8 @@ def how(study: Study) -> str:
         "Campaigns count as independent: the covariance of a difference is the sum of both, from "
         f"covariance.csv. Standard deviations are {sigma}. χ² is $d^T C^{{-1}} d$ of the "
         f"differences d with their joint covariance C; p is from {p_of}. *p, joint* is Holm's: "
-        f"among the tests of one table, the probability of one false alarm or more is at most "
+        "among all parameters of all differences, or all their parts, or all differences as a "
+        "whole, the probability of one false alarm or more is at most "
         f"{study.level:g}, however the tests depend on each other. Values *of all campaigns* are "
         "fitted by least squares with the full covariances; they hold where nothing has changed. "
         f"*Ground* is what a difference moves in a single image from {study.ground.height_m:g} m "

@@ -38,6 +38,23 @@ class Study:
     level: float
     tables: dict[str, pd.DataFrame]
 
+    def names(self, one: Difference) -> tuple[str, str]:
+        """Return the names of the later and the earlier campaign of a difference."""
+        listed = self.comparison.campaigns
+        return listed[one.later].name, listed[one.earlier].name
+
+    def title(self, one: Difference) -> str:
+        """Return a difference as the tables name it."""
+        return " - ".join(self.names(one))
+
+    def changed(self, one: Difference) -> bool:
+        """Tell whether any test of a difference, whole, of a part or single, is significant."""
+        tests, singles = self.tables["tests"], self.tables["differences"]
+        later, earlier = self.names(one)
+        own = singles[(singles["later"] == later) & (singles["earlier"] == earlier)]
+        p = [*tests.loc[tests["test"] == self.title(one), "p_joint"], *own["p_joint"]]
+        return min(p) < self.level
+
 
 def study(
     campaigns: Sequence[Campaign],
@@ -105,11 +122,8 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
 
 
 def names_of(folders: Sequence[str | Path]) -> list[str]:
-    """Return the shortest ends of paths, of whole names, that differ from each other."""
+    """Return the shortest ends of paths, of whole names, that differ; of one path its name."""
     parts = [Path(folder).resolve().parts for folder in folders]
-    longest = max(map(len, parts))
-    for n in range(1, longest + 1):
-        names = ["/".join(own[-n:]) for own in parts]
-        if len(set(names)) == len(names):
-            return names
-    return ["/".join(own) for own in parts]
+    ends = (["/".join(own[-n:]) for own in parts] for n in range(1, max(map(len, parts))))
+    different = (names for names in ends if len(set(names)) == len(names))
+    return next(different, [own[-1] for own in parts])

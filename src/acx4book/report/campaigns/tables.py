@@ -11,9 +11,7 @@ from acx4book.report.campaigns.study import Study
 from acx4book.report.campaigns.units import cameras_to_say, label, rows_of, scale
 from acx4book.typesetting.labels import TITLES, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup
-
-MOST_ROWS = 80
-"""Rows of single differences that a page shows; of more, those at the joint level."""
+from acx4lib.results.campaigns.comparison import Difference
 
 
 def campaigns(study: Study) -> pd.DataFrame:
@@ -37,25 +35,37 @@ def campaigns(study: Study) -> pd.DataFrame:
 
 
 def tests(study: Study) -> pd.DataFrame:
-    """Return the joint tests: of stability, of whole differences, of their parts, of trends."""
-    rows = []
-    for row in rows_of(study.tables["tests"]):
-        tested = "all parameters" if row.part == "all" else f"{row.camera} {row.part}".strip()
-        moves = np.isfinite(row.ground_rms_m)
-        rows.append(
+    """Return the joint tests of all parameters: of stability, of every difference, of trends."""
+    table = study.tables["tests"]
+    whole = table[table["part"] == "all"]
+    return pd.DataFrame([{"Test": row.test, **_tested(row, study.level)} for row in rows_of(whole)])
+
+
+def parts(study: Study, one: Difference) -> pd.DataFrame:
+    """Return the joint tests of the parts of a difference, with their effects on the ground."""
+    table = study.tables["tests"]
+    mine = table[(table["test"] == study.title(one)) & (table["part"] != "all")]
+    several = cameras_to_say(study.comparison.parameters)
+    return pd.DataFrame(
+        [
             {
-                "Test": row.test,
-                "Of": tested,
-                "Parameters": row.dof,
-                "χ²": f"{row.chi_square:.1f}",
-                "p": p_value(row.p),
-                "p, joint": p_value(row.p_joint),
-                "": _answer(row.p_joint < study.level),
-                "Ground (m)": f"{row.ground_rms_m:.3f}" if moves else None,
-                "by chance (m)": f"{row.ground_sigma_m:.3f}" if moves else None,
+                "Part": f"{row.camera} {row.part}" if several else row.part,
+                **_tested(row, study.level),
+                "Ground (m)": f"{row.ground_rms_m:.3f}",
+                "by chance (m)": f"{row.ground_sigma_m:.3f}",
             }
-        )
-    return pd.DataFrame(rows).rename(columns={"Parameters": "Degrees of freedom", "": "Changed"})
+            for row in rows_of(mine)
+        ]
+    )
+
+
+def _tested(row: Any, level: float) -> dict[str, object]:
+    return {
+        "χ²": f"{row.chi_square:.1f}",
+        "Degrees of freedom": row.dof,
+        "p, joint": p_value(row.p_joint),
+        "Significant": _answer(row.p_joint < level),
+    }
 
 
 def _answer(rejected: bool) -> str:
@@ -66,23 +76,21 @@ def _label(row: Any, several: bool) -> Markup:
     return label(row.parameter, row.camera if several else "")
 
 
-def differences(study: Study) -> pd.DataFrame:
-    """Return the single differences; of more than `MOST_ROWS`, those at the joint level."""
-    table = study.tables["differences"]
-    if len(table) > MOST_ROWS:
-        table = table[table["p_joint"] < study.level]
+def singles(study: Study, one: Difference) -> pd.DataFrame:
+    """Return the parameters of a difference, one by one."""
+    table, names = study.tables["differences"], study.names(one)
+    mine = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
     several = cameras_to_say(study.comparison.parameters)
     rows = []
-    for row in rows_of(table):
+    for row in rows_of(mine):
         factor, unit = scale(row.unit)
         rows.append(
             {
-                "Campaigns": f"{row.later} - {row.earlier}",
                 "Parameter": with_unit(_label(row, several), unit),
                 "Difference": value_and_sigma(factor * row.difference, factor * row.sigma),
                 "t": f"{row.t:+.1f}",
                 "p, joint": p_value(row.p_joint),
-                "Changed": _answer(row.p_joint < study.level),
+                "Significant": _answer(row.p_joint < study.level),
                 "Ground (m)": f"{row.ground_rms_m:.3f}",
             }
         )
@@ -102,7 +110,7 @@ def pooled(study: Study) -> pd.DataFrame:
                 "χ²": f"{row.chi_square:.1f}",
                 "Degrees of freedom": row.dof,
                 "p, joint": p_value(row.p_joint),
-                "Changed": _answer(row.p_joint < study.level),
+                "Significant": _answer(row.p_joint < study.level),
             }
             for row in rows_of(study.tables["pooled"])
         ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
 
 from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import POWER, SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import Parameter
 
@@ -23,6 +25,24 @@ def rows_of(table: pd.DataFrame) -> Iterator[Any]:
 def scale(unit: str) -> tuple[float, str]:
     """Return the factor to the unit for changes, and its sign."""
     return SMALL.get(unit, (1.0, unit))
+
+
+def fine(unit: str, size: float) -> tuple[float, str]:
+    """Return factor and unit for a figure; small numbers have a power of ten in the unit.
+
+    Parameters
+    ----------
+    unit : str
+        Of results.
+    size : float
+        Of what is drawn, in this unit.
+    """
+    factor, sign = scale(unit)
+    power = math.floor(math.log10(size)) if unit not in SMALL and size > 0 else 0
+    text = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), "" if sign == "1" else sign)
+    if not power:
+        return factor, text
+    return factor / 10.0**power, f"10{str(power).translate(SUPERSCRIPTS)} {text}".strip()
 
 
 def label(name: str, camera: str = "") -> Markup:

@@ -12,9 +12,10 @@ from acx4book.report.campaigns import figures, rig, sentences, tables
 from acx4book.report.campaigns.page import Drawn, page
 from acx4book.report.campaigns.study import Study
 from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.trust.rigidity import Rigidity
 from acx4lib.results.campaigns import tables as of_library
-from acx4lib.results.campaigns.tables import trends_of
+from acx4lib.results.campaigns.tables import NOUN, trends_of
 from acx4lib.results.own_folder import claims
 
 FORM: Any = {"float_format": "%.10g", "lineterminator": "\n", "encoding": "utf-8"}
@@ -22,7 +23,8 @@ FORM: Any = {"float_format": "%.10g", "lineterminator": "\n", "encoding": "utf-8
 
 COMMAND = "acx4 compare"
 PAGE = "compare.html"
-NOUN = {"year": "time", "temperature": "temperature"}
+MOST_SHOWN = 6
+"""Differences that a page shows in any case."""
 
 
 def write(study: Study, out: Path) -> None:
@@ -87,8 +89,8 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
         ),
         alt="A small diagram for each parameter with one dot and error bar for each campaign.",
     )
-    yield "## Joint tests"
-    yield myst_table(tables.tests(study), "Tests with the joint covariance", name="tab-tests")
+    yield "## All parameters together"
+    yield myst_table(tables.tests(study), "Joint tests of all parameters", name="tab-tests")
     yield Drawn(
         figure=figures.on_the_ground(study),
         name="fig-ground",
@@ -99,18 +101,29 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
         ),
         alt="Arrows over the ground that an image covers.",
     )
-    yield "## Single differences"
-    singles = tables.differences(study)
-    if singles.empty:
-        yield "None is significant at the joint level; differences.csv has all of them."
-    else:
-        yield myst_table(singles, "Later less earlier campaigns", name="tab-differences")
+    yield from _differences(study)
     yield "## Values of all campaigns"
     yield myst_table(
         tables.pooled(study), "Values of all campaigns, with their stability", name="tab-pooled"
     )
     yield from _trends(study)
     yield f"## How the numbers were obtained\n\n{sentences.how(study)}"
+
+
+def _differences(study: Study) -> Iterator[str]:
+    """Yield a section for every difference, or of many for those that are significant."""
+    shown_ones = [
+        one for one in study.found if len(study.found) <= MOST_SHOWN or study.changed(one)
+    ]
+    for number, one in enumerate(shown_ones, 1):
+        later, earlier = map(shown, study.names(one))
+        yield f"## {later} less {earlier}"
+        yield myst_table(tables.parts(study, one), "By parts", name=f"tab-parts-{number}")
+        yield myst_table(
+            tables.singles(study, one), "Parameter by parameter", name=f"tab-singles-{number}"
+        )
+    if left := len(study.found) - len(shown_ones):
+        yield f"In {left} more differences nothing is significant; differences.csv has them."
 
 
 def _trends(study: Study) -> Iterator[str | Drawn]:

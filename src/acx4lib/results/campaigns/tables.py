@@ -162,11 +162,11 @@ def tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -
     Returns
     -------
     DataFrame
-        test, camera, part, dof, chi_square, p, p_joint (Holm, over the rows of the same kind of
-        test: differences whole, or their parts), ground_rms_m and ground_sigma_m (joint effect of
-        the parameters and its predicted size where nothing has changed).
+        test (what is tested), camera, part, dof, chi_square, p, p_joint (Holm, over the rows of
+        the same kind of test: differences whole, or their parts), ground_rms_m and ground_sigma_m
+        (joint effect of the parameters, and its predicted size where nothing has changed).
     """
-    rows = [_row("stability", "", "all", compared.stability(comparison))]
+    rows = [_row(SAME, "", "all", compared.stability(comparison))]
     wholes, parts = [], []
     for one in found:
         title = f"{comparison.campaigns[one.later].name} - {comparison.campaigns[one.earlier].name}"
@@ -176,9 +176,9 @@ def tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -
             parts.append({**_row(title, camera, part, one.test(own)), **joint})
     rows += [*_at_joint_level(wholes), *_at_joint_level(parts)]
     for what, line in trends_of(comparison).items():
-        rows.append(_row(f"slope on {what}", "", "all", line.sloping))
+        rows.append(_row(f"no slope over {NOUN[what]}", "", "all", line.sloping))
         if line.scatter.dof:
-            rows.append(_row(f"scatter about the line on {what}", "", "all", line.scatter))
+            rows.append(_row(f"straight lines over {NOUN[what]}", "", "all", line.scatter))
     return pd.DataFrame(rows, columns=[*TESTS])
 
 
@@ -260,6 +260,10 @@ def trends_of(comparison: Comparison) -> dict[str, Trend]:
         if at is not None and enough
     }
 
+
+NOUN = {"year": "time", "temperature": "temperature"}
+SAME = "all campaigns the same"
+"""Names of the tests that concern all campaigns: what is tested, and rejected where p is small."""
 
 PER = {"year": "year", "temperature": "°C"}
 """What a slope is per."""
