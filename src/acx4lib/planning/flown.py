@@ -13,7 +13,8 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import BlockTables, assemble, lonlat_of, poses
 from acx4lib.flight.text.table import Table
-from acx4lib.geometry.geodesy import mean_origin
+from acx4lib.geometry.frames import opk_from_rotation, rotation_from_rph
+from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, mean_origin
 from acx4lib.planning import ground
 from acx4lib.planning.exposures import Exposures, exposures
 from acx4lib.planning.plan import Plan
@@ -78,13 +79,13 @@ def _table(
 
 def _trajectory(plan: Plan, name: str, taken: Exposures) -> Table:
     east, north = ground.on_map(plan.blocks[name].area, taken.local).T
+    R_grid_b = R_ENU_NED @ rotation_from_rph(np.radians(taken.rph_deg)) @ R_FRD_FLU
+    opk = np.degrees(opk_from_rotation(R_grid_b))
     numbers = {
         "east_m": east,
         "north_m": north,
         "height_m": plan.terrain.height_m + taken.flying_height_m,
-        "omega_deg": np.zeros(len(east)),
-        "phi_deg": np.zeros(len(east)),
-        "kappa_deg": 90.0 - taken.course_deg,
+        **dict(zip(("omega_deg", "phi_deg", "kappa_deg"), opk.T, strict=True)),
         "time_s": taken.time_s,
     }
     return _table("trajectory", len(east), {"exposure": taken.names}, numbers)
