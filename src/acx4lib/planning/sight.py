@@ -143,6 +143,14 @@ class Over:
         FlightError
             Where the images show less than are asked for.
         """
+        return self._tried()[0]
+
+    def tie_places(self) -> Array:
+        """Return all places that were tried for tie points, forward and left, m, (n, 2)."""
+        return self._evenly(self._tried()[1], first=1)
+
+    def _tried(self) -> tuple[Sight, int]:
+        """Return the sight of the tie points, and how many places were tried for them."""
         wanted = self.plan.blocks[self.name].tie_points
         kept = [self.see(np.empty((0, 2)))]
         n_good = np.zeros(len(kept[0].deciding), dtype=int)
@@ -154,14 +162,12 @@ class Over:
             upto = int(np.argmax(enough)) + 1 if enough.any() else wanted
             kept.append(sight[np.flatnonzero(good[:, :upto].any(axis=0))])
             if enough.any():
-                return joined(kept)
+                return joined(kept), batch * wanted + upto
             n_good = so_far[:, -1]
         if wanted:
-            found = f"{self.name}.tie_points: {wanted}; three images of every camera show only "
-            raise FlightError(
-                [f"{found}{n_good.min()} of those tried: ask for less, or lay the strips closer"]
-            )
-        return joined(kept)
+            found = f"{self.name}.tie_points: of {wanted}, three images of every camera show only"
+            raise FlightError([f"{found} {n_good.min()}; ask for less, or for a larger overlap"])
+        return joined(kept), 0
 
     def _evenly(self, n: int, *, first: int) -> Array:
         low, high = self._tie_area()

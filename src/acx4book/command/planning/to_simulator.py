@@ -143,7 +143,7 @@ def _block(plan: FlightPlan, block: PlannedBlock) -> BlockPlan:
         start_s=START_S[block.name],
         tie_points=0,
         tie_area_m=(0.0, 0.0),
-        tie_places=flown.over(plan, block.name).tie_points().local if block.tie_points else None,
+        tie_places=flown.over(plan, block.name).tie_places() if block.tie_points else None,
         targets=ground.places(points) if own else np.empty((0, 2)),
         target_m=points.sigma_m,
         target_px=(target_px, target_px),
