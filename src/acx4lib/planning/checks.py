@@ -87,10 +87,14 @@ def problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
 
 
 def _block_problems(toml: Toml, name: str) -> Iterator[Problem]:
-    own = (*AREA, "tie_points", "tie_area_m", "strips")
-    check = ("check",) if name == "validation" else ()
-    yield from key_problems(toml, (name,), (*own, *check), ("strips", *check))
-    yield from number_problems(toml, (name,), {**AREA, "tie_points": TIE_POINTS})
+    own = ("tie_points", "tie_area_m", "strips")
+    elsewhere, check = (tuple(AREA), ("check",)) if name == "validation" else ((), ())
+    yield from key_problems(toml, (name,), (*elsewhere, *own, *check), ("strips", *check))
+    yield from number_problems(
+        toml,
+        (name,),
+        {key: (AREA | {"tie_points": TIE_POINTS})[key] for key in (*elsewhere, "tie_points")},
+    )
     yield from _list_problems(toml, (name, "tie_area_m"), 2, POSITIVE)
     if check and "check" in toml.table(name):
         yield from _points_problems(toml, (name, "check"))
