@@ -118,7 +118,7 @@ def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
     if not name.endswith(".toml"):
         known = ", ".join(DESIGNS)
         terminal.refuse(f"unknown flight {name!r}; known: {known}; a plan's name ends in .toml")
-    from acx4book.command.planning import to_simulator  # noqa: PLC0415 quick help
+    from acx4book.notebooks.simulated import to_simulator  # noqa: PLC0415 quick help
     from acx4lib.planning import text  # noqa: PLC0415 quick help
 
     plan = text.read(name)
@@ -131,7 +131,7 @@ def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
 
 
 def _write_plan(name: str, path: Path) -> None:
-    from acx4book.command.planning import of_design  # noqa: PLC0415 quick help
+    from acx4book.notebooks.simulated import of_design  # noqa: PLC0415 quick help
     from acx4lib.planning import text  # noqa: PLC0415 quick help
     from acx4lib.results.own_folder import places  # noqa: PLC0415 quick help
     from acx4sim.designs import PLANS  # noqa: PLC0415 quick help

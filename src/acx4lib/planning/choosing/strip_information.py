@@ -153,7 +153,7 @@ def _whitened(
 
 def _sparse(A: Array, columns: Index, n: int) -> sparse.csr_array:
     """Return rows with their columns in a sparse matrix, those of held unknowns left out."""
-    m, d, k = A.shape
+    m, d, _ = A.shape
     row = np.broadcast_to(np.arange(m * d).reshape(m, d, 1), A.shape)
     column = np.broadcast_to(columns[:, None, :], A.shape)
     there = column >= 0
