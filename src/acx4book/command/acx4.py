@@ -21,7 +21,7 @@ import typer
 
 from acx4book.command import render, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
-from acx4book.command.planning import simulate
+from acx4book.command.planning import plan, simulate
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -115,6 +115,7 @@ def check(flight: terminal.Flight) -> None:
 app.command(help=run.HELP)(run.run)
 
 
+app.command(help=plan.HELP)(plan.plan)
 app.command(help=simulate.HELP)(simulate.simulate)
 
 

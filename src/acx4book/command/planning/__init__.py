@@ -1,5 +1,4 @@
 """``acx4 plan`` and ``acx4 simulate``: flights that are planned, and flown without an aircraft.
 
-`plan` and `simulate` are the commands. `picture` draws a plan; `target` shows the strips that were
-chosen for a target.
+`plan` and `simulate` are the commands. `target` shows the strips that were chosen for a target.
 """

@@ -36,7 +36,7 @@ from acx4lib.geometry.crs.text import is_code_or_wkt
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import GNSS
 
-FORMAT = 3
+FORMAT = 4
 """The latest format of flight.toml that is understood, as are all before it."""
 
 TOP = (
