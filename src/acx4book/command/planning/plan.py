@@ -84,16 +84,17 @@ def plan(
     terminal.show("\n".join(shown.lines(found)))
     if out is not None:
         terminal.need_book("plan --out")
-        write(found, out, chosen)
+        source = file.read_text("utf-8-sig") if chosen is None else text.written(chosen.plan.values)
+        write(found, source, out, chosen)
     if tables.sentences(found) or (chosen is not None and not chosen.met):
         raise typer.Exit(NOT_DETERMINED)
 
 
-def write(design: Design, out: Path, chosen: Chosen | None = None) -> None:
+def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
     from acx4book.typesetting.drawing import vector  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
-    from acx4lib.planning import tables, text  # noqa: PLC0415 quick help
+    from acx4lib.planning import tables  # noqa: PLC0415 quick help
     from acx4lib.planning.choosing import tables as choices  # noqa: PLC0415 quick help
     from acx4lib.results.own_folder import claims  # noqa: PLC0415 quick help
 
@@ -104,13 +105,10 @@ def write(design: Design, out: Path, chosen: Chosen | None = None) -> None:
         tables.reliability_table(design),
         tables.check_point_table(design),
     )
-    content = {
-        f"{name}.csv": _csv(table)
-        for name, table in zip(FILES, made, strict=True)
-    }
+    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
     content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
     content["plan.svg"] = vector(block_maps(*design.blocks.values())) + "\n"
-    content["plan.toml"] = text.written(design.plan.values)
+    content["plan.toml"] = source
     if chosen is not None:
         content["target.csv"] = _csv(choices.wanted(chosen))
         content["strips.csv"] = _csv(choices.strips(chosen))

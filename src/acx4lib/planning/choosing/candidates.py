@@ -9,6 +9,7 @@ import numpy as np
 
 from acx4lib.calibration import gnss_shift
 from acx4lib.calibration.estimates import Parameter, parameters, to_reported
+from acx4lib.calibration.mounting import Mounting
 from acx4lib.calibration.trust.needs import features, needed
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -19,6 +20,7 @@ from acx4lib.planning.choosing.search import Choice
 from acx4lib.planning.choosing.strip_information import StripInformation, of_strips
 from acx4lib.planning.choosing.target import BLOCK, CHECK_POINTS, Target
 from acx4lib.planning.design import Design
+from acx4lib.planning.exposures import flying_time_s
 from acx4lib.planning.plan import TURN_S, Plan
 
 AT_CHECK_POINTS = "check points"
@@ -90,7 +92,7 @@ class Candidates:
     def seconds(self) -> Array:
         """Time of every strip and the turn after it, shape (n,)."""
         strips = self.target.plan.blocks[BLOCK].strips.values()
-        return np.array([s.base_m * (s.n_exposures - 1) / s.speed_m_s + TURN_S for s in strips])
+        return np.array([flying_time_s((one,)) + TURN_S for one in strips])
 
     def minutes(self, chosen: Choice) -> float:
         """Return the flying time from the first exposure to the last."""
@@ -118,9 +120,9 @@ def of(target: Target) -> Candidates:
         Where something is wanted that the plan does not estimate.
     """
     full = _designed(target, target.plan)
-    mounting = full.mountings[design.methods(full.plan)[BLOCK]]
+    mounting = _mounting(full)
     information = of_strips(mounting.bundle.network)
-    listed = _shared(full)
+    listed = shared(mounting)
     wanted = [i for name in target.sigma for i in _places(name, listed)]
     n, k = mounting.calibration.n_columns, len(information.names)
     J = np.eye(k)
@@ -142,9 +144,12 @@ def _designed(target: Target, plan: Plan) -> Design:
     return design.of(replace(plan, blocks={name: plan.blocks[name] for name in names}))
 
 
-def _shared(designed: Design) -> list[Parameter]:
+def _mounting(designed: Design) -> Mounting:
+    return designed.mountings[design.methods(designed.plan)[BLOCK]]
+
+
+def shared(mounting: Mounting) -> list[Parameter]:
     """Return the parameters that belong to no strip, in the order of their columns."""
-    mounting = designed.mountings[design.methods(designed.plan)[BLOCK]]
     of_gnss = [p for p in gnss_shift.parameters(mounting.bundle) if p.key != "drift"]
     return [*parameters(mounting.calibration), *of_gnss]
 
@@ -159,7 +164,7 @@ def _places(name: str, listed: list[Parameter]) -> list[int]:
 
 def _found(designed: Design) -> dict[Key, float]:
     """Return standard deviations and RMS by their names."""
-    found = {(p.camera, p.name): p.sigma for p in _shared(designed)}
+    found = {(p.camera, p.name): p.sigma for p in shared(_mounting(designed))}
     for validation in designed.validations.values():
         rms = np.sqrt(np.mean(validation.points.sigma**2, axis=0))
         found |= {

@@ -15,6 +15,9 @@ from acx4lib.planning.plan import TURN_S, Plan
 TRIALS = 4
 """Number of searches, each for limits that are narrower by what the last choice missed."""
 
+PLACE = ("forward_m", "left_m")
+"""Keys of a strip that are zero by default."""
+
 NARROWER = 0.998
 """Factor on the limits, besides what they were missed by."""
 
@@ -75,7 +78,7 @@ def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
     """
     limits = narrower = candidates.limits
     for _ in range(TRIALS):
-        order = _searched(candidates, narrower, minutes)
+        order = searched(candidates, narrower, minutes)
         plan = with_strips(candidates.target.plan, order)
         given, near = candidates.planned(plan), candidates.given(order)
         if np.all(given <= limits) or np.any(near > narrower):
@@ -94,8 +97,21 @@ def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
     )
 
 
-def _searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
-    """Return the strips that a search finds, first the one that buys most for its time."""
+def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
+    """Return strips that keep limits by a part of the tie points, or come near to them.
+
+    Parameters
+    ----------
+    candidates : Candidates
+    limits : ndarray, shape (n,)
+        Of what is wanted.
+    minutes : float
+
+    Returns
+    -------
+    tuple of int
+        First the strip that buys most for its time.
+    """
 
     def lack(chosen: Choice) -> float:
         return float(np.log(np.maximum(candidates.given(chosen) / limits, 1.0)).sum())
@@ -116,7 +132,10 @@ def with_strips(plan: Plan, chosen: Choice) -> Plan:
     """
     listed = [*plan.blocks[BLOCK].strips.items()]
     strips = dict(listed[k] for k in chosen)
-    tables = {name: asdict(strip) for name, strip in strips.items()}
+    tables = {
+        name: {key: value for key, value in asdict(strip).items() if value or key not in PLACE}
+        for name, strip in strips.items()
+    }
     return replace(
         plan,
         blocks={**plan.blocks, BLOCK: replace(plan.blocks[BLOCK], strips=strips)},

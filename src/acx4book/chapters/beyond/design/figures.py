@@ -50,7 +50,9 @@ def curves(table: pd.DataFrame, label: str, *, beside: pd.DataFrame | None = Non
             for (name, short), colour in zip(names.items(), COLOURS, strict=True):
                 ax.plot(table.columns, factor * table.loc[name], "o-", color=colour, label=short)
                 if beside is not None:
-                    ax.plot(beside.columns, factor * beside.loc[name], "o--", color=colour, mfc="none")
+                    ax.plot(
+                        beside.columns, factor * beside.loc[name], "o--", color=colour, mfc="none"
+                    )
             ax.set(title=f"σ of {title}", yscale="log", xlabel=label)
             _widened(ax)
             ax.legend(loc="best")
