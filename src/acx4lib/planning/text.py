@@ -43,15 +43,16 @@ def read(path: str | Path) -> Plan:
     FlightError
         With all problems, one line each.
     """
-    return _checked(read_toml(expected.path("path", path)))
+    return checked(read_toml(expected.path("path", path)))
 
 
 def from_values(values: Mapping[str, Any]) -> Plan:
     """Return the plan of a nested dict with the keys of the file; FlightError as `read`."""
-    return _checked(Toml(folder=Path(), file="plan", values=dict(values), in_memory=True))
+    return checked(Toml(folder=Path(), file="plan", values=dict(values), in_memory=True))
 
 
-def _checked(toml: Toml) -> Plan:
+def checked(toml: Toml) -> Plan:
+    """Return the plan of a document; FlightError as `read`."""
     flight = replace(toml, values=settings(toml.values))
     found = [*problems(toml, flight)]
     if found:

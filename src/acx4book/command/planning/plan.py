@@ -11,6 +11,9 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from acx4lib.planning.choosing.chosen import Chosen
     from acx4lib.planning.design import Design
 
 HELP = """Predict what a flight will determine, from its plan alone.
@@ -30,10 +33,22 @@ FILE is TOML: the keys of flight.toml, and besides
   [validation]     a mapping flight with [validation.check] points
 A whole plan to begin with: acx4 simulate single-head --plan my_plan.toml
 
+\b
+With --target the cheapest strips are chosen, by flying time, that give what is wanted. TARGET is
+TOML, too. Strips to choose from are those of [calibration.strips], and all combinations here:
+  minutes = 60     the longest flying time; without it, as long as is needed
+  [sigma]          sigma wanted, by the names of parameters.csv: f_mm = 0.002
+  [check_points]   RMS wanted: east_m, north_m, height_m
+  [candidates]     strips in which a key may have several values:
+                   c = {flying_height_m = [600, 900], course_deg = [0, 90, 180, 270], ...}
+What each strip buys is shown. The status is 1 where no strips give what is wanted.
+
 \\b
 Examples:
   acx4 plan my_plan.toml
   acx4 plan my_plan.toml --out my_prediction
+  acx4 plan my_plan.toml --target my_target.toml --out my_choice
+  acx4 simulate my_choice/plan.toml --out my_flight
   acx4 simulate my_plan.toml --out my_flight
 """
 
@@ -52,24 +67,35 @@ def plan(
             metavar="FOLDER", show_default=False, help="Folder for tables, summary and picture."
         ),
     ] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TARGET", show_default=False, help="What is wanted, TOML: choose the strips."
+        ),
+    ] = None,
 ) -> None:
     """Predict what a flight will determine."""
+    from acx4book.command.planning.target import choose  # noqa: PLC0415 quick help
     from acx4lib.planning import design, shown, tables, text  # noqa: PLC0415 quick help
 
-    found = design.of(text.read(file))
+    planned = text.read(file)
+    chosen = None if target is None else choose(planned, target)
+    found = design.of(planned if chosen is None else chosen.plan)
     terminal.show("\n".join(shown.lines(found)))
     if out is not None:
         terminal.need_book("plan --out")
-        write(found, file, out)
-    if tables.sentences(found):
+        source = file.read_text("utf-8-sig") if chosen is None else text.written(chosen.plan.values)
+        write(found, source, out, chosen)
+    if tables.sentences(found) or (chosen is not None and not chosen.met):
         raise typer.Exit(NOT_DETERMINED)
 
 
-def write(design: Design, file: Path, out: Path) -> None:
+def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
     from acx4book.typesetting.drawing import vector  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4lib.planning import tables  # noqa: PLC0415 quick help
+    from acx4lib.planning.choosing import tables as choices  # noqa: PLC0415 quick help
     from acx4lib.results.own_folder import claims  # noqa: PLC0415 quick help
 
     made = (
@@ -79,16 +105,20 @@ def write(design: Design, file: Path, out: Path) -> None:
         tables.reliability_table(design),
         tables.check_point_table(design),
     )
-    content = {
-        f"{name}.csv": table.to_csv(index=False, lineterminator="\n")
-        for name, table in zip(FILES, made, strict=True)
-    }
+    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
     content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
     content["plan.svg"] = vector(block_maps(*design.blocks.values())) + "\n"
-    content["plan.toml"] = file.read_text("utf-8-sig")
+    content["plan.toml"] = source
+    if chosen is not None:
+        content["target.csv"] = _csv(choices.wanted(chosen))
+        content["strips.csv"] = _csv(choices.strips(chosen))
     with claims.claim(out, command="acx4 plan") as own:
         own.expect(content)
         for name, written in content.items():
             (out / name).write_text(written, encoding="utf-8", newline="\n")
         own.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
+
+
+def _csv(table: pd.DataFrame) -> str:
+    return table.to_csv(index=False, lineterminator="\n")
