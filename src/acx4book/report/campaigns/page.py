@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from acx4book.report.page import page as report
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.typesetting import style
-from acx4book.typesetting.drawing import inline, vector
+from acx4book.typesetting.drawing.inline import inline
+from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
 
 ADDED = resources.files("acx4book.report.campaigns") / "campaigns.css"

@@ -1,15 +1,15 @@
 """Figures as vector drawings: the same bytes every time, small, with no text of a flight in them.
 
-Letters are outlines, so that they look alike on every machine. Colours are those of `style`;
+Letters are outlines, so that they look alike on every machine. Colours are those of `style`; the
 `inline` gives each of these a name, by which a page changes them in the dark.
 """
 
 from __future__ import annotations
 
 import base64
-import html
 import io
 import re
+from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -18,6 +18,7 @@ from matplotlib.transforms import Bbox
 from PIL import Image
 
 from acx4book.typesetting import style
+from acx4book.typesetting.drawing import compact
 
 MARGIN = 0.04
 """Free space above and below a drawing, inches."""
@@ -27,19 +28,9 @@ LOSSY = 60_000
 
 QUALITY = 82
 
-SPACE = re.compile(r"\s+")
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
 PICTURE = re.compile(r'(?<="data:image/)png;base64,([^"]*)')
-
-COLOUR = re.compile("|".join(style.NAMES))
-NAMED = re.compile(r'(\bid="|href="#|url\(#)')
-SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
-GROUND = re.compile(r'<g id="patch_1"><path [^>]*/></g>')
-"""The sheet that matplotlib puts under a figure."""
-
-POINTS = 72 * style.WIDTH
-"""Width of a figure that takes the whole column."""
 
 
 def vector(figure: Figure) -> str:
@@ -75,12 +66,14 @@ def _lay_out(figure: Figure) -> Bbox:
 
 
 def smaller(svg: str) -> str:
-    """Return SVG of matplotlib without what nobody sees: comments, spaces, digits after the 2nd."""
-    seen = SPACE.sub(" ", UNSEEN.sub("", svg)).replace("> <", "><").replace("xlink:href", "href")
+    """Return SVG of matplotlib without what nobody sees, and with pictures as WebP."""
+    seen = UNSEEN.sub("", svg).replace("xlink:href", "href")
     parts = PICTURE.split(seen)
     for i, part in enumerate(parts):
         parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
-    return "".join(parts)
+    root = ET.fromstring("".join(parts))
+    compact.compact(root)
+    return ET.tostring(root, encoding="unicode").replace(" />", "/>")
 
 
 def _rounded(number: re.Match[str]) -> str:
@@ -95,27 +88,3 @@ def _stored(png: str) -> str:
     plain = len(png) < LOSSY
     picture.save(buffer, "WEBP", lossless=plain, quality=100 if plain else QUALITY, method=6)
     return f"webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
-
-
-def inline(svg: str, *, alt: str, name: str) -> str:
-    """Return a drawing as part of a page, in the page's colours by day and by night.
-
-    Parameters
-    ----------
-    svg : str
-        As `vector` makes it.
-    alt : str
-        What is seen.
-    name : str
-        Beginning of all names in it, so that they are unique on the page.
-    """
-    width, height = SIZE.findall(svg)[0]
-    share = min(1.0, float(width) / POINTS)
-    begin = (
-        f'<svg role="img" aria-label="{html.escape(alt)}" viewBox="0 0 {width} {height}" '
-        f'style="width: {100 * share:.4g}%; min-width: {35 * share:.4g}rem">'
-    )
-    inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
-    coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
-    named = NAMED.sub(lambda found: found[0] + name, coloured)
-    return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
