@@ -143,8 +143,8 @@ def answer(
     height = ign.table.loc[ign.table["kind"] == "tie point", "d_height_m"]
     return (
         f"Yes. {int(agrees.sum())} of {len(agrees)} values and statements in the reports of DBAT "
-        f"are met to one unit of the last printed digit. {int(runs.sum())} of {len(runs)} of NIST's "
-        "regressions converge, all to at least "
+        "are met to one unit of the last printed digit. "
+        f"{int(runs.sum())} of {len(runs)} of NIST's regressions converge, all to at least "
         f"{nist.table.loc[converged, 'digits'].min():.1f} certified digits; one that does not is "
         "reported as not determined. OSSIM's ground points are met to "
         f"{1e3 * noaa.table['distance_m'].max():.0f} mm, and the agency's {len(height)} tie points "
