@@ -182,8 +182,8 @@ REPLACED = [
     (
         TOML,
         'name = "small"',
-        'name = "small"\nformat = 4',
-        ":2: format: 4; must be a whole number up to 3; a larger one is of a later acx4",
+        'name = "small"\nformat = 5',
+        ":2: format: 5; must be a whole number up to 4; a larger one is of a later acx4",
     ),
     (
         TOML,
