@@ -5,9 +5,12 @@
 (() => {
   const HEAD = 6, BAR = 12; // px, as in the module plane
 
-  /* What depends on the sliders: a matrix times their values, or the row of a stop of the first. */
-  function respond({ constant, matrix, stops }, values, first) {
-    if (stops) return stops[Math.round((values[0] - first.min) / first.step)];
+  /* What depends on the sliders: a matrix times their values, the row of a stop of the first, or
+     there the roots of sums of squares, in which the first counts as one. */
+  function respond({ constant, matrix, stops, roots }, values, first) {
+    const stop = Math.round((values[0] - first.min) / first.step);
+    if (stops) return stops[stop];
+    if (roots) return roots[stop].map((row) => Math.hypot(...row.map((x, j) => x * (j ? values[j] : 1))));
     return matrix.map((row, i) => row.reduce((sum, x, j) => sum + x * values[j], constant[i]));
   }
 

@@ -13,7 +13,9 @@ JSON, and only multiplies::
     }
 
 A *response* is a vector that depends on the sliders. It is ``{"constant", "matrix"}``, where the
-matrix has a column for each slider, or ``{"stops"}``, a vector for each stop of the first slider.
+matrix has a column for each slider; ``{"stops"}``, a vector for each stop of the first slider; or
+``{"roots"}``, a matrix for each stop of the first slider, whose rows give the root of the sum of
+squares of their entries, each times the value of its slider, the first one times one.
 A *mark* is ``{"kind", "at", "scale", "response"}``. `at` has points of the drawing, the response
 two numbers for each of them, and `scale` the units of the drawing in one unit of the response along
 x and y. So each point has a place at + scale * response. Kinds are
@@ -124,13 +126,38 @@ class Stops:
 
     def data(self, first: Slider) -> dict[str, Any]:
         """Return what the page holds."""
-        if first is not self.slider or len(self.table) != len(first.stops):
-            msg = f"{len(self.table)} rows: expected one for each stop of the first slider"
-            raise ValueError(msg)
+        _check_stops(self.slider, self.table, first)
         return {"stops": _rounded(self.table)}
 
 
-Response = Linear | Stops
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roots:
+    """A response of standard deviations: roots of sums of squares, each of a slider's value.
+
+    Attributes
+    ----------
+    slider : Slider
+        The first one.
+    table : ndarray, shape (n_stops, n, n_sliders)
+        Per unit of each slider; in the place of the first one, what depends on no other.
+    """
+
+    slider: Slider
+    table: Array
+
+    def at(self, values: Sequence[float]) -> Array:
+        """Return the response to values of the sliders, shape (n,)."""
+        row = self.table[round((values[0] - self.slider.low) / self.slider.step)]
+        root: Array = np.linalg.norm(row * np.array([1.0, *values[1:]]), axis=-1)
+        return root
+
+    def data(self, first: Slider) -> dict[str, Any]:
+        """Return what the page holds."""
+        _check_stops(self.slider, self.table, first)
+        return {"roots": _rounded(self.table)}
+
+
+Response = Linear | Stops | Roots
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,6 +284,13 @@ class Explorer:
             "rows": [[response.data(first) for response in row] for row in self.rows.values()],
             "digits": [column.digits for column in self.columns],
         }
+
+
+def _check_stops(slider: Slider, table: Array, first: Slider) -> None:
+    """Raise where a table has not a row for each stop of the first slider."""
+    if first is not slider or len(table) != len(first.stops):
+        msg = f"{len(table)} rows: expected one for each stop of the first slider"
+        raise ValueError(msg)
 
 
 def digits(step: float) -> int:
