@@ -24,8 +24,8 @@ from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
 HEIGHT = Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0)
 IMAGE = Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1)
 GNSS = Slider(name="GNSS, each coordinate", unit="cm", low=0.0, high=30.0, step=1.0)
-TILT = Slider(name="roll and pitch", unit="0.001°", low=0.0, high=20.0, step=0.5)
-HEADING = Slider(name="heading", unit="0.001°", low=0.0, high=40.0, step=1.0)
+TILT = Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005)
+HEADING = Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001)
 SLIDERS = (HEIGHT, IMAGE, GNSS, TILT, HEADING)
 
 ROWS = {
@@ -37,17 +37,17 @@ ROWS = {
 }
 """What is shown: the slider on which it depends, and its sources; the first depends on none."""
 
-ENDS_CM = {"plan": 80.0, "height": 200.0}
+ENDS_CM = {"plan": 60.0, "height": 150.0}
 """Where the axes end."""
 
 
 def unit_flight(height_m: float) -> MappingFlight:
     """Return a mapping flight whose standard deviations are one unit of each slider."""
-    small = float(np.radians(0.001))
+    degree = float(np.radians(1.0))
     return MappingFlight(
         height_m=height_m,
         sigma_position_m=(0.01, 0.01, 0.01),
-        sigma_attitude=(small, small, small),
+        sigma_attitude=(degree, degree, degree),
         sigma_px=1.0,
     )
 
@@ -92,9 +92,11 @@ def explorer(found: Examined) -> Explorer:
         table[:, :, -1, slider] = size[:, :, k]  # all together
     names = [*ROWS, "all together"]
     flown = found.mapping()
-    tilt, _, heading = np.degrees(flown.sigma_attitude) * 1000
-    first = [HEIGHT_M, round(flown.sigma_px, 1), 100 * flown.sigma_position_m[0], tilt, heading]
-    start = [float(round(value, 1)) for value in first]
+    tilt, _, heading = np.degrees(flown.sigma_attitude)
+    values = (HEIGHT_M, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
+    start = [
+        round(float(value), slider.digits) for slider, value in zip(SLIDERS, values, strict=True)
+    ]
     return Explorer(
         name="explorer-error-budget",
         caption=(
@@ -112,7 +114,7 @@ def explorer(found: Examined) -> Explorer:
         panels=[_panel(name, names, table[:, k]) for k, name in enumerate(COORDINATES)],
         columns=[Column(title=f"{name} (cm)", digits=1) for name in COORDINATES],
         rows={
-            name: [Roots(slider=HEIGHT, table=table[:, k, [i]]) for k in range(2)]
+            name: [Roots(sliders=SLIDERS, table=table[:, k, [i]]) for k in range(2)]
             for i, name in enumerate(names)
         },
     )
@@ -129,7 +131,7 @@ def _panel(title: str, names: list[str], table: Array) -> Panel:
     ticks = "".join(
         plane.line([(tick, plane.y[0]), (tick, plane.y[1])], dash="2 3")
         + plane.text((tick, plane.y[0]), f"{tick:g}", shift=(0, 16))
-        for tick in np.linspace(0, end, 5)
+        for tick in np.linspace(0, end, 4)
     )
     labels = "".join(
         plane.text(place, name, anchor="end", shift=(-6, 4))
@@ -146,7 +148,7 @@ def _panel(title: str, names: list[str], table: Array) -> Panel:
                 colour="blue",
                 at=plane.at(at),
                 scale=plane.scale,
-                response=Roots(slider=HEIGHT, table=both),
+                response=Roots(sliders=SLIDERS, table=both),
             )
         ],
     )

@@ -22,6 +22,10 @@ def _percent(variance: Array, *sources: str) -> float:
     return float(100 * variance[own].sum() / variance.sum())
 
 
+def _signed(number: float) -> str:
+    return f"{number:.0f}".replace("-", "\N{MINUS SIGN}")
+
+
 def correlations(found: Examined) -> str:
     """Say what the calibration's parts of the height would be without their correlations."""
     height = plan_and_height(found.points(BARE).mean)[1]
@@ -37,7 +41,7 @@ def correlations(found: Examined) -> str:
     return (
         f"For the height and the {inside(TITLES[BARE])} method, the lever arm has "
         f"{lever:.0f} % of the variance, the interior orientation {interior:.0f} %, and the "
-        f"correlation of both {both:.0f} %. All parts of the calibration together are "
+        f"correlation of both {_signed(both)} %. All parts of the calibration together are "
         f"{all_of_it:.1f} %."
     )
 

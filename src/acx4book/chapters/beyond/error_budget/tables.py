@@ -29,7 +29,7 @@ def groups(found: Examined) -> pd.DataFrame:
     rows = []
     for method, validation in found.validations.items():
         for rays, split, own in (
-            ("all of a point", found.points(method), validation.points),
+            ("all", found.points(method), validation.points),
             ("pairs", found.pairs(method), validation.pairs),
         ):
             square = np.mean((own.d / own.sigma) ** 2, axis=0)
@@ -54,10 +54,10 @@ def printed_flight(found: Examined) -> pd.DataFrame:
     for assumed in as_printed.assumptions():
         said = as_printed.predicted(found, assumed).rms
         left = as_printed.unexplained(rms, said)
-        rows.append((assumed.sigma_px, assumed.sigma_gnss_m, *map(_pair, said, left)))
+        case = (f"{assumed.sigma_px:.1f}", f"{assumed.sigma_gnss_m:.2f}")
+        rows.append((*case, *map(_pair, said, left)))
     head = ("Image σ (px)", "GNSS σ (m)", *(f"{axis}: predicted, left (m)" for axis in AXES))
-    table = pd.DataFrame(rows, columns=list(head))
-    return table
+    return pd.DataFrame(rows, columns=list(head))
 
 
 def _pair(said: float, left: float) -> str:
