@@ -1,5 +1,7 @@
 """Plans from TOML: what is read, what is wrong and where, what is written."""
 
+import tomllib
+
 import pytest
 
 from acx4lib.errors import FlightError
@@ -28,8 +30,6 @@ def test_what_is_written_is_read_again(tmp_path):
 
 
 def test_text_that_toml_escapes_is_written_so_that_it_is_read():
-    import tomllib
-
     odd = {"name": 'a "b" \\ é\x7f', "t": {"a b": 1.5, "on": True, "at": [[1, 2], [3.5, 4]]}}
     assert tomllib.loads(text.written(odd)) == odd
 
