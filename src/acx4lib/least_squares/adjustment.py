@@ -19,8 +19,8 @@ from acx4lib.expected import Array, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import Group, PlainNormals
-from acx4lib.least_squares.problem import Normals, Precision, Problem
+from acx4lib.least_squares.normal_equations import Group, PlainNormals, Precision
+from acx4lib.least_squares.problem import Normals, Problem
 from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
 
 S = TypeVar("S")

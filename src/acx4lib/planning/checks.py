@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from acx4lib.flight.block_from_tables import BLOCKS
 from acx4lib.flight.checks.settings import TOP, toml_problems
@@ -55,7 +56,7 @@ MOST_STRIPS = 500
 """Largest number of strips of a block."""
 
 
-def settings(values: dict[str, object]) -> dict[str, object]:
+def settings(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of a plan that flight.toml has, too."""
     return {key: value for key, value in values.items() if key not in PLAN}
 

@@ -24,7 +24,7 @@ MOTION_DEG = np.array([1.1, 0.9, 0.8])
 CRAB_DEG = 4.0
 """Largest angle, by side wind, between heading and course of a strip."""
 
-_STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
+_STEPS = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))
 """Their multiples, without whole parts, are spread evenly."""
 
 
@@ -108,7 +108,7 @@ def _on_strip(strip: Strip) -> float:
 def _begins(strips: tuple[Strip, ...]) -> Array:
     """Return the time of the first exposure of every strip."""
     steps = [0.0, *(_on_strip(strip) + TURN_S for strip in strips[:-1])]
-    return np.cumsum(steps)
+    return np.cumsum(np.array(steps))
 
 
 def _along(strip: Strip, block_course_deg: float) -> Array:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import BlockTables, assemble, lonlat_of, poses
 from acx4lib.flight.text.table import Table
@@ -72,7 +72,7 @@ def over(plan: Plan, name: str) -> Over:
 
 
 def _table(
-    file: str, n: int, text: dict[str, Sequence[str]], numbers: dict[str, Array] | None = None
+    file: str, n: int, text: Mapping[str, Sequence[str]], numbers: dict[str, Array] | None = None
 ) -> Table:
     return Table(file=file, lines=np.arange(n), text=text, numbers=numbers or {}, in_memory=True)
 
@@ -120,7 +120,8 @@ def _control(plan: Plan, name: str, surveyed: Sight) -> Table:
 
 
 def _image_points(plan: Plan, name: str, taken: Exposures, seen: Sight, n_surveyed: int) -> Table:
-    images = np.array([row[0] for row in _image_names(plan, name, taken)], dtype=object)
+    images = [row[0] for row in _image_names(plan, name, taken)]
+    points = _point_names(n_surveyed, len(seen.local))
     exposure, camera, point = np.nonzero(seen.shown.transpose(1, 0, 2))
     sigma = np.full(len(seen.local), plan.setup.apriori.image_point_px)
     own = plan.blocks[name].points.sigma_px
@@ -128,15 +129,15 @@ def _image_points(plan: Plan, name: str, taken: Exposures, seen: Sight, n_survey
         sigma[:n_surveyed] = own
     at = seen.colrow[camera, exposure, point]
     text = {
-        "image": images[exposure * len(seen.shown) + camera],
-        "point": _point_names(n_surveyed, len(seen.local))[point],
+        "image": [images[i] for i in (exposure * len(seen.shown) + camera).tolist()],
+        "point": [points[i] for i in point.tolist()],
     }
     numbers = {"col_px": at[:, 0], "row_px": at[:, 1], "sigma_px": sigma[point]}
     return _table("image_points", len(point), text, numbers)
 
 
-def _point_names(n_surveyed: int, n: int) -> Index:
-    """Return the names of surveyed points, then of tie points, shape (n,)."""
+def _point_names(n_surveyed: int, n: int) -> list[str]:
+    """Return the names of surveyed points, then of tie points."""
     surveyed = [f"P{i:02d}" for i in range(1, n_surveyed + 1)]
     ties = [f"T{i:05d}" for i in range(1, n - n_surveyed + 1)]
-    return np.array([*surveyed, *ties], dtype=object)
+    return [*surveyed, *ties]

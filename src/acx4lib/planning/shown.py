@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
@@ -61,13 +61,13 @@ def _method_lines(design: Design, method: str, table: pd.DataFrame) -> Iterator[
         ("", "sigma", "unit", "correlation", "with"),
         [
             (
-                _name(row.camera, row.parameter),
-                f"{row.sigma:.3g}" + ("" if row.determined else " !"),
-                row.unit,
-                f"{round(row.correlation, 2) + 0.0:+.2f}",
-                row.correlated_with,
+                _name(row["camera"], row["parameter"]),
+                f"{row['sigma']:.3g}" + ("" if row["determined"] else " !"),
+                row["unit"],
+                f"{round(row['correlation'], 2) + 0.0:+.2f}",
+                row["correlated_with"],
             )
-            for row in table.itertuples()
+            for row in table.to_dict("records")
         ],
     )
     weakest = determination.weakest_combination(bundle)
@@ -82,17 +82,17 @@ def _name(camera: str, parameter: str) -> str:
 def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
     """Yield the errors that tests find with a probability of 80 %, and what smaller ones do."""
     rows = []
-    for row in table.itertuples():
-        axis, _, unit = row.component.rpartition("_")
+    for row in table.to_dict("records"):
+        axis, _, unit = row["component"].rpartition("_")
         rows.append(
             (
-                f"{SAID[row.kind]}, {axis}",
-                f"{row.redundancy_median:.2f}",
-                f"{row.detectable_median:.2g}",
-                f"{row.detectable_largest:.2g}",
+                f"{SAID[row['kind']]}, {axis}",
+                f"{row['redundancy_median']:.2f}",
+                f"{row['detectable_median']:.2g}",
+                f"{row['detectable_largest']:.2g}",
                 unit,
-                f"{row.effect_sigmas:.2f}",
-                row.effect_on,
+                f"{row['effect_sigmas']:.2f}",
+                row["effect_on"],
             )
         )
     header = ("error of", "redundancy", "found from", "at worst", "unit", "moves by sigma", "of")
@@ -110,7 +110,7 @@ def _validation_lines(design: Design) -> Iterator[str]:
         yield from _aligned(("", "east", "north", "height"), rows)
 
 
-def _aligned(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
+def _aligned(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
     """Yield a table with its first and last columns to the left if they are text."""
     whole = [header, *rows]
     widths = [max(len(row[k]) for row in whole) for k in range(len(header))]

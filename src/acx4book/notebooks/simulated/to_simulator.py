@@ -7,8 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acx4lib.errors import FlightError
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.camera import Camera as PlannedCamera
 from acx4lib.geometry.frames import opk_from_rotation
@@ -70,7 +72,7 @@ def simulated(plan: FlightPlan) -> Plan:
             control_m=plan.control.sigma_m,
         ),
         angles="geodetic",
-        control=ground.places(plan.control),
+        control=_doubles(ground.places(plan.control)),
         blocks={name: _block(plan, block) for name, block in plan.blocks.items()},
         synthetic=synthetic.camera if synthetic else "",
         heads=synthetic.heads if synthetic else (),
@@ -143,11 +145,17 @@ def _block(plan: FlightPlan, block: PlannedBlock) -> BlockPlan:
         start_s=START_S[block.name],
         tie_points=0,
         tie_area_m=(0.0, 0.0),
-        tie_places=flown.over(plan, block.name).tie_places() if block.tie_points else None,
-        targets=ground.places(points) if own else np.empty((0, 2)),
+        tie_places=_doubles(flown.over(plan, block.name).tie_places())
+        if block.tie_points
+        else None,
+        targets=_doubles(ground.places(points)) if own else np.empty((0, 2)),
         target_m=points.sigma_m,
         target_px=(target_px, target_px),
     )
+
+
+def _doubles(places: Array) -> NDArray[np.float64]:
+    return places.astype(np.float64)
 
 
 def _head_angles(plan: FlightPlan) -> dict[str, tuple[float, float, float]]:

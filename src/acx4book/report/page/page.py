@@ -16,7 +16,7 @@ from acx4book.report.material import Material
 from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.shown import Text
-from acx4book.typesetting.drawing import vector
+from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
 from acx4lib.results.own_folder.marks import SCRATCH
 from acx4lib.results.own_folder.places import check_file
