@@ -46,13 +46,14 @@ PAGE = """<!DOCTYPE html>
 <p class="date">{date}</p>
 </header>
 <main>
+<section class="certificate">
+{certificate}
+<table class="signatures">
+<tr><td>Prepared by</td><td>Checked by</td><td>Place and date, signature</td></tr>
+</table>
+</section>
 {body}
 </main>
-<footer>
-<table class="signatures">
-<tr><td>Prepared by</td><td>Checked by</td><td>Place and date</td></tr>
-</table>
-</footer>
 </body>
 </html>
 """
@@ -110,13 +111,16 @@ def page(parts: Sequence[Part], material: Material) -> str:
     document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
     rendered = [_rendered(part, document) for part in parts]
     heading, _, first = rendered[0].partition("</h1>")
+    sections = [i for i, part in enumerate(rendered) if part.startswith("<h2")]
+    body = sections[1] if len(sections) > 1 else len(rendered)
     return PAGE.format(
         title=shown(f"Calibration report: {material.flight.name}", "html"),
         style=STYLE.read_text(encoding="utf-8"),
         heading=f"{heading}</h1>",
         name=shown(material.flight.name, "html"),
         date=f"{material.date.day} {material.date:%B %Y}",
-        body="\n".join([first, *rendered[1:]]),
+        certificate="\n".join(rendered[1:body]),
+        body="\n".join([first, *rendered[body:]]),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
+from acx4lib.flight.checks import certificate
 from acx4lib.flight.problems import POSITIVE, RANGES, SHOWN, Problem, Range, did_you_mean, quoted
 from acx4lib.flight.setup import (
     ESTIMABLE,
@@ -43,6 +44,7 @@ TOP = (
     "apriori",
     "adjustment",
     "stages",
+    "certificate",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
@@ -79,6 +81,16 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _keys(toml, ("adjustment",), ADJUSTMENT)
     yield from _numbers(toml, ("adjustment",), ADJUSTMENT)
     yield from _stage_problems(toml)
+    yield from _certificate_problems(toml)
+
+
+def _certificate_problems(toml: Toml) -> Iterator[Problem]:
+    keys = (certificate.TABLE, "cameras")
+    yield from _keys(toml, keys[:1], certificate.KEYS)
+    yield from _keys(toml, keys, toml.table(*keys))
+    for name in toml.table(*keys):
+        yield from _keys(toml, (*keys, name), certificate.DEVICE)
+    yield from certificate.certificate_problems(toml)
 
 
 def _is_name(value: object) -> bool:
