@@ -15,9 +15,12 @@ def put_in(app: Sphinx, doctree: nodes.document, _page: str) -> None:
     if app.builder.format != "html":
         return
     drawings = [image for image in doctree.findall(nodes.image) if image["uri"].endswith(".svg")]
+    known: set[str] = set()
     for number, image in enumerate(drawings, 1):
         svg = Path(app.srcdir, image["uri"]).read_text("utf-8")
-        text = inline(svg[svg.index("<svg") :], alt=image.get("alt", ""), name=f"f{number}-")
+        text = inline(
+            svg[svg.index("<svg") :], alt=image.get("alt", ""), name=f"f{number}-", known=known
+        )
         image.replace_self(nodes.raw("", text, format="html"))
 
 

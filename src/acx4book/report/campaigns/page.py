@@ -75,8 +75,9 @@ def page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
         for name in ([part.name] if isinstance(part, Drawn) else table_labels(part))
     ]
     document = Document(numbers=number_labels(labels))
+    known: set[str] = set()
     body = [
-        _figure(part, document) if isinstance(part, Drawn) else to_html(part, document)
+        _figure(part, document, known) if isinstance(part, Drawn) else to_html(part, document)
         for part in parts
     ]
     return PAGE.format(
@@ -94,9 +95,10 @@ def _style() -> str:
     return f"{own}\n:root {{\n{colours}}}\n{added}"
 
 
-def _figure(part: Drawn, document: Document) -> str:
+def _figure(part: Drawn, document: Document, known: set[str]) -> str:
     document.n_figures += 1
-    drawn = inline(vector(part.figure), alt=part.alt, name=f"f{document.n_figures}-")
+    name = f"f{document.n_figures}-"
+    drawn = inline(vector(part.figure), alt=part.alt, name=name, known=known)
     caption = to_html(part.caption, document).strip().removeprefix("<p>").removesuffix("</p>")
     return (
         f'<figure id="{html.escape(part.name)}">\n{drawn}\n'

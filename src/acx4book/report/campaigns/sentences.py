@@ -49,7 +49,7 @@ def _where(study: Study) -> str:
     most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
     said = [_change(row, several) for row in rows_of(most.head(NAMED))]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
-    return f"At the joint level {_has(len(changed))} changed: {listed(said)}{more}."
+    return f"Significant at the joint level {_are(len(changed))}: {listed(said)}{more}."
 
 
 def _together(study: Study) -> str:
@@ -74,8 +74,8 @@ def _together(study: Study) -> str:
     )
 
 
-def _has(n: int) -> str:
-    return "one parameter has" if n == 1 else f"{n} parameters have"
+def _are(n: int) -> str:
+    return "is one difference" if n == 1 else f"are {n} differences"
 
 
 def _change(row: Any, several: bool) -> str:

@@ -38,7 +38,12 @@ def tests(study: Study) -> pd.DataFrame:
     """Return the joint tests of all parameters: of stability, of every difference, of trends."""
     table = study.tables["tests"]
     whole = table[table["part"] == "all"]
-    return pd.DataFrame([{"Test": row.test, **_tested(row, study.level)} for row in rows_of(whole)])
+    equal = {study.title(one): " = ".join(study.names(one)) for one in study.found}
+    rows = [
+        {"Hypothesis": equal.get(row.test, row.test), **_tested(row, study.level)}
+        for row in rows_of(whole)
+    ]
+    return pd.DataFrame(rows).rename(columns={"Significant": "Rejected"})
 
 
 def parts(study: Study, one: Difference) -> pd.DataFrame:

@@ -7,14 +7,20 @@ from collections.abc import Mapping
 import numpy as np
 
 from acx4book.chapters.beyond.stability.chance import EACH, HOLM, JOINT
-from acx4book.chapters.beyond.stability.figures import pair_of
+from acx4book.chapters.beyond.stability.figures import pair_of, without_others
 from acx4book.chapters.beyond.stability.history import UM_PER_DEGREE
 from acx4book.chapters.beyond.stability.turned import ARCSEC, EXPOSURE, HEAD, planted
 from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.trust.rigidity import Rigidity
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.results.campaigns.comparison import Comparison, stability, temperatures, trend
+from acx4lib.results.campaigns.comparison import (
+    Comparison,
+    difference,
+    stability,
+    temperatures,
+    trend,
+)
 from acx4lib.results.campaigns.estimates import joint_test
 
 
@@ -24,17 +30,20 @@ def _p(p: float) -> str:
 
 
 def hidden(comparison: Comparison, earlier: int, later: int) -> str:
-    """Say how one change of f shows singly and jointly."""
+    """Say how one change of f shows singly, with the lever arm, and with all parameters."""
     d, cov = pair_of(comparison, earlier, later)
-    t = d / sigmas(cov)
-    rho = correlation(cov)[0, 1]
-    found = joint_test(d, cov)
+    left, cov_left = without_others(comparison, earlier, later)
+    t, rho = d / sigmas(cov), correlation(cov)[0, 1]
+    both, alone = joint_test(d, cov), joint_test(left, cov_left)
+    everything = difference(comparison, earlier, later).test()
     warm = np.diff([comparison.campaigns[i].session.temperature_c for i in (earlier, later)])[0]
     return (
         f"The true focal length differs by {UM_PER_DEGREE * warm:.1f} µm. The difference of $f$ is "
-        f"{t[0]:+.1f} of its standard deviations, that of the lever arm's $z$ {t[1]:+.1f}. Their "
-        f"errors have a correlation of {rho:+.3f}: what chance does to one it does to the other. "
-        f"Together they give χ² = {found.chi_square:.1f} with 2 degrees of freedom, {_p(found.p)}."
+        f"{t[0]:+.1f} of its standard deviations, that of the lever arm's $z$ {t[1]:+.1f}; their "
+        f"errors have a correlation of {rho:+.2f}. Both together give χ² = {both.chi_square:.1f} "
+        f"with 2 degrees of freedom, {_p(both.p)}. What the other parameters leave of both gives "
+        f"χ² = {alone.chi_square:.1f}, and all {everything.dof} parameters together "
+        f"χ² = {everything.chi_square:.1f}, {_p(everything.p)}."
     )
 
 
@@ -84,13 +93,13 @@ def answer(everything: Comparison, before: Comparison, found: Rigidity) -> str:
     slope, sigma = slope_of_f(before)
     all_p, own = stability(everything).p, planted(found)
     lines = trend(before, np.array([c.session.temperature_c for c in before.campaigns]))
-    straight = "do" if lines.scatter.p >= 0.05 else "do not"
+    lie = "lie" if lines.scatter.p >= 0.05 else "do not lie"
     return (
         "A camera has changed if the differences of its parameters are larger than their joint "
         f"covariance allows: here {_p(all_p)} for all {len(everything.campaigns)} campaigns. One "
         "χ² test of all parameters answers whether, and single tests at a joint level answer "
-        "where; correlated parameters need the first. A change with a cause is no instability: up to the "
-        f"repair the campaigns {straight} lie on straight lines over the temperature, with "
+        "where; correlated parameters need the first. A change with a cause is no instability: up "
+        f"to the repair the campaigns {lie} on straight lines over the temperature, with "
         f"{slope:.2f} ± {sigma:.2f} µm per °C for $f$. Within one flight an F test finds a head "
         f"that turned by {ARCSEC:g}″ at a single exposure ({_p(own['p_joint'])})."
     )
