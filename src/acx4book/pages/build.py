@@ -27,7 +27,7 @@ from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
 from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
-from acx4book.typesetting.drawing import vector
+from acx4book.typesetting.drawing.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims

@@ -177,13 +177,13 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, adjustment, stages, format",
+        "heights, refraction, cameras, synthetic, apriori, adjustment, stages, certificate, format",
     ),
     (
         TOML,
         'name = "small"',
-        'name = "small"\nformat = 4',
-        ":2: format: 4; must be a whole number up to 3; a larger one is of a later acx4",
+        'name = "small"\nformat = 5',
+        ":2: format: 5; must be a whole number up to 4; a larger one is of a later acx4",
     ),
     (
         TOML,

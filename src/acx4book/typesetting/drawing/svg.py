@@ -1,0 +1,90 @@
+"""Figures as vector drawings: the same bytes every time, small, with no text of a flight in them.
+
+Letters are outlines, so that they look alike on every machine. Colours are those of `style`; the
+book's extension `figures` gives each of these a name, by which a page changes them in the dark.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from xml.etree import ElementTree as ET
+
+import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
+from PIL import Image
+
+from acx4book.typesetting import style
+from acx4book.typesetting.drawing import compact
+
+MARGIN = 0.04
+"""Free space above and below a drawing, inches."""
+
+LOSSY = 60_000
+"""Bytes from which a picture inside a drawing is stored with the loss of WebP at `QUALITY`."""
+
+QUALITY = 82
+
+UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
+PICTURE = re.compile(r'(?<="data:image/)png;base64,([^"]*)')
+
+
+def vector(figure: Figure) -> str:
+    """Return a figure as SVG, beginning with its element.
+
+    It is as wide as the figure, wider where something reaches out of it, and as high as what it
+    shows.
+
+    Parameters
+    ----------
+    figure : Figure
+        Its axes are placed for good.
+    """
+    buffer = io.StringIO()
+    with mpl.rc_context({**style.RC, "figure.constrained_layout.use": False}):
+        box = _lay_out(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150, bbox_inches=box)
+    drawn = buffer.getvalue()
+    return smaller(drawn[drawn.index("<svg") :])
+
+
+def _lay_out(figure: Figure) -> Bbox:
+    """Place the axes, else the figure would be drawn twice, and return what is shown, inches."""
+    canvas = FigureCanvasSVG(figure)  # that measures text as it is drawn
+    figure.dpi = canvas.fixed_dpi
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    box = figure.get_tightbbox()
+    left, right = min(0.0, box.x0), max(figure.get_figwidth(), box.x1)
+    return Bbox([[left, box.y0 - MARGIN], [right, box.y1 + MARGIN]])
+
+
+def smaller(svg: str) -> str:
+    """Return SVG of matplotlib without what nobody sees, and with pictures as WebP."""
+    seen = UNSEEN.sub("", svg).replace("xlink:href", "href")
+    parts = PICTURE.split(seen)
+    for i, part in enumerate(parts):
+        parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
+    root = ET.fromstring("".join(parts))
+    compact.compact(root)
+    return ET.tostring(root, encoding="unicode").replace(" />", "/>")
+
+
+def _rounded(number: re.Match[str]) -> str:
+    """Return a number to a hundredth, and one below 1, which may be a factor, to four digits."""
+    value = float(number[0])
+    return f"{value:.4g}" if abs(value) < 1 else f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def _stored(png: str) -> str:
+    """Return a picture, PNG in text, as WebP in text."""
+    picture, buffer = Image.open(io.BytesIO(base64.b64decode(png))), io.BytesIO()
+    plain = len(png) < LOSSY
+    picture.save(buffer, "WEBP", lossless=plain, quality=100 if plain else QUALITY, method=6)
+    return f"webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

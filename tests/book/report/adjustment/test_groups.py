@@ -1,0 +1,69 @@
+"""Groups of observations: ratios, redundancy, detectable errors."""
+
+import numpy as np
+import pandas as pd
+from numpy.testing import assert_allclose
+from scipy import stats
+
+from acx4book.report.adjustment import groups
+from acx4book.report.material import read
+from acx4lib.results import folder as results
+from acx4lib.results.rows import COMPONENTS
+from support.run_results import SINGLE
+
+
+def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, rng):
+    """Residuals about a mean have redundancy 1 - 1/n each: the ratio is s / sigma exactly."""
+    heading = rng.normal(0.0, 0.03, 20)
+    row = {"stage": "mounting", "method": "single_step", "kind": "attitude", "point": ""}
+    row |= {"component": "heading_deg", "sigma": 0.01, "redundancy": 1 - 1 / 20, "w": 0.0}
+    table = pd.DataFrame(
+        [
+            {**row, "image_or_exposure": f"E{i}", "v": v}
+            for i, v in enumerate(heading.mean() - heading)
+        ]
+    )
+    table[list(results.COLUMNS["residuals"])].to_csv(folder / "residuals.csv", index=False)
+    (group,) = groups.qualities(read(folder), SINGLE)
+    assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
+    assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)
+    assert_allclose(group.redundancy, 19.0)
+
+
+def test_the_groups_share_the_redundancy_of_the_adjustment(run):
+    found = groups.qualities(run, SINGLE)
+    assert {group.group for group in found} == {
+        g for g in groups.GROUPS.values() if "declared" not in g and g != "distances"
+    }
+    total = sum(group.redundancy for group in found)
+    assert_allclose(total, run.found.summary[SINGLE]["redundancy"], rtol=1e-6)
+    cost = sum(group.ratio**2 * group.redundancy for group in found)
+    assert_allclose(cost / total, run.found.summary[SINGLE]["sigma0_squared"], rtol=1e-6)
+
+
+def test_a_detectable_error_is_found_in_four_of_five_cases(run):
+    """By counting: w of an observation with this error is normal about delta_0."""
+    w = np.random.default_rng(1).normal(groups.DETECTABLE, 1.0, 100_000)
+    assert_allclose(np.mean(w > 3.9), 0.8, atol=0.005)  # three sigma of the count is 0.004
+    rows = run.residuals[SINGLE]
+    heading = rows[rows["component"] == "heading_deg"]
+    expected = np.median(groups.DETECTABLE * 0.015 / np.sqrt(heading["redundancy"]))
+    group = next(g for g in groups.qualities(run, SINGLE) if g.group == "heading")
+    assert_allclose(group.detectable, expected)
+
+
+def test_every_component_of_the_results_has_a_group():
+    listed = {(kind, name) for kind, names in COMPONENTS.items() for name in names}
+    assert set(groups.GROUPS) == listed
+
+
+def test_baardas_delta_is_the_textbooks_4_13():
+    """alpha = 0.1 %, beta = 20 %: the same sum with another critical value."""
+    assert_allclose(stats.norm.isf(0.0005) + groups.DETECTABLE - 3.9, 4.13, atol=0.005)
+
+
+def test_limits_of_the_ratio_hold_in_95_of_100_samples(rng):
+    v = rng.normal(size=(20_000, 30))
+    ratio = np.sqrt(np.mean(v**2, axis=1))
+    low, high = groups.ratio_limits(30.0, probability=0.95)
+    assert_allclose(np.mean((ratio > low) & (ratio < high)), 0.95, atol=0.005)  # 3 sigma

@@ -1,0 +1,59 @@
+"""Vector drawings: the same twice, all of the figure, and nothing else."""
+
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from acx4book.typesetting import style
+from acx4book.typesetting.drawing.svg import smaller, vector
+
+
+def figure(label="a"):
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2))
+        ax.plot([0, 1 / 3], [0, 1 / 7], label=label)
+        ax.set_title(label)
+    return fig
+
+
+def test_a_drawing_is_the_same_twice_and_has_no_date():
+    drawn = [vector(figure()) for _ in range(2)]
+    assert drawn[0] == drawn[1]
+    assert drawn[0].startswith("<svg ")
+    assert "date" not in drawn[0]
+
+
+def test_a_drawing_has_outlines_of_letters_and_no_text():
+    assert "zq53" not in vector(figure("zq53 --><b>"))
+
+
+def test_what_reaches_out_of_the_figure_is_drawn_too():
+    fig = figure()
+    where = {"xycoords": "axes fraction", "textcoords": "axes fraction"}
+    fig.axes[0].annotate("far out", (1, 1), xytext=(1.3, 1.4), **where)
+    fig.set_layout_engine("none")
+    whole, left_out = (
+        [float(n) for n in re.search(r'viewBox="([^"]*)"', vector(f))[1].split()]
+        for f in (fig, figure())
+    )
+    assert left_out[2] == pytest.approx(72 * style.WIDTH, abs=0.1)
+    assert whole[2] > left_out[2] + 20
+    assert whole[3] > left_out[3] + 5
+
+
+@pytest.mark.parametrize(("side", "allowed"), [(20, 0), (400, 10)])
+def test_small_pictures_are_stored_without_loss_and_large_ones_with_some(rng, side, allowed):
+    smooth = np.add.outer(np.arange(side), np.arange(side)) * 200 / (2 * side)
+    seen = (smooth[..., None] + rng.uniform(0, 20, (side, side, 3))).astype(np.uint8)
+    png = io.BytesIO()
+    Image.fromarray(seen).save(png, "PNG")
+    text = base64.b64encode(png.getvalue()).decode()
+    stored = smaller(f'<svg><image href="data:image/png;base64,{text}"/></svg>')
+    kept = base64.b64decode(re.search(r'webp;base64,([^"]*)', stored)[1])
+    found = np.asarray(Image.open(io.BytesIO(kept)).convert("RGB"))
+    assert np.abs(found.astype(int) - seen).mean() <= allowed
+    assert len(stored) < (1.2 if allowed == 0 else 0.3) * len(text)
