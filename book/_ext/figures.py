@@ -38,7 +38,7 @@ def drawn(svg: str, *, alt: str, name: str) -> str:
     Parameters
     ----------
     svg : str
-        As `acx4book.typesetting.drawing` makes it.
+        As `acx4book.typesetting.drawing.svg` makes it.
     alt : str
         What is seen.
     name : str

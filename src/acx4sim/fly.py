@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from acx4sim.earth import Array, Grid, attitude_from_rph, axes_of_enu_in_ecef, rotation_from_opk_deg
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, grid_from_field
 
-_SPEED = 70.0  # m/s
 _TURN_S = 240.0
 _SCATTER_M = np.array([6.0, 8.0, 5.0])  # forward, left, up
 _MOTION_DEG = np.array([1.1, 0.9, 0.8])  # roll, pitch, yaw
@@ -58,7 +57,11 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
             for number, strip in enumerate(block.strips, 1)
             for i in range(strip.n)
         ],
-        strip=[str(number) for number, strip in enumerate(block.strips, 1) for _ in range(strip.n)],
+        strip=[
+            strip.name or str(number)
+            for number, strip in enumerate(block.strips, 1)
+            for _ in range(strip.n)
+        ],
         time_s=_times(block),
         x_g=x_g,
         R_enu_b=attitude_from_rph(rph),
@@ -85,7 +88,10 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
 
 def _times(block: BlockPlan) -> Array:
     steps = np.concatenate(
-        [np.r_[_TURN_S, np.full(strip.n - 1, strip.base_m / _SPEED)] for strip in block.strips]
+        [
+            np.r_[_TURN_S, np.full(strip.n - 1, strip.base_m / strip.speed_m_s)]
+            for strip in block.strips
+        ]
     )
     return np.asarray(block.start_s - _TURN_S + np.cumsum(steps))
 

@@ -178,6 +178,10 @@ class Strip:
         Direction of flight relative to the block's azimuth, clockwise.
     forward_m, left_m : float
         Position of the strip's middle.
+    speed_m_s : float
+        Over ground.
+    name : str
+        In images.csv; its number in the block by default.
     """
 
     n: int
@@ -186,6 +190,8 @@ class Strip:
     turn_deg: float = 0.0
     forward_m: float = 0.0
     left_m: float = 0.0
+    speed_m_s: float = 70.0
+    name: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -216,6 +222,13 @@ class BlockPlan:
     targets : ndarray, shape (n, 2)
         The block's own natural targets, forward and left; none in a block that shares the
         flight's control points.
+    target_m : tuple of float
+        Standard deviations of their survey, east, north, height.
+    target_px : tuple of float
+        Smallest and largest standard deviation of measuring one of them.
+    tie_places : ndarray, shape (n, 2), optional
+        Where tie points lie, forward and left, in the place of a number of random ones: every
+        image that shows one measures it.
     """
 
     letter: str
@@ -227,6 +240,9 @@ class BlockPlan:
     tie_points: int
     tie_area_m: tuple[float, float]
     targets: Array = field(default_factory=lambda: np.empty((0, 2)))
+    target_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
+    target_px: tuple[float, float] = (1.0, 2.0)
+    tie_places: Array | None = None
     frame: str = ""
 
 
@@ -240,7 +256,6 @@ class Noise:
     roll_pitch_deg: float
     heading_deg: float
     control_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
-    target_px: tuple[float, float] = (1.0, 2.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,6 +272,8 @@ class Plan:
         CRS of the grid.
     ground_m : float
         Mean ellipsoidal height of the ground.
+    relief : float
+        Factor on the heights of the hills.
     cameras : dict of str to Camera
         With their true parameters.
     approximate : dict of str to dict
@@ -292,6 +309,7 @@ class Plan:
     heads: tuple[str, ...] = ()
     head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     refraction: str = "none"
+    relief: float = 1.0
 
     @property
     def measured_in_heads(self) -> bool:

@@ -19,7 +19,7 @@ from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.page.printing import chromium, printed
 from acx4book.report.shown import Text
-from acx4book.typesetting.drawing import vector
+from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
 from acx4lib.errors import OutputError
 from acx4lib.results.own_folder.marks import SCRATCH
