@@ -104,7 +104,7 @@ def _map(ax: Axes, plan: Plan) -> None:
         ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
         ax.plot(*corners.T, color=colour, lw=0.6)
     at = ground.on_map(block.area, ground.places(block.points)) - _middle(plan)
-    ax.plot(*at.T / 1000.0, "D", color=style.INK, mfc="none", ms=3)
+    ax.plot(*at.T / 1000.0, "D", color=style.INK, mfc="none", ms=2)
 
 
 def _middle(plan: Plan) -> Array:
