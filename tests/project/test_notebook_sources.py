@@ -30,6 +30,7 @@ ROOMS = {
     "12": ["chapters.beyond.synthetic_cost"],
     "13": ["chapters.beyond.bad_starts"],
     "14": ["chapters.beyond.failures"],
+    "15": ["chapters.beyond.design"],
     "18": ["chapters.beyond.stability", "report.campaigns"],
     "16": ["chapters.beyond.error_budget"],
 }

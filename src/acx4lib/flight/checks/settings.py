@@ -10,7 +10,7 @@ import numpy as np
 from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
-from acx4lib.flight.checks import certificate
+from acx4lib.flight.checks.certificate import certificate_problems
 from acx4lib.flight.checks.values import (
     choice_problems,
     key_problems,
@@ -91,16 +91,7 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from _session_problems(toml)
     yield from _stage_problems(toml)
-    yield from _certificate_problems(toml)
-
-
-def _certificate_problems(toml: Toml) -> Iterator[Problem]:
-    keys = (certificate.TABLE, "cameras")
-    yield from key_problems(toml, keys[:1], certificate.KEYS)
-    yield from key_problems(toml, keys, toml.table(*keys))
-    for name in toml.table(*keys):
-        yield from key_problems(toml, (*keys, name), certificate.DEVICE)
-    yield from certificate.certificate_problems(toml)
+    yield from certificate_problems(toml)
 
 
 def _session_problems(toml: Toml) -> Iterator[Problem]:
