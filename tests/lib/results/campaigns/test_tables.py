@@ -9,6 +9,7 @@ from acx4lib.calibration.trust.rigidity import FTest, Rigidity
 from acx4lib.least_squares.statistical.many_tests import holm
 from acx4lib.results.campaigns import tables
 from acx4lib.results.campaigns.comparison import compare, differences
+from acx4lib.results.campaigns.ground import ground_of
 
 
 @pytest.fixture
@@ -20,7 +21,7 @@ def compared(fly):
 @pytest.fixture
 def every(compared):
     found = differences(compared)
-    return tables.every(compared, found, tables.ground_of(compared, height_m=1000.0))
+    return tables.every(compared, found, ground_of(compared, height_m=1000.0))
 
 
 def test_every_table_has_its_rows(every):
@@ -63,14 +64,14 @@ def test_differences_tests_and_covariances_agree(every):
 def test_what_a_focal_length_moves_on_the_ground_grows_with_the_height(compared):
     found = differences(compared)
     by_height = [
-        tables.differences(compared, found, tables.ground_of(compared, height_m=h))
+        tables.differences(compared, found, ground_of(compared, height_m=h))
         for h in (500.0, 1000.0)
     ]
     low, high = (table["ground_rms_m"].to_numpy() for table in by_height)
     of_lever = by_height[0]["parameter"].str.startswith("lever").to_numpy()
     assert_allclose(high[of_lever], low[of_lever], rtol=1e-4)
     assert_allclose(high[~of_lever], 2 * low[~of_lever], rtol=2e-3)
-    assert tables.ground_of(compared).height_m == 610.0
+    assert ground_of(compared).height_m == 610.0
 
 
 def test_the_slope_of_the_focal_length_is_significant(every):

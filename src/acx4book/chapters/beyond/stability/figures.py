@@ -36,8 +36,8 @@ def hidden(comparison: Comparison, earlier: int, later: int) -> Figure:
     Returns
     -------
     Figure
-        Bands: of each parameter alone, at the joint level. Ellipses: of both together, and of what the other
-        parameters leave of both; a dot for each.
+        Bands: of each parameter alone, at the joint level. Ellipses: of both together, and of what
+        the other parameters leave of both; a dot for each.
     """
     d, cov = pair_of(comparison, earlier, later)
     left, cov_left = without_others(comparison, earlier, later)
