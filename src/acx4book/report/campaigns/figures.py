@@ -99,7 +99,7 @@ def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
     else:
         names = [style.plain(c.name, longest=10) for c in study.comparison.campaigns]
         ax.set_xticks(at, names, rotation=90 if len(names) > 4 else 0)
-    margin = 0.12 * float(np.ptp(at))
+    margin = 0.2 * float(np.ptp(at))
     ax.set_xlim(at.min() - margin, at.max() + margin)
 
 
@@ -125,7 +125,7 @@ def on_the_ground(study: Study) -> Figure:
         fig, axes = style.subplots(
             rows,
             columns,
-            figsize=(style.WIDTH * (0.62 if n == 1 else 1), 3.6 * rows),
+            figsize=(style.WIDTH * (0.62 if n == 1 else 1), (3.6 if n == 1 else 2.7) * rows),
             squeeze=False,
         )
         for ax in axes.flat[n:]:
