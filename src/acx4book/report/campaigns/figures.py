@@ -157,6 +157,7 @@ def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) 
         width=0.005,
     )
     ax.quiverkey(arrows, 0.84, 1.04, gap, f"{key:g} m", labelpos="W", fontproperties=style.LETTERS)
+    ax.locator_params(axis="x", nbins=5)
     ax.set(aspect="equal", xlabel="to the right of the flight (m)", ylabel="forward (m)")
     bar = ax.figure.colorbar(arrows, ax=ax, shrink=0.7, aspect=30, extend="max")
     bar.set_label("length over its σ (1)")
