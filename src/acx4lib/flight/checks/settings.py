@@ -47,6 +47,7 @@ TOP = (
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
+SHARES = dict.fromkeys(("gnss_correlated_share", "attitude_correlated_share"), Range(0.0, 1.0))
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
@@ -75,7 +76,8 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _synthetic_problems(toml)
     apriori = tuple(Apriori.__dataclass_fields__)
     yield from _keys(toml, ("apriori",), apriori)
-    yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
+    yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE) | SHARES)
+    yield from _halves(toml)
     yield from _keys(toml, ("adjustment",), ADJUSTMENT)
     yield from _numbers(toml, ("adjustment",), ADJUSTMENT)
     yield from _stage_problems(toml)
@@ -132,6 +134,16 @@ def _numbers(toml: Toml, keys: tuple[str, ...], ranges: dict[str, Range]) -> Ite
             yield toml.problem(
                 (*keys, key), f"{quoted(value)}{_unit_hint(key, value)}", str(allowed)
             )
+
+
+def _halves(toml: Toml) -> Iterator[Problem]:
+    """Yield a share of correlated errors without its time constant, and the reverse."""
+    table = toml.table("apriori")
+    for of in ("gnss", "attitude"):
+        both = (f"{of}_correlation_s", f"{of}_correlated_share")
+        for key, other in (both, both[::-1]):
+            if key in table and other not in table:
+                yield toml.problem(("apriori", key), "stands alone", f"needs {other} as well")
 
 
 def _unit_hint(key: str, value: float) -> str:

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
-from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.observations.trajectory import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.geometry.prior import Prior
 from acx4lib.least_squares import adjustment, processors
@@ -209,7 +209,7 @@ def test_poses_along_a_strip_make_a_narrow_band(rng):
     along = rng.permutation(20)
     point = np.repeat(np.arange(19), 2)
     pose = along[np.stack([np.arange(19), np.arange(1, 20)], axis=1).ravel()]
-    order = packing.ordered(point, pose, 20)
+    order = packing.ordered(point, pose, 20, np.zeros((0, 2), dtype=int))
     place = np.argsort(order)
     assert np.abs(np.diff(place[along])).max() == 1
 
