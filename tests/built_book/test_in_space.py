@@ -8,6 +8,8 @@ import pytest
 from PIL import Image
 
 from acx4book.chapters.mounting import in_space
+from acx4book.typesetting.moving import scene
+from acx4book.typesetting.moving.scene import Layer, Scene
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
 from support.helpers import ROOT
@@ -17,7 +19,13 @@ STYLES = [ROOT / "book" / name for name in ("_static/acx4.css", "_moving/moving.
 
 
 @pytest.fixture
-def figure(mounted):
+def figure(request):
+    """The block; or what another fixture makes, of the name that a test gives."""
+    return request.getfixturevalue(getattr(request, "param", "block"))
+
+
+@pytest.fixture
+def block(mounted):
     single = Mounting(method="single_step", calibration=from_bundle(mounted), bundle=mounted)
     return in_space.view(single).html
 
@@ -110,6 +118,24 @@ def test_a_dark_page_has_light_lines(page):
     page.evaluate("new Promise(requestAnimationFrame)")
     colours = {tuple(colour) for colour in seen(page).reshape(-1, 3)}
     assert (0x2F, 0xC9, 0x9C) in colours
+
+
+NAMES = ["</script><img src=x onerror=window.alive=1>", "<!-- <script>", "a & b"]
+"""Of points, which would end the data, or do something where they are shown."""
+
+
+@pytest.fixture
+def named():
+    at = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 50.0, 20.0]])
+    points = Layer(name=NAMES[0], kind="points", colour="ink", at=at, labels=NAMES)
+    return scene.html(Scene(name="block", alt="points", caption=NAMES[0], layers=[points]))
+
+
+@pytest.mark.parametrize("figure", ["named"], indirect=True)
+def test_names_are_shown_as_text(page):
+    assert page.locator(".view span").all_text_contents() == NAMES
+    assert page.locator(".layers label").inner_text().strip() == NAMES[0]
+    assert page.evaluate("[window.alive, document.images.length]") == [None, 0]
 
 
 def test_without_the_script_there_is_a_drawing(browser, figure):

@@ -4,6 +4,7 @@ Searched are the pages of the book, built as `make book` builds them from the pa
 alone, and the report: first as files, then in the browser.
 """
 
+import json
 import os
 import re
 import shutil
@@ -17,6 +18,7 @@ import nbformat
 import pytest
 from bs4 import BeautifulSoup, Comment
 
+from acx4book.typesetting.plain_text import shown
 from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
 from acx4lib.results import folder as results
@@ -131,18 +133,39 @@ def test_nothing_was_executed(made):
     assert list(Path.cwd().glob("*PWNED*")) == []
 
 
+DATA = "script[type='application/json']"
+"""Holds what a figure shows: a browser runs nothing of it and reads it as text."""
+
+
+def inside(element):
+    """Return the text of an element that is more than text to a browser."""
+    lives = element.name in ("script", "style", "math") and not element.css.match(DATA)
+    return element.get_text() if lives or "math" in element.get("class", []) else ""
+
+
 def test_no_part_of_a_name_is_alive(documents):
     alive = []
     for page, soup in documents.items():
         for element in soup.find_all(True):
-            inside = element.get_text() if element.name in ("script", "style", "math") else ""
-            inside += element.get_text() if "math" in element.get("class", []) else ""
-            if payloads.marks(f"{element.attrs} {inside}"):
+            if payloads.marks(f"{element.attrs} {inside(element)}"):
                 alive.append((page, str(element)[:200]))
         alive += [
             (page, c) for c in soup.find_all(string=Comment.__instancecheck__) if payloads.marks(c)
         ]
     assert alive == []
+
+
+def test_data_of_figures_hold_names_and_nothing_that_ends_them(made, documents):
+    data = [one.string for soup in documents.values() for one in soup.select(DATA)]
+    assert [text for text in data if "<" in text] == []  # nor </script>, nor <!--
+    labels = [
+        name
+        for text in data
+        for layer in json.loads(text).get("layers", ())
+        for name in layer["labels"]
+    ]
+    assert payloads.marks(" ".join(labels))
+    assert {*labels} <= {shown(name, "terminal") for name in made.flight.names["point"].values()}
 
 
 def test_every_name_is_found_again_as_text(made, documents):

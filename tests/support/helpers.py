@@ -121,3 +121,9 @@ def flight_problems(folder):
         assert not UNSEEN.search(line)
         assert len(line) < 1500
     return [line.replace(f"{folder}/", "") for line in caught.value.problems]
+
+
+def dots(ax):
+    """Return the places of the dots of axes, one row each."""
+    lines = [line for line in ax.get_lines() if line.get_marker() == "o"]
+    return np.concatenate([line.get_xydata() for line in lines])

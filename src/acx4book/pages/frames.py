@@ -140,7 +140,7 @@ def draw_image_plane(ax: Axes) -> None:
 def draw(folder: Path) -> None:
     """Write frames.svg and image-plane.svg; the same bytes every time."""
     for name, size, draw_axes in (
-        ("frames", (7.4, 6.2), draw_space),
+        ("frames", (style.WIDTH, 5.9), draw_space),
         ("image-plane", (6.0, 4.9), draw_image_plane),
     ):
         with style.applied():

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from acx4book.report.estimates import correlations
 from acx4book.report.material import Material, image_residuals
+from acx4book.report.parameters.estimates import correlations
 from acx4book.report.words import heading
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import myst_table

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from acx4book.report.estimates import Pair
+from acx4book.report.parameters.estimates import Pair
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.plain_text import Markup, shown
 

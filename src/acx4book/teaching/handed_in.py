@@ -163,7 +163,7 @@ def students_name(text: str) -> str:
 
 def _of_run(folder: Path) -> HandedIn:
     table = _table(folder / OF_RUN[0], _PARAMETERS)
-    document = read_toml((folder / OF_RUN[1]).parent)
+    document = read_toml(folder / OF_RUN[1])
     if document.problems:
         raise FlightError(lines_of(document.problems))
     try:

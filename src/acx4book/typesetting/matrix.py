@@ -27,8 +27,8 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
     values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
     n = len(names)
     with style.applied():
-        side = min(style.WIDTH, 2.2 + 0.34 * n)
-        fig, ax = style.subplots(figsize=(side + 0.6, side))
+        width = min(style.WIDTH, 2.8 + 0.34 * n)
+        fig, ax = style.subplots(figsize=(width, width - 0.6))
         image = ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
         style.bare(ax)
         ax.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")

@@ -109,11 +109,32 @@ def _adjusted(network: Network, start: State) -> Bundle:
         where = suspects(network, start) or suspects(network, state)
         msg = f"the adjustment went astray{where}"
         raise AdjustmentError(msg)
+    return _of(network, state, solution)
+
+
+def designed(network: Network) -> Bundle:
+    """Return what a network determines that is only planned: its observations have no errors.
+
+    Returns
+    -------
+    Bundle
+        At the start values, which are the true ones; its sigma0 is one.
+
+    Raises
+    ------
+    AdjustmentError
+        Where observations are fewer than unknowns.
+    """
+    expected.instance("network", network, Network)
+    return _of(network, network.start, adjustment.designed(network, network.start))
+
+
+def _of(network: Network, state: State, solution: Solution) -> Bundle:
     n = len(network.distances)  # adjusted as two halves and an unknown that joins them
-    solution = replace(
+    whole_ones = replace(
         solution,
         n_observations=solution.n_observations - n,
         n_unknowns=solution.n_unknowns - n,
         groups=tuple(whole(group, network.distances) for group in solution.groups),
     )
-    return Bundle(network=network, state=state, solution=solution)
+    return Bundle(network=network, state=state, solution=whole_ones)

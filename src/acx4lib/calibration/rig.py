@@ -7,8 +7,9 @@ from the mountings, and is the same at every exposure.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.covariance import propagate
+
+Step = Callable[..., Mounting]
+"""Takes a block and `free`, the interior parameters to estimate beside boresight and lever arm."""
 
 
 def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") -> Mounting:
@@ -53,21 +57,32 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
     ValueError
         For an unknown name.
     """
+    return calibrate_by(partial(single_step, refraction=refraction), block, free=free)
+
+
+def calibrate_by(step: Step, block: Block, *, free: Sequence[str]) -> Mounting:
+    """Calibrate a rig by another single step than that of `mounting`, such as a planned one.
+
+    Parameters
+    ----------
+    step : Step
+    block, free
+        As in `calibrate`.
+    """
     expected.names_of("free", free, INTERIOR)
-    rig = _adjusted(block, free=("f", *free), refraction=refraction)
+    rig = _adjusted(step, block, ("f", *free))
     if "f" in free or not not_determined(rig.calibration):
         return rig
-    held = _adjusted(block, free=free, refraction=refraction)
+    held = _adjusted(step, block, free)
     return rig if not_determined(held.calibration) else held
 
 
-def _adjusted(block: Block, *, free: Sequence[str], refraction: str) -> Mounting:
+def _adjusted(step: Step, block: Block, free: Sequence[str]) -> Mounting:
     """Adjust in a single step; repeat it if points need the heights of their neighbours."""
-    rig = single_step(block, free=free, refraction=refraction)
+    rig = step(block, free=free)
     lonely = one_exposure_points(block)
     if len(lonely):
-        with_heights = observe_heights(block, rig.bundle, lonely)
-        rig = single_step(with_heights, free=free, refraction=refraction)
+        rig = step(observe_heights(block, rig.bundle, lonely), free=free)
     return replace(rig, method="rig")
 
 

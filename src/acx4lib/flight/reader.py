@@ -147,7 +147,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
 
 
 def _read(folder: Path, pictures: Path) -> Flight:
-    toml = read_toml(folder)
+    toml = read_toml(folder / "flight.toml")
     blocks = _read_blocks(folder, pictures)
     others = [] if blocks else [_no_block(folder)]
     others += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
@@ -198,7 +198,7 @@ def read_kept(path: str | Path) -> Flight:
         Where a table cannot be read.
     """
     folder = Path(path)
-    toml = read_toml(folder)
+    toml = read_toml(folder / "flight.toml")
     blocks = _read_blocks(folder, folder)
     problems = [*toml_problems(toml), *(p for b in blocks for t in b.tables for p in t.problems)]
     if problems:

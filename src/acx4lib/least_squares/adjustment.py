@@ -8,7 +8,7 @@ eliminates the points. A `problem.Problem` linearises its observations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import PlainNormals
-from acx4lib.least_squares.problem import Normals, Problem
+from acx4lib.least_squares.problem import Normals, Precision, Problem
 from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
 from acx4lib.least_squares.statistical.residuals import Group
 
@@ -180,7 +180,40 @@ def solve(
     with processors.on_one_thread():  # matrices are small or banded: more cost more than they bring
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         precision = at_state.precision()
-    return state, Solution(
+    return state, _solution(problem, at_state, precision, iterations)
+
+
+def designed(problem: Problem[S], state: S) -> Solution:
+    """Return the precision of a design: at a known state, before anything is measured.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its observations are where they would be, without errors.
+    state
+        The true one.
+
+    Returns
+    -------
+    Solution
+        Without an iteration. The cost is the one that is expected, the redundancy: sigma0 is one.
+
+    Raises
+    ------
+    AdjustmentError
+        Where observations are fewer than unknowns.
+    """
+    with processors.on_one_thread():
+        at_state = normals(problem, state)
+        _degrees_of_freedom(problem, at_state)
+        found = _solution(problem, at_state, at_state.precision(), 0)
+    return replace(found, cost=float(found.redundancy))
+
+
+def _solution(
+    problem: Problem[S], at_state: Normals, precision: Precision, iterations: int
+) -> Solution:
+    return Solution(
         cost=at_state.cost,
         iterations=iterations,
         n_observations=at_state.n_observations,

@@ -1,8 +1,9 @@
-"""The heads of the paper's flight, simulated and calibrated; and heads that are not the paper's."""
+"""The paper's flight and an ideal one, simulated and calibrated; and heads not the paper's."""
 
 import pytest
 
 from acx4lib import flight as flights
+from acx4lib.calibration import mounting
 from acx4lib.stages import heads
 from support.flights import in_heads
 from support.flights.simulated import fly
@@ -21,6 +22,16 @@ def flight(flown):
 @pytest.fixture(scope="session")
 def stage(flight):
     return heads.orient(flight, heads.calibrate(flight))
+
+
+@pytest.fixture(scope="session")
+def ideal():
+    return fly("acx4-ideal", seed=1).flight
+
+
+@pytest.fixture(scope="session")
+def mountings(ideal):
+    return mounting.calibrate(ideal.calibration, free=ideal.estimate_mounting)
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,18 @@
 """The block that an adjustment of a report has, for a flight that is measured in its heads."""
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from acx4book.report import describe
-from acx4book.report.material import Material, block_of
+from acx4book.report.identity import describe
+from acx4book.report.material import Material, block_of, image_residuals
 from acx4lib import flight as flights
 from acx4lib.results import adjustments, folder
 from acx4lib.results.carried import of_carried
 from acx4lib.results.provenance import Provenance
 from acx4lib.synthetic_image.carried import carry
 from support.flights import in_heads, pictured
+from support.run_results import SINGLE
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +50,17 @@ def test_every_adjustment_has_the_images_that_it_adjusted(material, adjustment, 
 
 def test_the_method_says_that_points_were_carried(material):
     assert describe.CARRIED in describe.method(material)
+
+
+def test_residuals_stand_where_they_were_measured(run):
+    table = image_residuals(run, SINGLE)
+    block = run.flight.calibration
+    one = table.iloc[7]
+    i = block.images.names.index(one["image"])
+    k = block.points.index(one["point"])
+    seen = block.image_points
+    row = np.flatnonzero((seen.image_idx == i) & (seen.point_idx == k))
+    assert_allclose(seen.colrow[row[0]], [one["col_px"], one["row_px"]])
+    rows = run.residuals[SINGLE]
+    own = rows[(rows["image_or_exposure"] == one["image"]) & (rows["point"] == one["point"])]
+    assert list(own["v"]) == [one["v_col"], one["v_row"]]

@@ -18,12 +18,8 @@ from acx4lib.geometry.collinearity import (
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 
 SLIDERS = (
-    Slider(name="boresight ω", unit="°", low=-0.1, high=0.1, step=0.005),
-    Slider(name="boresight φ", unit="°", low=-0.1, high=0.1, step=0.005),
-    Slider(name="boresight κ", unit="°", low=-0.1, high=0.1, step=0.005),
-    Slider(name="lever arm x", unit="m", low=-1.0, high=1.0, step=0.01),
-    Slider(name="lever arm y", unit="m", low=-1.0, high=1.0, step=0.01),
-    Slider(name="lever arm z", unit="m", low=-1.0, high=1.0, step=0.01),
+    *(Slider(name=f"boresight {o}", unit="°", low=-0.1, high=0.1, step=0.005) for o in "ωφκ"),
+    *(Slider(name=f"lever arm {x}", unit="m", low=-1.0, high=1.0, step=0.01) for x in "xyz"),
 )
 """Errors of the mounting; the axes of the lever arm are forward, left and up."""
 

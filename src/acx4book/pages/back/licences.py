@@ -33,107 +33,63 @@ class Work:
     files: tuple[str, ...]
 
 
-WORKS = (
-    Work(
-        what="MathJax with its fonts",
-        licence="Apache-2.0",
-        brought_by="sphinx-mathjax-offline",
-        files=("_static/mathjax/*",),
-    ),
-    Work(
-        what="Bootstrap, in the theme",
-        licence="MIT",
-        brought_by="pydata-sphinx-theme",
-        files=("_static/scripts/bootstrap*",),
-    ),
-    Work(
-        what="Font Awesome Free, in the theme",
-        licence="icons CC BY 4.0, fonts SIL OFL 1.1, code MIT",
-        brought_by="pydata-sphinx-theme",
-        files=("_static/vendor/fontawesome/*", "_static/scripts/fontawesome*"),
-    ),
-    Work(
-        what="scripts and styles of the theme",
-        licence="BSD-3-Clause",
-        brought_by="pydata-sphinx-theme",
-        files=("_static/*/pydata-sphinx-theme*", "_static/styles/theme.css", "_static/webpack-*"),
-    ),
-    Work(
-        what="scripts, styles, translations and logos of the book's theme",
-        licence="BSD-3-Clause; the logos belong to the services",
-        brought_by="sphinx-book-theme",
-        files=(
-            *("_static/*/sphinx-book-theme*", "_static/locales/*", "_static/images/logo_*"),
+WORKS = tuple(
+    Work(what=what, licence=licence, brought_by=package, files=tuple(files.split()))
+    for what, licence, package, files in (
+        ("MathJax with its fonts", "Apache-2.0", "sphinx-mathjax-offline", "_static/mathjax/*"),
+        ("Bootstrap, in the theme", "MIT", "pydata-sphinx-theme", "_static/scripts/bootstrap*"),
+        (
+            "Font Awesome Free, in the theme",
+            "icons CC BY 4.0, fonts SIL OFL 1.1, code MIT",
+            "pydata-sphinx-theme",
+            "_static/vendor/fontawesome/* _static/scripts/fontawesome*",
+        ),
+        (
+            "scripts and styles of the theme",
+            "BSD-3-Clause",
+            "pydata-sphinx-theme",
+            "_static/*/pydata-sphinx-theme* _static/styles/theme.css _static/webpack-*",
+        ),
+        (
+            "scripts, styles, translations and logos of the book's theme",
+            "BSD-3-Clause; the logos belong to the services",
+            "sphinx-book-theme",
+            "_static/*/sphinx-book-theme* _static/locales/* _static/images/logo_* "
             "_static/sbt-webpack-*",
         ),
-    ),
-    Work(
-        what="the search, its word stems (Snowball), basic styles",
-        licence="BSD-2-Clause; stems BSD-3-Clause",
-        brought_by="Sphinx",
-        files=(
-            *("_static/basic.css", "_static/doctools.js", "_static/documentation_options.js"),
-            *("_static/language_data.js", "_static/searchtools.js", "_static/sphinx_highlight.js"),
-            *("_static/file.png", "_static/minus.png", "_static/plus.png"),
+        (
+            "the search, its word stems (Snowball), basic styles",
+            "BSD-2-Clause; stems BSD-3-Clause",
+            "Sphinx",
+            "_static/basic.css _static/doctools.js _static/documentation_options.js "
+            "_static/language_data.js _static/searchtools.js _static/sphinx_highlight.js "
+            "_static/file.png _static/minus.png _static/plus.png",
         ),
-    ),
-    Work(
-        what="colours of code",
-        licence="BSD-2-Clause",
-        brought_by="Pygments",
-        files=("_static/pygments.css",),
-    ),
-    Work(
-        what="styles of notebooks",
-        licence="BSD-3-Clause",
-        brought_by="myst-nb",
-        files=("_static/mystnb*.css",),
-    ),
-    Work(
-        what="cards, grids and tabs",
-        licence="MIT",
-        brought_by="sphinx-design",
-        files=("_static/sphinx-design*", "_static/design-tabs.js"),
-    ),
-    Work(
-        what="folded parts of a page",
-        licence="MIT",
-        brought_by="sphinx-togglebutton",
-        files=("_static/togglebutton*",),
-    ),
-    Work(
-        what="buttons that copy code, with clipboard.js",
-        licence="MIT",
-        brought_by="sphinx-copybutton",
-        files=(
-            *("_static/copy*", "_static/clipboard.min.js", "_static/check-solid.svg"),
-            "_static/play-solid.svg",
+        ("colours of code", "BSD-2-Clause", "Pygments", "_static/pygments.css"),
+        ("styles of notebooks", "BSD-3-Clause", "myst-nb", "_static/mystnb*.css"),
+        (
+            "cards, grids and tabs",
+            "MIT",
+            "sphinx-design",
+            "_static/sphinx-design* _static/design-tabs.js",
         ),
-    ),
-    Work(
-        what="styles of live code, which the book does not have",
-        licence="MIT",
-        brought_by="sphinx-thebe",
-        files=("_static/sphinx-thebe*",),
-    ),
-    Work(
-        what="styles of exercises",
-        licence="MIT",
-        brought_by="sphinx-exercise",
-        files=("_static/exercise*",),
-    ),
-    Work(
-        what="styles of proofs",
-        licence="BSD-3-Clause",
-        brought_by="sphinx-proof",
-        files=("_static/proof*",),
-    ),
-    Work(
-        what="three.js, in the 3-D view",
-        licence="MIT",
-        brought_by="three",
-        files=("_static/moving/block.js",),
-    ),
+        ("folded parts of a page", "MIT", "sphinx-togglebutton", "_static/togglebutton*"),
+        (
+            "buttons that copy code, with clipboard.js",
+            "MIT",
+            "sphinx-copybutton",
+            "_static/copy* _static/clipboard.min.js _static/check-solid.svg _static/play-solid.svg",
+        ),
+        (
+            "styles of live code, which the book does not have",
+            "MIT",
+            "sphinx-thebe",
+            "_static/sphinx-thebe*",
+        ),
+        ("styles of exercises", "MIT", "sphinx-exercise", "_static/exercise*"),
+        ("styles of proofs", "BSD-3-Clause", "sphinx-proof", "_static/proof*"),
+        ("three.js, in the 3-D view", "MIT", "three", "_static/moving/block.js"),
+    )
 )
 
 

@@ -33,8 +33,7 @@ def fit(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
     overlaps, refinements : DataFrame
         As `comparisons.overlaps` and `comparisons.refinements` return them.
     """
-    rows = refinements.set_index("refinement")
-    published, best = rows.loc[AS_PUBLISHED], rows.loc[BEST]
+    published, best = _before_and_after(refinements)
     return (
         f"With the published calibration {overlaps['corners'].sum()} corners of the target are "
         f"seen {published['misfit_cm']:.1f} cm apart (rms), the worst by "
@@ -87,8 +86,7 @@ def answer(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
     overlaps, refinements : DataFrame
         As `comparisons.overlaps` and `comparisons.refinements` return them.
     """
-    rows = refinements.set_index("refinement")
-    published, best = rows.loc[AS_PUBLISHED], rows.loc[BEST]
+    published, best = _before_and_after(refinements)
     return (
         "It works: the renderer, the equalisation and the refinement of the heads need no change "
         f"for four fisheye cameras. The published calibration fits to {published['misfit_cm']:.1f} "
@@ -96,3 +94,9 @@ def answer(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
         "in its place only if it is held there. What stands above the ground is shown twice, up to "
         f"{overlaps['ghost_cm'].max():.0f} cm apart: that is parallax, and no calibration mends it."
     )
+
+
+def _before_and_after(refinements: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Return the rows of the published calibration and of the best refinement."""
+    rows = refinements.set_index("refinement")
+    return rows.loc[AS_PUBLISHED], rows.loc[BEST]

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from acx4book.report.estimates import STRONG, strong_pairs
-from acx4book.report.groups import CONTROLLED, Quality, decisive_qualities, ratio_limits
+from acx4book.report.adjustment.groups import CONTROLLED, Quality, decisive_qualities, ratio_limits
 from acx4book.report.material import Material, sentences
-from acx4book.report.stability import boresights, drifts
+from acx4book.report.mounting.stability import boresights, drifts
+from acx4book.report.parameters.estimates import STRONG, strong_pairs
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
 from acx4book.typesetting.plain_text import Markup

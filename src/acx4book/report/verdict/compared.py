@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from acx4book.report.groups import PROBABILITY
+from acx4book.report.adjustment.groups import PROBABILITY
 from acx4book.report.material import Material, sentences, validated
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import listed

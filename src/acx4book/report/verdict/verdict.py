@@ -1,8 +1,10 @@
-"""The questions of the verdict in their order, and the verdict in one sentence."""
+"""The questions of the verdict in their order; the verdict in one sentence, and as a table."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+import pandas as pd
 
 from acx4book.report.material import Material
 from acx4book.report.verdict import adjusted, compared
@@ -15,6 +17,8 @@ QUESTIONS = (
     *(adjusted.controlled, adjusted.stable),
     *(compared.mountings, compared.heights, compared.check_points, compared.said),
 )
+
+STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
 
 
 def findings(material: Material) -> list[Finding]:
@@ -33,3 +37,10 @@ def statement(found: Sequence[Finding]) -> str:
         f"**Not everything holds.** {len(failed)} of {tested} tests "
         f"{'fails' if len(failed) == 1 else 'fail'}: {which}."
     )
+
+
+def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
+    """Return the table of findings; those that fail come first."""
+    order = sorted(found, key=lambda f: f.state != "fails")
+    rows = [(f.question, STATES[f.state], f.answer) for f in order]
+    return pd.DataFrame(rows, columns=["Question", "Result", "Explanation"])

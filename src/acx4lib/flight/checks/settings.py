@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
+from acx4lib.flight.checks.values import (
+    choice_problems,
+    key_problems,
+    number_problems,
+    one_of_problems,
+)
 from acx4lib.flight.problems import POSITIVE, RANGES, SHOWN, Problem, Range, did_you_mean, quoted
 from acx4lib.flight.setup import (
     ESTIMABLE,
@@ -61,7 +67,7 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.problems:
         yield from toml.problems
         return
-    yield from _keys(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
+    yield from key_problems(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
     for key in ("name", "crs", "heights"):
         if key in toml.values:
             yield from _text_problems(toml, key)
@@ -75,11 +81,11 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _camera_problems(toml)
     yield from _synthetic_problems(toml)
     apriori = tuple(Apriori.__dataclass_fields__)
-    yield from _keys(toml, ("apriori",), apriori)
-    yield from _numbers(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE) | SHARES)
+    yield from key_problems(toml, ("apriori",), apriori)
+    yield from number_problems(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE) | SHARES)
     yield from _halves(toml)
-    yield from _keys(toml, ("adjustment",), ADJUSTMENT)
-    yield from _numbers(toml, ("adjustment",), ADJUSTMENT)
+    yield from key_problems(toml, ("adjustment",), ADJUSTMENT)
+    yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from _stage_problems(toml)
 
 
@@ -102,40 +108,6 @@ def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
             yield toml.problem((key,), *fault)
 
 
-def _keys(
-    toml: Toml, keys: tuple[str, ...], known: Iterable[str], required: Iterable[str] = ()
-) -> Iterator[Problem]:
-    """Yield unknown keys of a table, and required keys that are missing."""
-    value = toml.get(*keys)
-    if value is not None and not isinstance(value, dict):
-        yield toml.problem(keys, quoted(value), "must be a table")
-        return
-    table, known = toml.table(*keys), tuple(known)
-    unknown = [key for key in table if key not in known]
-    for n, key in enumerate(unknown[: SHOWN + 1]):
-        expected = f"must be one of {', '.join(known)}"
-        found = f"unknown key{did_you_mean(key, known)}"
-        if n == SHOWN:
-            found = f"unknown key, as {len(unknown) - n - 1} more"
-        yield toml.problem((*keys, key), found, expected)
-    for key in required:
-        if key not in table:
-            yield toml.problem((*keys, key), "missing", "required")
-
-
-def _numbers(toml: Toml, keys: tuple[str, ...], ranges: dict[str, Range]) -> Iterator[Problem]:
-    for key, allowed in ranges.items():
-        value = toml.table(*keys).get(key)
-        if value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            yield toml.problem((*keys, key), quoted(value), "must be a number")
-        elif value not in allowed:
-            yield toml.problem(
-                (*keys, key), f"{quoted(value)}{_unit_hint(key, value)}", str(allowed)
-            )
-
-
 def _halves(toml: Toml) -> Iterator[Problem]:
     """Yield a share of correlated errors without its time constant, and the reverse."""
     table = toml.table("apriori")
@@ -144,14 +116,6 @@ def _halves(toml: Toml) -> Iterator[Problem]:
         for key, other in (both, both[::-1]):
             if key in table and other not in table:
                 yield toml.problem(("apriori", key), "stands alone", f"needs {other} as well")
-
-
-def _unit_hint(key: str, value: float) -> str:
-    if key == "pixel_um" and 0 < value < 0.1:
-        return " (millimetres or metres?)"
-    if key == "focal_mm" and 0 < value < 1:
-        return " (metres?)"
-    return " (pixels?)" if key == "focal_mm" and value > 10_000 else ""
 
 
 def _grid_problems(toml: Toml) -> Iterator[Problem]:
@@ -192,8 +156,8 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
     for name in toml.table("cameras"):
         keys = ("cameras", name)
         known = (*SIZE, *LENS, *MOUNT, *LEVER)
-        wrong = list(_keys(toml, keys, (*known, *SIGMAS), SIZE))
-        wrong += _numbers(toml, keys, {key: RANGES[key] for key in known})
+        wrong = list(key_problems(toml, keys, (*known, *SIGMAS), SIZE))
+        wrong += number_problems(toml, keys, {key: RANGES[key] for key in known})
         for key, of in zip(SIGMAS, (LEVER, MOUNT), strict=True):
             wrong += _sigma_problems(toml, (*keys, key), of)
         if not isinstance(toml.get(*keys), dict):
@@ -243,8 +207,8 @@ def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
     if "synthetic" not in toml.values:
         return
     known = tuple(Synthetic.__dataclass_fields__)
-    yield from _keys(toml, ("synthetic",), known, ("camera", "heads"))
-    yield from _one_of(toml, ("synthetic", "measured_in"), MEASURED_IN)
+    yield from key_problems(toml, ("synthetic",), known, ("camera", "heads"))
+    yield from one_of_problems(toml, ("synthetic", "measured_in"), MEASURED_IN)
     camera, heads = toml.get("synthetic", "camera"), toml.get("synthetic", "heads")
     cameras = toml.table("cameras")
     if camera is not None and (not isinstance(camera, str) or camera not in cameras):
@@ -270,36 +234,9 @@ def _unknown_camera(
 
 
 def _stage_problems(toml: Toml) -> Iterator[Problem]:
-    yield from _keys(toml, ("stages",), STAGES)
+    yield from key_problems(toml, ("stages",), STAGES)
     for stage, known in STAGES.items():
-        yield from _keys(toml, ("stages", stage), known)
+        yield from key_problems(toml, ("stages", stage), known)
         for key, allowed in (("estimate", tuple(ESTIMABLE)), ("fix", FIXABLE), ("gnss", GNSS)):
-            yield from _choices(toml, ("stages", stage, key), allowed)
-    yield from _one_of(toml, ("stages", "mounting", "weights"), WEIGHTS)
-
-
-def _one_of(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, str]) -> Iterator[Problem]:
-    """Yield a problem where a value is given and is none of the two that are allowed."""
-    value = toml.get(*keys)
-    if value is not None and value not in allowed:
-        hint = did_you_mean(value, allowed) if isinstance(value, str) else ""
-        expected = " or ".join(map(repr, allowed))
-        yield toml.problem(keys, f"{quoted(value)}{hint}", f"must be {expected}")
-
-
-def _choices(toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]) -> Iterator[Problem]:
-    names = toml.get(*keys)
-    if names is None:
-        return
-    if not isinstance(names, list):
-        yield toml.problem(keys, quoted(names), f"must be a list of {', '.join(allowed)}")
-        return
-    seen = set()
-    for name in names[:MOST_CAMERAS]:
-        if not isinstance(name, str) or name not in allowed:
-            hint = did_you_mean(name, allowed) if isinstance(name, str) else ""
-            yield toml.problem(keys, f"{quoted(name)}{hint}", f"must be of {', '.join(allowed)}")
-        elif name in seen:
-            yield toml.problem(keys, f"{name!r} again", "every name once")
-        else:
-            seen.add(name)
+            yield from choice_problems(toml, ("stages", stage, key), allowed)
+    yield from one_of_problems(toml, ("stages", "mounting", "weights"), WEIGHTS)

@@ -79,11 +79,10 @@ def _shown(key: str) -> str:
     return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
 
 
-def read_toml(folder: Path) -> Toml:
-    """Return a flight's flight.toml; what is wrong is in its `problems`."""
-    path = folder / "flight.toml"
+def read_toml(path: Path) -> Toml:
+    """Return a TOML file, such as a flight.toml; what is wrong is in its `problems`."""
     text, sha256, problems = read_text(path, str(path), most=MOST_BYTES)
-    toml = Toml(folder=folder, file=str(path), sha256=sha256, problems=problems)
+    toml = Toml(folder=path.parent, file=str(path), sha256=sha256, problems=problems)
     if problems:
         return toml
     text = text.replace("\r\n", "\n")

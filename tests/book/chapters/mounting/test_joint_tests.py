@@ -5,23 +5,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import joint_tests
-from acx4lib.calibration import mounting
-from support.flights import simulated
 
 
 @pytest.fixture(scope="module")
-def flight():
-    return simulated.fly("acx4-ideal", seed=1).flight
+def single(mountings):
+    return mountings["single_step"]
 
 
 @pytest.fixture(scope="module")
-def single(flight):
-    return mounting.single_step(flight.calibration, free=flight.estimate_mounting)
-
-
-@pytest.fixture(scope="module")
-def table(flight, single):
-    return joint_tests.table(flight, single)
+def table(ideal, single):
+    return joint_tests.table(ideal, single)
 
 
 def test_covariance_and_nested_adjustment_agree(table):
@@ -42,6 +35,6 @@ def test_single_tests_hide_what_the_radial_parameters_are_together(single, table
     assert joint_tests.sentence(single).startswith("Single tests hide most of $k_1$, $k_2$, $k_3$")
 
 
-def test_without_a_single_step_there_is_nothing_to_test(flight):
-    assert joint_tests.table(flight, None).empty
+def test_without_a_single_step_there_is_nothing_to_test(ideal):
+    assert joint_tests.table(ideal, None).empty
     assert joint_tests.sentence(None) == joint_tests.NOTHING

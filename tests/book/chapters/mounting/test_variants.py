@@ -5,25 +5,12 @@ import pytest
 
 from acx4book.chapters.mounting.variants import calibrations, correlations
 from acx4lib.calibration import mounting
-from support.flights import simulated
-
-FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
 
 
 @pytest.fixture(scope="module")
-def flown():
-    return simulated.fly("acx4-ideal", seed=1).flight
-
-
-@pytest.fixture(scope="module")
-def mountings(flown):
-    return mounting.calibrate(flown.calibration, free=FREE)
-
-
-@pytest.fixture(scope="module")
-def table(flown, mountings):
-    single = mountings["single_step"]
-    return calibrations(flown.calibration, single, free=FREE).set_index("variant")
+def table(ideal, mountings):
+    single, free = mountings["single_step"], ideal.estimate_mounting
+    return calibrations(ideal.calibration, single, free=free).set_index("variant")
 
 
 def test_one_flying_height_does_not_separate_focal_length_and_lever_arm(table):
@@ -47,10 +34,10 @@ def test_the_map_grid_as_cartesian_bends_the_focal_length_and_not_the_variance(t
 
 
 def test_as_flown_is_the_single_step_itself_and_is_adjusted_where_there_is_none(
-    flown, mountings, table
+    ideal, mountings, table
 ):
     block = mountings["single_step"].bundle.network.block
-    again = calibrations(block, None, free=FREE).set_index("variant")
+    again = calibrations(block, None, free=ideal.estimate_mounting).set_index("variant")
     np.testing.assert_allclose(
         again.loc["as flown"].astype(float), table.loc["as flown"].astype(float), rtol=1e-6
     )

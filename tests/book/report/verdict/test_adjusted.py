@@ -2,7 +2,7 @@
 
 import json
 
-from acx4book.report import groups
+from acx4book.report.adjustment import groups
 from acx4book.report.material import read
 from support.run_results import SINGLE, edit, edit_summary, state
 

@@ -1,8 +1,7 @@
 """The verdict of a report holds for a good run, and what fails stands first."""
 
-from acx4book.report.sections import verdict_table
 from acx4book.report.verdict import finding
-from acx4book.report.verdict.verdict import findings, statement
+from acx4book.report.verdict.verdict import findings, statement, verdict_table
 
 
 def test_a_good_run_holds(run):

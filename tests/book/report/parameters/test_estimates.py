@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.report import estimates
 from acx4book.report.material import read
-from acx4book.report.sections import correlation_sentence, joint_table
+from acx4book.report.parameters import estimates
+from acx4book.report.parameters.tables import correlation_sentence, joint_table
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 

@@ -5,9 +5,9 @@ import pandas as pd
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book.report import stability
 from acx4book.report.material import read
-from acx4book.report.stability import boresights
+from acx4book.report.mounting import stability
+from acx4book.report.mounting.stability import boresights
 from support.run_results import edit
 
 

@@ -1,27 +1,21 @@
-"""Figures of the calibration report, drawn from tables of results."""
+"""Residuals of image points, drawn over the image plane and by strip."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.report.groups import ratio_limits
-from acx4book.report.stability import straight_line
+from acx4book.report.adjustment.groups import ratio_limits
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
-from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.parameters import AXES
 
 COMPONENTS = {"col": "columns", "row": "rows"}
-LABELLED = 40
-"""Number of check points up to which all names are on the axis."""
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:
@@ -117,68 +111,3 @@ def _draw_strips(
     axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)
-
-
-def boresight_over_time(boresights: pd.DataFrame) -> Figure:
-    """Draw the boresights of the images minus their mean over time, with sigma and a line.
-
-    Parameters
-    ----------
-    boresights : DataFrame
-        As `stability.boresights` returns it.
-    """
-    if boresights.empty:
-        return style.nothing("No bundle with free orientations gives boresights of single images.")
-    timed = bool(boresights["time_s"].notna().all())
-    time = boresights["time_s"] / 60 if timed else boresights["number"]
-    with style.applied():
-        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.4), sharex=True)
-        for ax, axis in zip(axes, "xyz", strict=True):
-            values, sigma = boresights[f"{axis}_deg"], boresights[f"sigma_{axis}_deg"]
-            _by_strip(ax, time.to_numpy(), values.to_numpy(), sigma.to_numpy(), boresights["strip"])
-            ax.axhline(0, color=style.INK, lw=0.7)
-            if np.ptp(time) > 0:
-                ends = np.array([time.min(), time.max()])
-                line = straight_line(time.to_numpy(), values.to_numpy())
-                ax.plot(ends, line.at_zero + line.slope * ends, "--", color=style.INK, lw=1.0)
-            ax.set_ylabel(f"about {axis} (°)")
-        axes[-1].set_xlabel("time after the first image (min)" if timed else "image number")
-        handles, labels = axes[0].get_legend_handles_labels()
-        if any(labels):
-            style.legend_below(fig, handles, ncols=8)
-    return fig
-
-
-def _by_strip(ax: Axes, time: Array, values: Array, sigma: Array, strips: pd.Series) -> None:
-    for i, strip in enumerate(strips.unique()):
-        own = (strips == strip).to_numpy()
-        bars: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.7, "color": style.colour(i)}
-        label = f"strip {style.plain(strip)}" if strip else ""
-        ax.errorbar(time[own], values[own], yerr=sigma[own], label=label, **bars)
-
-
-def check_points(points: pd.DataFrame) -> Figure:
-    """Draw the differences at check points with twice their predicted sigma.
-
-    Parameters
-    ----------
-    points : DataFrame
-        Rows of check_points.csv of one method.
-    """
-    if points.empty:
-        return style.nothing("There are no check points.")
-    at = np.arange(len(points))
-    with style.applied():
-        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
-        for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
-            d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
-            ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)
-            ax.plot(at, d, "o", ms=3.4, color=style.colour(0))
-            ax.axhline(0, color=style.INK, lw=0.7)
-            ax.set_ylabel(f"{axis} (m)")
-            ax.grid(visible=False, axis="x")
-            if i == 2 and len(points) <= LABELLED:
-                ax.set_xticks(at, [style.plain(name) for name in points["point"]], rotation=90)
-        axes[-1].set_xlabel("check point")
-        axes[-1].set_xlim(-0.8, len(points) - 0.2)
-    return fig

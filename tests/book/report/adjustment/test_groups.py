@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book.report import groups
+from acx4book.report.adjustment import groups
 from acx4book.report.material import read
 from acx4lib.results import folder as results
 from acx4lib.results.rows import COMPONENTS

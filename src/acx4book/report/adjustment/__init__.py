@@ -1,0 +1,1 @@
+"""The adjustments: `groups` of observations, their `tables`, their `residuals` drawn."""

@@ -1,0 +1,1 @@
+"""What the calibration is worth on the ground: `check_points`."""

@@ -1,0 +1,1 @@
+"""What was calibrated and how: `describe` has identification, method and data."""

@@ -1,0 +1,1 @@
+"""The calibrated parameters: `estimates` with tests and correlations, and their `tables`."""

@@ -1,0 +1,142 @@
+"""What a planned flight determines: unknowns, check points; a priori, with sigma0 = 1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import designed
+from acx4lib.bundle.unknowns import free_mount
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration import rig
+from acx4lib.calibration.estimates import RIGS, Calibration, from_bundle, given
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.flight.block import Block
+from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.planning import flown
+from acx4lib.planning.plan import Plan
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Design:
+    """What a plan determines.
+
+    Attributes
+    ----------
+    plan : Plan
+    blocks : dict of str to Block
+        The planned blocks, with image points free of errors.
+    mountings : dict of str to Mounting
+        By method: ``single_step`` of block calibration, or ``rig_calibration`` where that is
+        measured in heads, and ``rig`` of block heads. Estimates are the plan's values.
+    validations : dict of str to Validation
+        Of block validation, by the method whose calibration is used: ``given`` where the plan
+        calibrates nothing. Differences are zero; their sigma is what is predicted.
+    """
+
+    plan: Plan
+    blocks: Mapping[str, Block]
+    mountings: Mapping[str, Mounting]
+    validations: Mapping[str, Validation]
+
+
+def of(plan: Plan) -> Design:
+    """Return what a plan determines.
+
+    Parameters
+    ----------
+    plan : Plan
+
+    Returns
+    -------
+    Design
+        The covariances are the inverse normal matrices of the adjustments that `acx4 run` makes of
+        such a flight, eq. (14), at the values of the plan.
+
+    Raises
+    ------
+    FlightError
+        Where no image of a block shows a point.
+    AdjustmentError
+        Where a block has fewer observations than unknowns.
+    """
+    expected.instance("plan", plan, Plan)
+    blocks = {name: flown.block(plan, name) for name in plan.blocks}
+    mountings = {
+        method: calibrated(plan, blocks[name], method=method)
+        for name, method in methods(plan).items()
+    }
+    return Design(
+        plan=plan,
+        blocks=blocks,
+        mountings=mountings,
+        validations=_validations(plan, blocks, mountings),
+    )
+
+
+def methods(plan: Plan) -> dict[str, str]:
+    """Return the method by which each block of a plan is calibrated; a validation by none."""
+    calibration = "rig_calibration" if plan.setup.measured_in_heads else "single_step"
+    of_block = {"calibration": calibration, "heads": "rig"}
+    return {name: method for name, method in of_block.items() if name in plan.blocks}
+
+
+def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:
+    """Return what one planned block determines.
+
+    Parameters
+    ----------
+    plan : Plan
+    block : Block
+        As `flown.block` returns it.
+    method : str
+        ``single_step``, ``rig`` or ``rig_calibration``.
+    """
+    expected.one_of("method", method, ("single_step", *RIGS))
+    setup = plan.setup
+    if method != "single_step":
+        step = partial(_single_step, refraction=setup.refraction)
+        return replace(rig.calibrate_by(step, block, free=setup.estimate_heads), method=method)
+    return _single_step(
+        block,
+        free=setup.estimate_mounting,
+        fix=setup.fix,
+        gnss=setup.gnss,
+        refraction=setup.refraction,
+    )
+
+
+def _single_step(
+    block: Block,
+    *,
+    free: Sequence[str],
+    refraction: str,
+    fix: Sequence[str] = (),
+    gnss: Sequence[str] = (),
+) -> Mounting:
+    """Return what `mounting.single_step` would estimate of a block without errors."""
+    network = mounted_orientation(
+        block, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
+    )
+    bundle = designed(network)
+    return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
+
+
+def _validations(
+    plan: Plan, blocks: Mapping[str, Block], mountings: Mapping[str, Mounting]
+) -> dict[str, Validation]:
+    """Return the validations with every calibration that has the cameras of the block."""
+    if "validation" not in blocks:
+        return {}
+    block = blocks["validation"]
+    calibrations: dict[str, Calibration] = {
+        method: mounting.calibration for method, mounting in mountings.items()
+    } or {"given": given(plan.cameras("validation"))}
+    needed = {camera.name for camera in block.cameras}
+    return {
+        method: validate(block, calibration, method=method, refraction=plan.setup.refraction)
+        for method, calibration in calibrations.items()
+        if needed <= {camera.name for camera in calibration.cameras}
+    }

@@ -1,0 +1,190 @@
+"""A plan as a TOML file: read, with everything that is wrong named by its line, and written."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from acx4lib import expected
+from acx4lib.errors import FlightError
+from acx4lib.flight.block_from_tables import BLOCKS
+from acx4lib.flight.problems import Problem, lines_of
+from acx4lib.flight.setup import Setup, camera_of, setup_of
+from acx4lib.flight.text.document import Toml, read_toml
+from acx4lib.planning.checks import problems, settings
+from acx4lib.planning.plan import (
+    Area,
+    Plan,
+    PlannedBlock,
+    Points,
+    Strip,
+    Terrain,
+    image_length_m,
+)
+
+MOST_PROJECTED = 20_000_000
+"""Largest product of a block's images and points: what is more takes too long and too much."""
+
+MOST_EXPOSURES = 5_000
+
+
+def read(path: str | Path) -> Plan:
+    """Return the plan in a TOML file.
+
+    Raises
+    ------
+    FlightError
+        With all problems, one line each.
+    """
+    return _checked(read_toml(expected.path("path", path)))
+
+
+def from_values(values: Mapping[str, Any]) -> Plan:
+    """Return the plan of a nested dict with the keys of the file; FlightError as `read`."""
+    return _checked(Toml(folder=Path(), file="plan", values=dict(values), in_memory=True))
+
+
+def _checked(toml: Toml) -> Plan:
+    flight = replace(toml, values=settings(toml.values))
+    found = [*problems(toml, flight)]
+    if found:
+        raise FlightError(lines_of(found))
+    plan = _plan(toml, setup_of(flight))
+    found = [*_size_problems(toml, plan)]
+    if found:
+        raise FlightError(lines_of(found))
+    return plan
+
+
+def _plan(toml: Toml, setup: Setup) -> Plan:
+    field = toml.table("field")
+    plan = Plan(
+        setup=setup,
+        values=toml.values,
+        terrain=Terrain(
+            height_m=float(field["height_m"]), relief_m=float(field.get("relief_m", 0.0))
+        ),
+        blocks={},
+        truth={
+            name: camera_of(name, {**toml.table("cameras", name), **table})
+            for name, table in toml.table("truth").items()
+        },
+    )
+    blocks = {name: _block(toml, plan, name) for name in BLOCKS if name in toml.values}
+    return replace(plan, blocks=blocks)
+
+
+def _block(toml: Toml, plan: Plan, name: str) -> PlannedBlock:
+    table = toml.table(name)
+    given = {**toml.table("field"), **table}
+    area = Area(
+        east_m=float(given["east_m"]),
+        north_m=float(given["north_m"]),
+        course_deg=float(given.get("course_deg", 0.0)),
+    )
+    points = toml.table(name, "check") if name == "validation" else toml.table("control")
+    tie_area = table.get("tie_area_m")
+    return PlannedBlock(
+        name=name,
+        area=area,
+        strips=dict(_strips(plan, name, area, table["strips"])),
+        points=_points(points),
+        tie_points=int(table.get("tie_points", 0)),
+        tie_area_m=None if tie_area is None else (float(tie_area[0]), float(tie_area[1])),
+    )
+
+
+def _points(table: Mapping[str, Any]) -> Points:
+    """Return surveyed points; none for an empty table."""
+    number = table.get("number", 0)
+    east, north, height = map(float, table.get("sigma_m", Points.sigma_m))
+    forward, left = map(float, table.get("area_m", Points.area_m))
+    return Points(
+        layout=table.get("layout", "grid") if table else "at",
+        number=tuple(map(int, number if isinstance(number, list) else [number])),
+        area_m=(forward, left),
+        play_m=float(table.get("play_m", 0.0)),
+        at_m=tuple((float(a), float(b)) for a, b in table.get("at_m", ())),
+        sigma_m=(east, north, height),
+        sigma_px=float(table["sigma_px"]) if "sigma_px" in table else None,
+    )
+
+
+def _strips(
+    plan: Plan, block: str, area: Area, tables: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[str, Strip]]:
+    """Yield strips by name; parallel ones, flown to and fro, get a number each."""
+    camera = plan.frame(block) or plan.cameras(block)[0]
+    for name, table in tables.items():
+        own = {key: float(table[key]) for key in Strip.__dataclass_fields__ if key in table}
+        height = own["flying_height_m"]
+        if "overlap" in table:
+            own["base_m"] = (1 - table["overlap"]) * image_length_m(camera, height)
+        strip = Strip(**own)
+        n = int(table.get("parallel", 1))
+        spacing = float(table.get("spacing_m", 0.0))
+        if "side_overlap" in table:
+            spacing = (1 - table["side_overlap"]) * image_length_m(camera, height, across=True)
+        for i in range(n):
+            moved = strip.beside((0.5 * (n - 1) - i) * spacing, area.course_deg)
+            yield (f"{name}-{i + 1}", moved.turned(180.0 * (i % 2))) if n > 1 else (name, strip)
+
+
+def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
+    for name, block in plan.blocks.items():
+        n = sum(strip.n_exposures for strip in block.strips.values())
+        if n > MOST_EXPOSURES:
+            found = f"{n} exposures"
+            yield toml.problem((name, "strips"), found, f"must be at most {MOST_EXPOSURES}")
+        elif n * len(plan.cameras(name)) * block.tie_points > MOST_PROJECTED:
+            found = f"{n} exposures and {block.tie_points} tie points"
+            expected_ = f"images times tie points must be at most {MOST_PROJECTED}"
+            yield toml.problem((name, "tie_points"), found, expected_)
+        if name == "heads" and plan.setup.synthetic is None and len(plan.setup.cameras) < 2:
+            found, cure = "one camera", "heads are several; a single camera is flown in calibration"
+            yield toml.problem((name,), found, cure)
+
+
+# --- written ---------------------------------------------------------------------------------
+
+
+def written(values: Mapping[str, Any]) -> str:
+    """Return the TOML text of nested tables: those of a plan, or of flight.toml.
+
+    A strip is one line. Values are text, numbers, truth values, and lists of them.
+    """
+    return "\n".join(_lines(values, ())).strip("\n") + "\n"
+
+
+def _lines(table: Mapping[str, Any], keys: tuple[str, ...]) -> Iterator[str]:
+    inline = bool(keys) and keys[-1] == "strips"
+    plain = {key: value for key, value in table.items() if inline or not isinstance(value, Mapping)}
+    if keys and (plain or not table):
+        yield ""
+        yield f"[{'.'.join(map(_key, keys))}]"
+    yield from (f"{_key(key)} = {_value(value)}" for key, value in plain.items())
+    for key, value in table.items():
+        if key not in plain:
+            yield from _lines(value, (*keys, key))
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else _text(name)
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        return _text(value)
+    return json.dumps(value)
