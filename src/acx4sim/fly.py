@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from acx4sim.earth import Array, Grid, attitude_from_rph, axes_of_enu_in_ecef, rotation_from_opk_deg
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, grid_from_field
 
-_SPEED = 70.0  # m/s
 _TURN_S = 240.0
 _SCATTER_M = np.array([6.0, 8.0, 5.0])  # forward, left, up
 _MOTION_DEG = np.array([1.1, 0.9, 0.8])  # roll, pitch, yaw
@@ -58,7 +57,11 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
             for number, strip in enumerate(block.strips, 1)
             for i in range(strip.n)
         ],
-        strip=[str(number) for number, strip in enumerate(block.strips, 1) for _ in range(strip.n)],
+        strip=[
+            strip.name or str(number)
+            for number, strip in enumerate(block.strips, 1)
+            for _ in range(strip.n)
+        ],
         time_s=_times(block),
         x_g=x_g,
         R_enu_b=attitude_from_rph(rph),
@@ -85,7 +88,10 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
 
 def _times(block: BlockPlan) -> Array:
     steps = np.concatenate(
-        [np.r_[_TURN_S, np.full(strip.n - 1, strip.base_m / _SPEED)] for strip in block.strips]
+        [
+            np.r_[_TURN_S, np.full(strip.n - 1, strip.base_m / strip.speed_m_s)]
+            for strip in block.strips
+        ]
     )
     return np.asarray(block.start_s - _TURN_S + np.cumsum(steps))
 
@@ -117,7 +123,33 @@ def record(
     if any(options.gnss_strip_drift_m_per_min):
         error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
     turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
-    return replace(track, x_g=track.x_g + error, R_enu_b=track.R_enu_b * turn)
+    there = _later(track, options.gnss_delay_s, options.attitude_delay_s)
+    return replace(track, x_g=there.x_g + error, R_enu_b=there.R_enu_b * turn)
+
+
+def _later(track: Track, position_s: float, attitude_s: float) -> Track:
+    """Return a track whose positions and attitudes are of later times than its exposures.
+
+    Between three exposures of a strip the aircraft is on the parabola through them, at either end
+    on the line through two.
+    """
+    if not position_s and not attitude_s:
+        return track
+    x_g, turns = track.x_g.copy(), np.zeros_like(track.x_g)
+    strips = np.array(track.strip)
+    for i, strip in enumerate(track.strip):
+        near = [j for j in (i - 1, i, i + 1) if 0 <= j < len(strips) and strips[j] == strip]
+        since = track.time_s[near] - track.time_s[i]
+        x_g[i] = _through(since, position_s) @ track.x_g[near]
+        away = (track.R_enu_b[i].inv() * track.R_enu_b[near]).as_rotvec()
+        turns[i] = _through(since, attitude_s) @ away
+    return replace(track, x_g=x_g, R_enu_b=track.R_enu_b * Rotation.from_rotvec(turns))
+
+
+def _through(times: Array, at: float) -> Array:
+    """Return Lagrange's weights of the values at some times for the value at another."""
+    others = [np.delete(times, k) for k in range(len(times))]
+    return np.array([np.prod((at - o) / (t - o)) for t, o in zip(times, others, strict=True)])
 
 
 def gauss_markov(

@@ -49,15 +49,16 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
 
 def dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
     """Return A, shape (n_rows, n), and v over all groups, each with the unit matrix for weights."""
-    A, v = [np.zeros((0, n))], [np.zeros(0)]
+    A: list[Array] = [np.zeros((0, n))]
+    v: list[Array] = [np.zeros(0)]
     for e in equations:
         rows = np.zeros((*e.v.shape, n + 1))
         np.put_along_axis(rows, np.broadcast_to(e.columns[e.unit][:, None], e.A.shape), e.A, axis=2)
-        rows, z = rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma
+        both: tuple[Array, Array] = (rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma)
         if e.correlation is not None:
-            rows, z = e.correlation.whitened(rows), e.correlation.whitened(z)
-        A.append(rows.reshape(-1, n))
-        v.append(z.ravel())
+            both = (e.correlation.whitened(both[0]), e.correlation.whitened(both[1]))
+        A.append(both[0].reshape(-1, n))
+        v.append(both[1].ravel())
     return np.concatenate(A), np.concatenate(v)
 
 

@@ -71,10 +71,9 @@ class Equations:
         explained : ndarray, shape (m, d), or (p, d) for the pairs of correlated observations
             Covariances of the adjusted observations.
         """
+        redundancy: Array = 1 - explained / self.sigma**2 if self.correlation is None else explained
         used, together = np.isfinite(self.sigma), None
-        if self.correlation is None:
-            redundancy = 1 - explained / self.sigma**2
-        else:
+        if self.correlation is not None:
             sigma = self.sigma[self.correlation.first] * self.sigma[self.correlation.second]
             z = self.v / self.sigma
             redundancy, together = self.correlation.tested(z, explained / sigma)

@@ -287,7 +287,7 @@ REPLACED = [
         TOML,
         "lever_z_m = 0.2",
         '[stages.mounting]\ngnss = ["drifts"]',
-        ":15: stages.mounting.gnss: 'drifts' (did you mean 'drift'?); must be of shift, drift",
+        ":15: stages.mounting.gnss: 'drifts' (did you mean 'drift'?); must be of shift, drift, delay, attitude_delay",
     ),
     (
         TOML,
