@@ -29,6 +29,10 @@ DELAY = "gnss_delay_s"
 ATTITUDE_DELAY = "attitude_delay_s"
 
 
+LIMIT_DELAY_S = 1.0
+"""Standard deviation above which a delay counts as not determined, also where it does nothing."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Unknown:
     """One unknown error of the trajectory.
@@ -94,9 +98,11 @@ def _delays(motion: Motion | None, bundle: Bundle) -> list[_Unknown]:
         return []
     speed = float(np.linalg.norm(motion.velocity, axis=1).max())
     rate = float(np.degrees(np.linalg.norm(motion.rate, axis=1).max()))
-    reaches = (speed / LIMIT_LEVER_M, rate / LIMIT_BORESIGHT_DEG)
+    reaches = np.maximum([speed / LIMIT_LEVER_M, rate / LIMIT_BORESIGHT_DEG], 1 / LIMIT_DELAY_S)
     return [
-        _Unknown(key=key, name=name, unit="s", value=float(value), column=int(column), reach=reach)
+        _Unknown(
+            key=key, name=name, unit="s", value=float(value), column=int(column), reach=float(reach)
+        )
         for key, name, value, column, reach in zip(
             ("delay", "attitude_delay"),
             (DELAY, ATTITUDE_DELAY),
@@ -147,8 +153,8 @@ def reported_covariance(bundle: Bundle) -> Array:
 
 def is_determined(bundle: Bundle) -> Mask:
     """Tell for every error of the trajectory whether the data determine it, shape (n,)."""
-    sigma = np.array([p.sigma for p in parameters(bundle)])
-    return sigma * np.array([one.reach for one in _unknowns(bundle)]) <= 1
+    listed = zip(parameters(bundle), _unknowns(bundle), strict=True)
+    return np.array([p.sigma * one.reach <= 1 for p, one in listed], dtype=bool)
 
 
 def not_determined(bundle: Bundle) -> list[str]:
