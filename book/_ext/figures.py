@@ -12,7 +12,10 @@ from sphinx.application import Sphinx
 from acx4book.typesetting import style
 
 COLOUR = re.compile("|".join(style.NAMES))
-NAMED = re.compile(r'(\bid="|href="#|url\(#)')
+NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")')
+"""Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
+
+LETTER = re.compile(r'<path id="(D[\w-]+)" [^>]*/>')
 SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
 GROUND = re.compile(r'<g id="patch_1"><path [^>]*/></g>')
 """The sheet that matplotlib puts under a figure."""
@@ -26,23 +29,28 @@ def put_in(app: Sphinx, doctree: nodes.document, _page: str) -> None:
     if app.builder.format != "html":
         return
     drawings = [image for image in doctree.findall(nodes.image) if image["uri"].endswith(".svg")]
+    known: set[str] = set()
     for number, image in enumerate(drawings, 1):
         svg = Path(app.srcdir, image["uri"]).read_text("utf-8")
-        text = drawn(svg[svg.index("<svg") :], alt=image.get("alt", ""), name=f"f{number}-")
+        text = drawn(
+            svg[svg.index("<svg") :], alt=image.get("alt", ""), name=f"f{number}-", known=known
+        )
         image.replace_self(nodes.raw("", text, format="html"))
 
 
-def drawn(svg: str, *, alt: str, name: str) -> str:
+def drawn(svg: str, *, alt: str, name: str, known: set[str]) -> str:
     """Return a drawing as part of a page.
 
     Parameters
     ----------
     svg : str
-        As `acx4book.typesetting.drawing` makes it.
+        As `acx4book.typesetting.drawing.svg` makes it.
     alt : str
         What is seen.
     name : str
         Beginning of all names in it, so that they are unique on the page.
+    known : set of str
+        Letters that drawings above it have brought; its own are added.
     """
     width, height = SIZE.match(svg).groups()
     share = min(1.0, float(width) / POINTS)
@@ -52,8 +60,18 @@ def drawn(svg: str, *, alt: str, name: str) -> str:
     )
     inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
     coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
-    named = NAMED.sub(lambda found: found[0] + name, coloured)
+    named = NAMED.sub(
+        lambda found: found[0] + name, LETTER.sub(lambda found: _once(found, known), coloured)
+    )
     return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
+
+
+def _once(letter: re.Match[str], known: set[str]) -> str:
+    """Return the outline of a letter, and nothing where the page has it."""
+    if letter[1] in known:
+        return ""
+    known.add(letter[1])
+    return letter[0]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,12 @@ DOWNLOADS = Path("_generated", "downloads")
 
 PAGES = "_executed/"
 """Folder of the pages that are notebooks."""
+
+EXECUTED = Path("downloads", "executed")
+"""Where the executed notebooks lie in the built book, packed: most of them is figures."""
+
+EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""Date of what is packed, so that the same notebook is the same bytes."""
 
 HOST = "https://mybinder.org/v2/git/{repository}/HEAD?labpath=notebooks/{name}.ipynb"
 """Where a notebook of a repository can be run without installing anything."""
@@ -77,15 +84,19 @@ def add(app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctre
     if page.startswith(PAGES) and (Path(app.srcdir) / DOWNLOADS.parent / copy).is_file():
         for group in context.get("header_buttons", ()):
             if group.get("label") == "download-buttons":
-                _describe(group["buttons"])
+                _describe(group["buttons"], pathto((EXECUTED / f"{name}.zip").as_posix(), 1))
                 group["buttons"][:0] = buttons(said, name, pathto(copy.as_posix(), 1))
 
 
-def _describe(entries: list[dict[str, str]]) -> None:
-    """Say of the page's own source that it is the notebook as it was executed."""
+def _describe(entries: list[dict[str, str]], packed: str) -> None:
+    """Offer in place of the page's own source the notebook as it was executed, packed."""
     for entry in entries:
         if entry.get("label") == "download-source-button":
-            entry |= {"text": "notebook, executed", "tooltip": "Download the notebook as shown"}
+            entry |= {
+                "url": packed,
+                "text": "notebook, executed (zip)",
+                "tooltip": "Download the notebook as shown, with its figures",
+            }
 
 
 def bring_downloads(app: Sphinx, exception: Exception | None) -> None:
@@ -93,6 +104,18 @@ def bring_downloads(app: Sphinx, exception: Exception | None) -> None:
     source = Path(app.srcdir) / DOWNLOADS
     if exception is None and source.is_dir():
         shutil.copytree(source, Path(app.outdir) / DOWNLOADS.name, dirs_exist_ok=True)
+        pack(Path(app.outdir, "_sources", PAGES), Path(app.outdir) / EXECUTED)
+
+
+def pack(sources: Path, folder: Path) -> None:
+    """Move the notebooks below one folder into archives below another, each into its own."""
+    for notebook in sorted(sources.rglob("*.ipynb")):
+        archive = folder / notebook.relative_to(sources).with_suffix(".zip")
+        archive.parent.mkdir(parents=True, exist_ok=True)
+        entry = zipfile.ZipInfo(notebook.name, EARLIEST)
+        with zipfile.ZipFile(archive, "w") as packed:
+            packed.writestr(entry, notebook.read_bytes(), zipfile.ZIP_DEFLATED)
+        notebook.unlink()
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -1,7 +1,8 @@
-"""Keep the book free of requests to other hosts, and of files that no page loads."""
+"""Keep the book free of requests to other hosts, and of what no page shows or loads."""
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,16 @@ from sphinx.application import Sphinx
 # What `tex-chtml.js` may load while a page is shown: its fonts and the packages of TeX macros.
 MATHJAX_USED = ("tex-chtml.js", "output/chtml/fonts", "input/tex/extensions")
 
-UNUSED = ("**/*.map", "**/*.ttf", "**/all-packages.js", "**/fa-brands-400.*")
-"""For debuggers, for browsers of 2012, for MathJax without its loader, and signs of companies."""
+UNUSED = ("**/*.map", "**/*.ttf", "**/all-packages.js", "**/fa-brands-400.*", "locales/**/*.?o")
+"""For debuggers, for browsers of 2012, for MathJax without its loader, signs of companies, and
+other languages."""
+
+ICON = re.compile(
+    r'"?([\w-]+)"?:\[\d+,\d+,\[([^\]]*)\],"[0-9a-f]+",(?:"[^"]*"|\["[^"]*","[^"]*"\])\],?'
+)
+"""An icon in the script that draws them: name, size, other names, sign, outlines."""
+
+SHOWN = re.compile(r"\bfa-([a-z0-9-]+)")
 
 
 def drop_thebe(
@@ -37,6 +46,7 @@ def prune(app: Sphinx, exception: Exception | None) -> None:
     for path in [found for pattern in UNUSED for found in static.glob(pattern)]:
         path.unlink(missing_ok=True)  # by two patterns
     _prune_mathjax(static / "mathjax")
+    _prune_icons(Path(app.outdir), static / "scripts" / "fontawesome.js")
 
 
 def _prune_mathjax(root: Path) -> None:
@@ -48,6 +58,17 @@ def _prune_mathjax(root: Path) -> None:
             shutil.rmtree(path)
         else:
             path.unlink()
+
+
+def _prune_icons(html: Path, script: Path) -> None:
+    """Leave the icons that a page or a script names, of two thousand."""
+    files = [path for path in html.rglob("*") if path.suffix in {".html", ".js"} and path != script]
+    named = {name for path in files for name in SHOWN.findall(path.read_text("utf-8"))}
+
+    def used(icon: re.Match[str]) -> str:
+        return icon[0] if named & {icon[1], *re.findall(r"[a-z][\w-]*", icon[2])} else ""
+
+    script.write_text(ICON.sub(used, script.read_text("utf-8")), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -5,9 +5,12 @@
 (() => {
   const HEAD = 6, BAR = 12; // px, as in the module plane
 
-  /* What depends on the sliders: a matrix times their values, or the row of a stop of the first. */
-  function respond({ constant, matrix, stops }, values, first) {
-    if (stops) return stops[Math.round((values[0] - first.min) / first.step)];
+  /* What depends on the sliders: a matrix times their values, the row of their stops, or at a stop
+     of the first the roots of sums of squares, in which the first counts as one. */
+  function respond({ constant, matrix, stops, roots }, values, sliders) {
+    const at = (rows, { min, step }, i) => rows[rows.length > 1 ? Math.round((values[i] - min) / step) : 0];
+    if (stops) return sliders.reduce(at, stops);
+    if (roots) return at(roots, sliders[0], 0).map((row) => Math.hypot(...row.map((x, j) => x * (j ? values[j] : 1))));
     return matrix.map((row, i) => row.reduce((sum, x, j) => sum + x * values[j], constant[i]));
   }
 
@@ -28,8 +31,8 @@
   };
 
   /* The path of a mark, as SVG writes it. */
-  function path({ kind, at, scale, response }, values, first) {
-    const moved = respond(response, values, first);
+  function path({ kind, at, scale, response }, values, sliders) {
+    const moved = respond(response, values, sliders);
     const places = at.map(([x, y], i) => [x + scale[0] * moved[2 * i], y + scale[1] * moved[2 * i + 1]]);
     if (kind === "curve") return `M${places.map(point).join("L")}`;
     return places.map((place, i) => (kind === "arrows" ? arrow : bar)(at[i], place)).join("");
@@ -68,15 +71,15 @@
     const data = JSON.parse(figure.querySelector("script").textContent);
     const marks = [...figure.querySelectorAll(".panel")].map((p) => [...p.querySelectorAll(".marks path")]);
     const cells = [...figure.querySelectorAll("tbody tr")].map((r) => [...r.querySelectorAll("td")]);
-    const first = data.sliders[0];
+    const { sliders } = data;
 
     function draw() {
       const values = rows.map(({ input }) => input.valueAsNumber);
       rows.forEach(({ show }) => show());
       data.panels.forEach((panel, i) =>
-        panel.forEach((mark, j) => marks[i][j].setAttribute("d", path(mark, values, first))));
+        panel.forEach((mark, j) => marks[i][j].setAttribute("d", path(mark, values, sliders))));
       data.rows.forEach((responses, i) => responses.forEach((response, j) => {
-        const text = written(reading(respond(response, values, first)), data.digits[j]);
+        const text = written(reading(respond(response, values, sliders)), data.digits[j]);
         if (cells[i][j].textContent !== text) cells[i][j].textContent = text;
       }));
     }

@@ -286,6 +286,9 @@ def single_head(*, seed: int = 1, options: Options = Options()) -> SimulatedFlig
     return simulate_plan(single_head_plan(), seed, options)
 
 
+PLANS: Mapping[str, Callable[[], Plan]] = MappingProxyType(
+    {"acx4": acx4_plan, "acx4-ideal": acx4_ideal_plan, "single-head": single_head_plan}
+)
 DESIGNS: Mapping[str, Callable[..., SimulatedFlight]] = MappingProxyType(
     {"acx4": acx4, "acx4-ideal": acx4_ideal, "single-head": single_head}
 )

@@ -142,7 +142,9 @@ def chained_deg(
     return omega, phi, kappa
 
 
-def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = None) -> Array:
+def terrain_height(
+    llh: Array, mean_height: float, *, latitude: float | None = None, relief: float = 1.0
+) -> Array:
     """Compute the height of smooth hills at given positions, m; it is the same in every run.
 
     Parameters
@@ -154,6 +156,8 @@ def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = N
     latitude : float, optional
         Latitude at which longitudes are converted to metres, rad; by default the mean of the
         positions. Another latitude moves the hills.
+    relief : float
+        Factor on the heights of the hills.
     """
     scale = np.cos(llh[:, 0].mean() if latitude is None else latitude)
     east, north = _METRES_PER_RAD * scale * llh[:, 1], _METRES_PER_RAD * llh[:, 0]
@@ -161,5 +165,5 @@ def terrain_height(llh: Array, mean_height: float, *, latitude: float | None = N
     for amplitude, wavelength, azimuth_deg, phase in _HILLS:
         azimuth = np.radians(azimuth_deg)
         way = east * np.sin(azimuth) + north * np.cos(azimuth)
-        height += amplitude * np.sin(2 * np.pi * way / wavelength + phase)
+        height += relief * amplitude * np.sin(2 * np.pi * way / wavelength + phase)
     return height

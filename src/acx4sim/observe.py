@@ -37,9 +37,11 @@ class Sight:
 def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     """Compute east, north, height of positions given forward and left of a block's centre."""
     grid = Grid(crs=plan.crs)
+    if len(places) == 0:
+        return np.empty((0, 3))
     en = grid_from_field(block, places)
     llh = grid.geodetic_from_grid(np.column_stack([en, np.zeros(len(en))]))
-    return np.column_stack([en, terrain_height(llh, plan.ground_m)])
+    return np.column_stack([en, terrain_height(llh, plan.ground_m, relief=plan.relief)])
 
 
 def look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight:
@@ -70,12 +72,28 @@ def measure(
     """
     deciding = (block.frame,) if block.frame else block.cameras
     surveyed = look(plan, deciding, track, surveyed_g)
-    ties_g, ties = _strew_tie_points(plan, block, deciding, track, rng)
+    if block.tie_places is None:
+        ties_g, ties = _strew_tie_points(plan, block, deciding, track, rng)
+    else:
+        ties_g, ties = _placed_tie_points(plan, block, block.tie_places, deciding, track)
     seen = np.concatenate([surveyed.seen, ties.seen], axis=2)
     if block.frame:
         sight = look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
         return replace(sight, seen=sight.seen & seen)
     return Sight(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
+
+
+def _placed_tie_points(
+    plan: Plan, block: BlockPlan, places: Array, cameras: Sequence[str], track: Track
+) -> tuple[Array, Sight]:
+    """Measure tie points at given places in every image; those with less than three rays are none.
+
+    Returns as `_strew_tie_points`.
+    """
+    x_g = ground_points(plan, block, places)
+    sight = look(plan, cameras, track, x_g)
+    good = (sight.seen.sum(axis=1) >= _MIN_RAYS).any(axis=0)
+    return x_g[good], Sight(colrow=sight.colrow[:, :, good], seen=sight.seen[:, :, good])
 
 
 def _strew_tie_points(

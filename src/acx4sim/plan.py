@@ -228,6 +228,13 @@ class BlockPlan:
     targets : ndarray, shape (n, 2)
         The block's own natural targets, forward and left; none in a block that shares the
         flight's control points.
+    target_m : tuple of float
+        Standard deviations of their survey, east, north, height.
+    target_px : tuple of float
+        Smallest and largest standard deviation of measuring one of them.
+    tie_places : ndarray, shape (n, 2), optional
+        Where tie points lie, forward and left, in the place of a number of random ones: every
+        image that shows one measures it.
     """
 
     letter: str
@@ -239,6 +246,9 @@ class BlockPlan:
     tie_points: int
     tie_area_m: tuple[float, float]
     targets: Array = field(default_factory=lambda: np.empty((0, 2)))
+    target_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
+    target_px: tuple[float, float] = (1.0, 2.0)
+    tie_places: Array | None = None
     frame: str = ""
 
 
@@ -252,7 +262,6 @@ class Noise:
     roll_pitch_deg: float
     heading_deg: float
     control_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
-    target_px: tuple[float, float] = (1.0, 2.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -269,6 +278,8 @@ class Plan:
         CRS of the grid.
     ground_m : float
         Mean ellipsoidal height of the ground.
+    relief : float
+        Factor on the heights of the hills.
     cameras : dict of str to Camera
         With their true parameters.
     approximate : dict of str to dict
@@ -304,6 +315,7 @@ class Plan:
     heads: tuple[str, ...] = ()
     head_angles_deg: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     refraction: str = "none"
+    relief: float = 1.0
 
     @property
     def measured_in_heads(self) -> bool:

@@ -2,6 +2,8 @@
 
 import json
 import re
+import zipfile
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
@@ -32,11 +34,13 @@ def test_every_notebook_can_be_taken_along_as_it_was_executed_and_to_run(html, c
     notebooks = [name for name in chapters if (ROOT / "notebooks" / source(name)).is_file()]
     assert notebooks
     for name in notebooks:
-        links = chapters[name].select(".dropdown-download-buttons a[href$='.ipynb']")
+        links = chapters[name].select(".dropdown-download-buttons a[href*='downloads/']")
         to_run, executed = ((html / name).parent / link["href"] for link in links)
         assert to_run.resolve() == html / clean.FOLDER / source(name)
-        for file, has in ((to_run, False), (executed, True)):
-            cells = json.loads(file.read_text("utf-8"))["cells"]
+        with zipfile.ZipFile(executed) as packed:
+            whole = packed.read(Path(source(name)).name)
+        for content, has in ((to_run.read_bytes(), False), (whole, True)):
+            cells = json.loads(content)["cells"]
             assert any(cell.get("outputs") for cell in cells) is has
 
 
@@ -64,7 +68,13 @@ def test_a_term_is_linked_once_on_a_page_and_never_in_a_heading(chapters):
 
 def test_every_file_that_others_made_has_its_licence(html):
     ours = {"acx4.css", "accessible.js", "favicon.svg", "logo.svg", "print.css"}
-    ours |= {"scrolling.css", "scrolling.js", "moving/explorer.js", "moving/moving.css"}
+    ours |= {
+        "listing.css",
+        "scrolling.css",
+        "scrolling.js",
+        "moving/explorer.js",
+        "moving/moving.css",
+    }
     files = [path.relative_to(html).as_posix() for path in (html / "_static").rglob("*.*")]
     nobodys = {name for name in files if licences.of(name) is None}
     assert {name.removeprefix("_static/") for name in nobodys} <= ours

@@ -81,7 +81,7 @@ def window(browser, html):
 def test_every_page_is_drawn_whole_and_in_peace(window, chapters):
     """On the desktop, and when the window becomes as narrow as a phone."""
     book = window()
-    for name in [*chapters, "search.html", "genindex.html"]:
+    for name in [*chapters, "search.html"]:
         book.page.set_viewport_size({"width": WIDTHS[0], "height": HEIGHT})
         book.open(name)
         for width in WIDTHS:

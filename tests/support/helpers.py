@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import signal
 from pathlib import Path
@@ -14,6 +15,14 @@ from acx4lib.errors import UNSEEN, FlightError
 
 ROOT = Path(__file__).parents[2]
 """The folder of the project."""
+
+
+def book_extension(name):
+    """Return a module of the book's own extensions of Sphinx, which are in no package."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "book" / "_ext" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def numeric_jacobian(function, x, *, step=1e-6):

@@ -21,6 +21,7 @@ import typer
 
 from acx4book.command import render, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
+from acx4book.command.planning import plan, simulate
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -114,97 +115,20 @@ def check(flight: terminal.Flight) -> None:
 app.command(help=run.HELP)(run.run)
 
 
-@app.command(
-    help="""Write a simulated flight.
-
-Its truth is in FLIGHT.truth.json beside it. It has pixels where --images names exposures: the
-pictures of all cameras that expose together, 16 bit.
-
-\b
-NAME is one of
-  acx4         the paper's: four heads that measure in all three blocks
-  acx4-ideal   the same with an ideal synthetic camera in the blocks 2 and 3
-  single-head  one ordinary camera, turned on its mount
-
-\b
-Examples:
-  acx4 simulate single-head --out my_flight --seed 3
-  acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
-  acx4 simulate acx4 --out my_flight --images H3-04,C2-05 --reduce 4
-"""
-)
-def simulate(  # noqa: PLR0913, PLR0917 one for every option
-    name: Annotated[str, typer.Argument(metavar="NAME", show_default=False)],
-    out: Annotated[
-        Path,
-        typer.Option(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
-    ],
-    seed: Annotated[
-        int, typer.Option(metavar="N", min=0, help="The same seed gives the same flight.")
-    ] = 1,
-    slow_errors: Annotated[
-        bool, typer.Option("--slow-errors", help="Trajectory errors that change slowly.")
-    ] = False,
-    gross_errors: Annotated[
-        bool, typer.Option("--gross-errors", help="Mistakes in the calibration block.")
-    ] = False,
-    refraction: Annotated[
-        bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
-    ] = False,
-    images: Annotated[
-        str, typer.Option(metavar="A,B", help="Exposures that get pictures.", show_default=False)
-    ] = "",
-    reduce: Annotated[
-        int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
-    ] = 1,
-    ground: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PHOTO",
-            show_default=False,
-            help="A picture to lie on the ground, a pixel every 12.5 cm; else a landscape.",
-        ),
-    ] = None,
-) -> None:
-    """Write a simulated flight."""
-    from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
-    from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
-    from acx4sim.files.flights import photograph  # noqa: PLC0415 quick help
-    from acx4sim.files.writer import TRUTH_MARK, truth_path, write  # noqa: PLC0415 quick help
-    from acx4sim.plan import GrossErrors, Options, SlowErrors  # noqa: PLC0415 quick help
-
-    if name not in DESIGNS:
-        terminal.refuse(f"unknown flight {name!r}; known: {', '.join(DESIGNS)}")
-    places.check_new(out)
-    truth = truth_path(out)
-    places.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
-    options = Options(
-        slow_errors=SlowErrors() if slow_errors else None,
-        gross_errors=GrossErrors() if gross_errors else None,
-        refraction="standard" if refraction else "none",
-    )
-    exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
-    if not exposures and (reduce > 1 or ground is not None):
-        terminal.refuse("--reduce and --ground are for pictures; name exposures with --images")
-    flight = DESIGNS[name](seed=seed, options=options)
-    if exposures:
-        try:
-            flight = photograph(flight, exposures, reduce=reduce, photo=ground)
-        except ValueError as error:
-            terminal.refuse(str(error))
-    with terminal.stage_bars("rows") as tell, claims.placed(out, command="acx4 simulate") as draft:
-        write(flight, draft, tell=tell)
-    terminal.show(f"{out}; its truth in {truth}")
+app.command(help=plan.HELP)(plan.plan)
+app.command(help=simulate.HELP)(simulate.simulate)
 
 
 @app.command(
     help="""Write the calibration report of a run: one HTML file that can be printed.
 
-It is made from the results folder alone.
+It is made from the results folder alone. Its first page is a certificate, with what the table
+[certificate] of flight.toml states. A file .json beside it has the same values for machines.
 
 \b
-Example:
-  acx4 report my_results --out my_report.html
+Examples:
+  acx4 report my_results
+  acx4 report my_results --out my_report.html --pdf
 """
 )
 def report(
@@ -217,15 +141,20 @@ def report(
             metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
         ),
     ] = None,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Print it by Chromium, too.")] = False,
 ) -> None:
     """Write the calibration report of a run."""
     terminal.need_book("report")
-    from acx4book.report.page.page import write  # noqa: PLC0415 quick help
+    from acx4book.report.page import page  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
+    if pdf:
+        page.check_pdf(path)
     with terminal.stage_bars() as tell:
-        write(results, path, on_cell=lambda *cells: tell("report", *cells))
+        page.write(results, path, on_cell=lambda *cells: tell("report", *cells))
     terminal.show(path)
+    if pdf:
+        terminal.show(page.write_pdf(path))
 
 
 app.command(help=render.HELP)(render.render)

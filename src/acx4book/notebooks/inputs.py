@@ -12,7 +12,7 @@ import nbformat
 HOUSES = ("acx4lib", "acx4sim", "acx4book")
 """Packages whose modules are followed; all others have their version in environment.lock."""
 
-SHOWS = "acx4book.typesetting.drawing"
+SHOWS = "acx4book.typesetting.drawing.svg"
 """The module by which figures are shown, which no notebook imports."""
 
 

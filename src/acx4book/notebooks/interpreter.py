@@ -32,7 +32,7 @@ from threadpoolctl import threadpool_limits
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
-from acx4book.typesetting.drawing import vector
+from acx4book.typesetting.drawing.svg import vector
 
 ENGINE = "acx4"
 """Name by which papermill knows the interpreter."""

@@ -27,7 +27,7 @@ from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
 from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
-from acx4book.typesetting.drawing import vector
+from acx4book.typesetting.drawing.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
@@ -38,6 +38,9 @@ BENCHMARKS = Path("data", "benchmarks")
 """What long runs left, below the current folder: that of the working copy."""
 
 FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
+
+RUN_PAGES = ("first-flight", "library")
+"""Pages whose code is run, and what it prints shown."""
 
 OF_RESULTS = ("06-errata", "07-report")
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
@@ -90,7 +93,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_front(results_path, executed, ideal_path),
         *texts_of_benchmarks(adjusted, errors),
-        *texts_of_example(book),
+        *texts_of_examples(book),
         *lab_tables.texts(),
         *texts_of_back_matter(),
     ):
@@ -231,11 +234,12 @@ def texts_of_benchmarks(
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
 
 
-def texts_of_example(book: Path) -> Iterator[tuple[str, str]]:
-    """Yield the names and the outputs of the code on the page about the library."""
-    codes = example.snippets((book / "library.md").read_text(encoding="utf-8"))
-    for number, said in enumerate(example.outputs(codes), 1):
-        yield f"library-{number}.txt", said
+def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
+    """Yield the names and the outputs of the code on the pages whose code is run."""
+    for page in RUN_PAGES:
+        pieces = example.snippets((book / f"{page}.md").read_text(encoding="utf-8"))
+        for number, said in enumerate(example.outputs(pieces), 1):
+            yield f"{page}-{number}.txt", said
 
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:

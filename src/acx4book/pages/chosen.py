@@ -90,7 +90,7 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
     levers = np.array(
         [[truth["cameras"][h][f"lever_{axis}_m"] for axis in "xyz"] for h in printed.HEADS]
     )
-    low, high = plan.noise.target_px
+    low, high = plan.blocks["validation"].target_px
     heads, calibration = plan.blocks["heads"], plan.blocks["calibration"]
     quality = printed.statement("synthetic_quality_px")
     return [

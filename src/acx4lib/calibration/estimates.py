@@ -95,6 +95,11 @@ class Parameter:
     value: float
     sigma: float
 
+    @property
+    def full_name(self) -> str:
+        """The name with that of the camera, if it is a camera's."""
+        return f"{self.camera}/{self.name}" if self.camera else self.name
+
 
 def from_bundle(bundle: Bundle) -> Calibration:
     """Return the cameras that a bundle estimated, with their covariance."""

@@ -4,6 +4,7 @@
 `validation` holds the points against surveyed ones, pair by pair as the paper and from all rays;
 `differences` are what it finds, and `error_sources` what these share, for tests of all together.
 `ground_points` are those of single pixels on a known height.
-`accuracy` says what the differences mean, and `standards` which map scale they allow. Begin with
-`direct`.
+`budget` splits predicted variances by their sources, and `mapping_flight` predicts those of a
+regular flight. `accuracy` says what the differences mean, and `standards` which map scale they
+allow. Begin with `direct`.
 """

@@ -77,7 +77,7 @@ def differences_at(
         n_images=ends - starts,
         d=d,
         sigma=sigma,
-        sources=replace(along_grid, own=along_grid.own + survey),
+        sources=replace(along_grid, survey=survey),
     )
 
 

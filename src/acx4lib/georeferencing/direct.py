@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
@@ -38,8 +39,8 @@ class Georeferenced:
         d(camera pose) / d(body pose).
     by_parameters : ndarray, shape (n_images, 6, n)
         d(camera pose) / d(columns of the calibration).
-    interior_columns : ndarray, shape (n_cameras, 9)
-        Columns of the calibration, -1 where held.
+    layout : Layout
+        Columns of the calibration, for these cameras.
     cov_body : ndarray, shape (n_exposures, 6, 6)
         A priori covariances of the trajectory.
     cov_parameters : ndarray, shape (n, n)
@@ -50,7 +51,7 @@ class Georeferenced:
     T_m_c: Pose
     by_body: Array
     by_parameters: Array
-    interior_columns: Index
+    layout: Layout
     cov_body: Array
     cov_parameters: Array
 
@@ -81,7 +82,12 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     camera_idx = block.images.camera_idx
     T_b_c = mountings(cameras)[camera_idx]
     by_body, by_mount = mounted_jacobian(block.T_m_b_images, T_b_c)
-    mount = calibration.layout.mount[which][camera_idx]
+    layout = replace(
+        calibration.layout,
+        interior=calibration.layout.interior[which],
+        mount=calibration.layout.mount[which],
+    )
+    mount = layout.mount[camera_idx]
     by_parameters = np.zeros((len(camera_idx), 6, calibration.n_columns + 1))
     np.put_along_axis(
         by_parameters, np.broadcast_to(mount[:, None, :], by_mount.shape), by_mount, axis=2
@@ -91,7 +97,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         T_m_c=block.T_m_b_images @ T_b_c,
         by_body=by_body,
         by_parameters=by_parameters[:, :, :-1],
-        interior_columns=calibration.layout.interior[which],
+        layout=layout,
         cov_body=block.trajectory.cov,
         cov_parameters=calibration.cov,
     )
@@ -273,12 +279,13 @@ def error_sources(
     by_body = np.zeros((len(keys), 3, 6))
     np.add.at(by_body, shared.ravel(), gain @ by_pose @ g.by_body[image_idx])
     by_column = by_pose @ g.by_parameters[image_idx]
-    columns = g.interior_columns[block.images.camera_idx[image_idx]]
+    columns = g.layout.interior[block.images.camera_idx[image_idx]]
     padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
     at = np.broadcast_to(columns[:, None, :], by_interior.shape)
     np.put_along_axis(padded, at, by_interior, axis=2)
     return ErrorSources(
-        own=_summed(from_image, selected),
+        image=_summed(from_image, selected),
+        survey=np.zeros((selected.n_groups, 3, 3)),
         point=keys[:, 0],
         exposure=keys[:, 1],
         by_body=by_body,

@@ -24,8 +24,9 @@ class ErrorSources:
 
     Attributes
     ----------
-    own : ndarray, shape (n, 3, 3)
-        Covariances of what a point shares with no other: the noise of its image points, m^2.
+    image, survey : ndarray, shape (n, 3, 3)
+        Covariances of what a point shares with no other, m^2: the noise of its image points, and
+        the errors of the surveyed coordinates with which it is compared.
     point, exposure : ndarray, shape (k,)
         Pairs of a point and an exposure that it depends on.
     by_body : ndarray, shape (k, 3, 6)
@@ -37,7 +38,8 @@ class ErrorSources:
     cov_parameters : ndarray, shape (p, p)
     """
 
-    own: Array
+    image: Array
+    survey: Array
     point: Index
     exposure: Index
     by_body: Array
@@ -47,12 +49,18 @@ class ErrorSources:
 
     def __len__(self) -> int:
         """Count the points."""
-        return len(self.own)
+        return len(self.image)
+
+    @property
+    def own(self) -> Array:
+        """Covariance of what a point shares with no other, shape (n, 3, 3), m^2."""
+        both: Array = self.image + self.survey
+        return both
 
     @property
     def cov(self) -> Array:
         """Covariance of every point by itself, shape (n, 3, 3), m^2."""
-        out = self.own.copy()
+        out = self.own
         np.add.at(out, self.point, propagate(self.by_body, self.cov_body[self.exposure]))
         return out + propagate(self.by_parameters, self.cov_parameters)
 
@@ -69,7 +77,8 @@ def turned(sources: ErrorSources, R: Array) -> ErrorSources:
     expected.shape("R", R, (len(sources), 3, 3))
     return replace(
         sources,
-        own=propagate(R, sources.own),
+        image=propagate(R, sources.image),
+        survey=propagate(R, sources.survey),
         by_body=R[sources.point] @ sources.by_body,
         by_parameters=R @ sources.by_parameters,
     )

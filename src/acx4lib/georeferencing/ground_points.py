@@ -110,11 +110,11 @@ def ground_points(
         by_pose=by_pose,
     )
     along = by_residuals[:, :, 2:] * sigma_h[:, None, None]
-    sources = turned(replace(sources, own=sources.own + along @ np.swapaxes(along, 1, 2)), axes)
+    sources = turned(replace(sources, survey=along @ np.swapaxes(along, 1, 2)), axes)
     return GroundPoints(
         x_m=np.where(met[:, None], x_m, np.nan),
         enh=np.where(met[:, None], block.frame.to_grid(x_m), np.nan),
-        sources=replace(sources, own=np.where(met[:, None, None], sources.own, np.nan)),
+        sources=replace(sources, image=np.where(met[:, None, None], sources.image, np.nan)),
     )
 
 

@@ -124,21 +124,8 @@ def validate(
         msg = f"method: expected a name without '/', got {method!r}"
         raise ValueError(msg)
     georeferenced = direct.georeference(block, calibration)
-    rows, selected = _check_measurements(block)
-    kept, statistic = _fitting(block, georeferenced, selected, refraction)
-    unfit = [
-        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
-        for row, w in zip(rows[~kept], statistic[~kept], strict=True)
-    ]
-    rejected, stopped = within_limits(block, rows, unfit)
-    kept = ~np.isin(rows, [r.row for r in rejected])
-    selected = selected.select(np.flatnonzero(kept), selected.group[kept])
-    seen = direct.measured(block, georeferenced, selected)
-    absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
-    if absurd.any():
-        rejected += _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
-        kept = ~absurd[selected.group]
-        selected = selected.select(np.flatnonzero(kept), selected.group[kept])
+    selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
+    selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
     pairs, n_failed = _pairs(block, georeferenced, selected)
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
@@ -151,7 +138,7 @@ def validate(
         georeferenced=georeferenced,
         pairs=differences_at(block, georeferenced, *pairs, refraction),
         points=at_points,
-        rejected=rejected,
+        rejected=misfits + nowhere,
         stopped=stopped,
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
@@ -175,6 +162,34 @@ def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
         colrow=points.colrow[rows],
         sigma_px=points.sigma_px[rows],
     )
+
+
+def _without_misfits(
+    block: Block, georeferenced: direct.Georeferenced, refraction: str
+) -> tuple[direct.Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
+    """Return the measurements that fit the others of their point, those rejected, and stops."""
+    rows, selected = _check_measurements(block)
+    kept, statistic = _fitting(block, georeferenced, selected, refraction)
+    unfit = [
+        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
+        for row, w in zip(rows[~kept], statistic[~kept], strict=True)
+    ]
+    rejected, stopped = within_limits(block, rows, unfit)
+    kept = ~np.isin(rows, [r.row for r in rejected])
+    return selected.select(np.flatnonzero(kept), selected.group[kept]), rejected, stopped
+
+
+def _without_absurd(
+    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
+) -> tuple[direct.Rays, Mask, tuple[Rejection, ...]]:
+    """Return the rays without those of absurd check points, which these are, and rejections."""
+    seen = direct.measured(block, georeferenced, selected)
+    absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
+    if not absurd.any():
+        return selected, absurd, ()
+    rejected = _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
+    kept = ~absurd[selected.group]
+    return selected.select(np.flatnonzero(kept), selected.group[kept]), absurd, rejected
 
 
 def _fitting(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from acx4lib.flight.block_from_tables import BLOCKS
 from acx4lib.flight.checks.settings import TOP, toml_problems
@@ -55,7 +56,7 @@ MOST_STRIPS = 500
 """Largest number of strips of a block."""
 
 
-def settings(values: dict[str, object]) -> dict[str, object]:
+def settings(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of a plan that flight.toml has, too."""
     return {key: value for key, value in values.items() if key not in PLAN}
 
@@ -74,8 +75,9 @@ def problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
     yield from key_problems(toml, (), (*TOP, *PLAN), ("field",))
     known = {key: value for key, value in flight.values.items() if key in TOP}
     yield from toml_problems(replace(flight, values=known))
-    yield from key_problems(toml, ("field",), FIELD, ("east_m", "north_m", "height_m"))
-    yield from number_problems(toml, ("field",), FIELD)
+    if "field" in toml.values:
+        yield from key_problems(toml, ("field",), FIELD, ("east_m", "north_m", "height_m"))
+        yield from number_problems(toml, ("field",), FIELD)
     if "control" in toml.values:
         yield from _points_problems(toml, ("control",))
     present = [name for name in BLOCKS if name in toml.values]
@@ -87,10 +89,14 @@ def problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
 
 
 def _block_problems(toml: Toml, name: str) -> Iterator[Problem]:
-    own = (*AREA, "tie_points", "tie_area_m", "strips")
-    check = ("check",) if name == "validation" else ()
-    yield from key_problems(toml, (name,), (*own, *check), ("strips", *check))
-    yield from number_problems(toml, (name,), {**AREA, "tie_points": TIE_POINTS})
+    own = ("tie_points", "tie_area_m", "strips")
+    elsewhere, check = (tuple(AREA), ("check",)) if name == "validation" else ((), ())
+    yield from key_problems(toml, (name,), (*elsewhere, *own, *check), ("strips", *check))
+    yield from number_problems(
+        toml,
+        (name,),
+        {key: (AREA | {"tie_points": TIE_POINTS})[key] for key in (*elsewhere, "tie_points")},
+    )
     yield from _list_problems(toml, (name, "tie_area_m"), 2, POSITIVE)
     if check and "check" in toml.table(name):
         yield from _points_problems(toml, (name, "check"))

@@ -5,6 +5,8 @@ The simulator has the same rules, written for itself: see `acx4sim.earth.terrain
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acx4lib.expected import Array
@@ -45,7 +47,7 @@ def places(points: Points) -> Array:
     if points.layout == "at":
         return np.array(points.at_m, dtype=float).reshape(-1, 2)
     if points.layout == "grid":
-        regular = _grid(*points.number, half)
+        regular = _grid(points.number, half)
     elif points.layout == "corners":
         regular = half * _CORNERS[: points.number[0]]
     else:
@@ -54,12 +56,13 @@ def places(points: Points) -> Array:
     return regular + points.play_m * play
 
 
-def _grid(rows: int, columns: int, half: Array) -> Array:
-    axes = [
-        np.linspace(-h, h, n) if n > 1 else np.zeros(n)
-        for h, n in zip(half, (rows, columns), strict=True)
-    ]
-    forward, left = np.meshgrid(*axes)
+def _grid(number: Sequence[int], half: Array) -> Array:
+    forward, left = np.meshgrid(
+        *(
+            np.linspace(-h, h, n) if n > 1 else np.zeros(n)
+            for h, n in zip(half, number, strict=True)
+        )
+    )
     return np.column_stack([forward.ravel(), left.ravel()])
 
 

@@ -176,6 +176,8 @@ class Plan:
     values : dict
         The plan as its file has it.
     terrain : Terrain
+    control : Points
+        Those of the blocks heads and calibration.
     blocks : dict of str to PlannedBlock
         By name, in the order of `block_from_tables.BLOCKS`.
     truth : dict of str to Camera
@@ -186,6 +188,7 @@ class Plan:
     setup: Setup
     values: Mapping[str, Any]
     terrain: Terrain
+    control: Points
     blocks: Mapping[str, PlannedBlock]
     truth: Mapping[str, Camera] = field(default_factory=dict)
 

@@ -31,6 +31,9 @@ MOST_PROJECTED = 20_000_000
 
 MOST_EXPOSURES = 5_000
 
+ROW = 5
+"""Number of points that a line of a written plan has."""
+
 
 def read(path: str | Path) -> Plan:
     """Return the plan in a TOML file.
@@ -40,15 +43,16 @@ def read(path: str | Path) -> Plan:
     FlightError
         With all problems, one line each.
     """
-    return _checked(read_toml(expected.path("path", path)))
+    return checked(read_toml(expected.path("path", path)))
 
 
 def from_values(values: Mapping[str, Any]) -> Plan:
     """Return the plan of a nested dict with the keys of the file; FlightError as `read`."""
-    return _checked(Toml(folder=Path(), file="plan", values=dict(values), in_memory=True))
+    return checked(Toml(folder=Path(), file="plan", values=dict(values), in_memory=True))
 
 
-def _checked(toml: Toml) -> Plan:
+def checked(toml: Toml) -> Plan:
+    """Return the plan of a document; FlightError as `read`."""
     flight = replace(toml, values=settings(toml.values))
     found = [*problems(toml, flight)]
     if found:
@@ -68,6 +72,7 @@ def _plan(toml: Toml, setup: Setup) -> Plan:
         terrain=Terrain(
             height_m=float(field["height_m"]), relief_m=float(field.get("relief_m", 0.0))
         ),
+        control=_points(toml.table("control")),
         blocks={},
         truth={
             name: camera_of(name, {**toml.table("cameras", name), **table})
@@ -86,13 +91,13 @@ def _block(toml: Toml, plan: Plan, name: str) -> PlannedBlock:
         north_m=float(given["north_m"]),
         course_deg=float(given.get("course_deg", 0.0)),
     )
-    points = toml.table(name, "check") if name == "validation" else toml.table("control")
+    check = name == "validation"
     tie_area = table.get("tie_area_m")
     return PlannedBlock(
         name=name,
         area=area,
         strips=dict(_strips(plan, name, area, table["strips"])),
-        points=_points(points),
+        points=_points(table["check"]) if check else plan.control,
         tie_points=int(table.get("tie_points", 0)),
         tie_area_m=None if tie_area is None else (float(tie_area[0]), float(tie_area[1])),
     )
@@ -183,6 +188,9 @@ def _text(value: str) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
+        lines = (value[i : i + ROW] for i in range(0, len(value), ROW))
+        return "[\n" + "".join(f"    {', '.join(map(_value, line))},\n" for line in lines) + "]"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):

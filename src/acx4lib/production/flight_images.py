@@ -138,17 +138,12 @@ def render_flight(
         response = (
             estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
         )
-        left = [_with_response(job, response) for job in left]
-        outcomes = _missing(chosen, incomplete)
-        for outcome in run_jobs(left, tell, workers):
-            outcomes.append(outcome)
-            if outcome.problems:
-                tell(outcome.exposure, 0, 0)
-            else:
-                _list(folder, rig, [job for job in jobs if job.exposure == outcome.exposure])
+        made = _rendered([_with_response(job, response) for job in left], rig, workers, tell)
         if kept:
             _list(folder, rig, [job for job in jobs if job.exposure in kept])
-    outcomes.sort(key=lambda outcome: chosen.index(outcome.exposure))
+    outcomes = sorted(
+        [*_missing(chosen, incomplete), *made], key=lambda o: chosen.index(o.exposure)
+    )
     failed = {outcome.exposure for outcome in outcomes if outcome.problems}
     return Rendered(
         rendered=tuple(job.exposure for job in left if job.exposure not in failed),
@@ -162,6 +157,21 @@ def render_flight(
             *_grouped_notes(outcomes),
         ),
     )
+
+
+def _rendered(
+    jobs: Sequence[RenderJob], rig: SyntheticRig, workers: Workers, tell: TellRows
+) -> list[Outcome]:
+    """Render images, and add each to the folder's table as soon as it is there."""
+    outcomes = []
+    for outcome in run_jobs(jobs, tell, workers):
+        outcomes.append(outcome)
+        if outcome.problems:
+            tell(outcome.exposure, 0, 0)
+        else:
+            done = [job for job in jobs if job.exposure == outcome.exposure]
+            _list(done[0].path.parent, rig, done)
+    return outcomes
 
 
 # --- orientation and response ----------------------------------------------------------------

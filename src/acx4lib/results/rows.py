@@ -83,7 +83,7 @@ def calibration_tables(
     everything = parameters(calibration)
     listed = [everything[i] for i in keep]
     cov = reported_covariance(calibration)[np.ix_(keep, keep)]
-    return _parameter_tables(stage, method, listed, cov)
+    return parameter_tables(stage, method, listed, cov)
 
 
 def _with_gnss(
@@ -94,14 +94,15 @@ def _with_gnss(
     everything = [*parameters(calibration), *gnss_shift.parameters(bundle)]
     keep = np.flatnonzero(told)
     cov = gnss_shift.reported_covariance(bundle)[np.ix_(keep, keep)]
-    return _parameter_tables(stage, method, [everything[i] for i in keep], cov)
+    return parameter_tables(stage, method, [everything[i] for i in keep], cov)
 
 
-def _parameter_tables(
+def parameter_tables(
     stage: str, method: str, listed: Sequence[Parameter], cov: Array
 ) -> dict[str, pd.DataFrame]:
+    """Return the tables of parameters with this covariance, and of the covariance."""
     rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
-    names = [f"{p.camera}/{p.name}" if p.camera else p.name for p in listed]
+    names = [p.full_name for p in listed]
     return {
         "parameters": _frame("parameters", rows),
         "covariance": _covariance_table(stage, method, names, cov),

@@ -1,5 +1,7 @@
 """The tables of a simulated flight."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -61,10 +63,14 @@ def trajectory(plan: Plan, track: Track) -> pd.DataFrame:
 
 
 def control_points(
-    plan: Plan, names: list[str], x_g: Array, options: Options, rng: np.random.Generator
+    sigma_m: Sequence[float],
+    names: list[str],
+    x_g: Array,
+    options: Options,
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Tabulate surveyed points: true coordinates plus noise."""
-    sigma = np.array(plan.noise.control_m)
+    sigma = np.array(sigma_m)
     survey = x_g + options.control_noise * sigma * rng.standard_normal(x_g.shape)
     table = pd.DataFrame(survey, columns=["east_m", "north_m", "height_m"])
     table.insert(0, "point", names)

@@ -75,7 +75,9 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         points.update(zip(names, x_g, strict=True))
         if path not in files:
             rng = stream(seed, plan.draws, path)
-            files[path] = tables.control_points(plan, names, x_g, options, rng)
+            own = len(plan.blocks[name].targets) > 0
+            sigma_m = block.target_m if own else plan.noise.control_m
+            files[path] = tables.control_points(sigma_m, names, x_g, options, rng)
         recorded[name] = record(
             tracks[name],
             plan.noise,
@@ -214,8 +216,8 @@ def _pointing(
     """Return the standard deviation of measuring each point."""
     sigma = np.full(len(surveyed) + n_ties, plan.noise.image_px)
     if len(block.targets):
-        low, high = plan.noise.target_px
-        sigma[: len(surveyed)] = rng.uniform(low, high, len(surveyed)).round(1)
+        low, high = block.target_px
+        sigma[: len(surveyed)] = np.clip(rng.uniform(low, high, len(surveyed)).round(1), low, high)
     points = pd.DataFrame(
         {
             "point": [*surveyed, *(f"T{i:05d}" for i in range(1, n_ties + 1))],

@@ -174,7 +174,7 @@ def _meet(at: Station, grid: Grid, r_e: Array, ray_e: Array) -> Array:
     way = (at.track.x_g[0, 2] - at.plan.ground_m) / fall
     for _ in range(_MAX_STEPS):
         llh = grid.geodetic_from_ecef(r_e + way[:, None] * ray_e)
-        height = terrain_height(llh, at.plan.ground_m, latitude=at.latitude)
+        height = terrain_height(llh, at.plan.ground_m, latitude=at.latitude, relief=at.plan.relief)
         gap = llh[:, 2] - height
         if not np.nanmax(np.abs(gap), initial=0.0) > _GAP_M:
             break

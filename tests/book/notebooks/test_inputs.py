@@ -75,4 +75,4 @@ def test_a_chapter_depends_on_its_own_room_and_not_on_anothers():
 
 def test_a_chapter_depends_on_how_figures_are_shown(tmp_path):
     notebook = write(tmp_path / "a.ipynb", "seed = 1")
-    assert "acx4book/typesetting/drawing.py" in reached(notebook, ROOT / "src")
+    assert "acx4book/typesetting/drawing/compact.py" in reached(notebook, ROOT / "src")

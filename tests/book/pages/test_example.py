@@ -1,6 +1,7 @@
-"""Every line of the page about the library runs, and what it prints stands under it."""
+"""Every line of the pages on a first flight and the library runs; its output stands under it."""
 
 import re
+from subprocess import CalledProcessError
 
 import pytest
 
@@ -8,6 +9,7 @@ from acx4book.pages import example
 from support.helpers import ROOT
 
 PAGE = (ROOT / "book" / "library.md").read_text("utf-8")
+FIRST_FLIGHT = (ROOT / "book" / "first-flight.md").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -15,12 +17,41 @@ def printed():
     return list(example.outputs(example.snippets(PAGE)))
 
 
-def test_the_output_of_every_piece_of_code_stands_under_it(printed):
-    place = re.compile(r"^```(?:python$|\{literalinclude\} _generated/(.*)$)", re.MULTILINE)
-    expected = []
-    for number, text in enumerate(printed, 1):
-        expected += ["", f"library-{number}.txt"] if text else [""]
-    assert place.findall(PAGE) == expected
+@pytest.fixture(scope="module")
+def flown():
+    return list(example.outputs(example.snippets(FIRST_FLIGHT)))
+
+
+def places(page):
+    """Return an empty text for every piece of code, and the names of included outputs."""
+    place = r"^```(?:(?:python|shell)$|\{literalinclude\} _generated/(.*)$)"
+    return re.findall(place, page, re.MULTILINE)
+
+
+def expected(name, outputs):
+    named = ([""] + [f"{name}-{n}.txt"] * bool(text) for n, text in enumerate(outputs, 1))
+    return [one for piece in named for one in piece]
+
+
+def test_the_output_of_every_piece_of_code_stands_under_it(printed, flown):
+    assert places(PAGE) == expected("library", printed)
+    assert places(FIRST_FLIGHT) == expected("first-flight", flown)
+
+
+def test_a_first_flight_keeps_the_promise_of_its_sigma(flown):
+    errors = [float(line.split()[-1]) for line in flown[3].splitlines()[1:]]
+    assert len(errors) == 14
+    assert max(map(abs, errors)) < 3
+    assert sum(abs(error) > 1 for error in errors) < 0.5 * len(errors)
+
+
+def test_the_planted_sign_is_named(flown):
+    assert "with pitch of opposite sign" in flown[5].split("notes")[1]
+
+
+def test_a_command_that_fails_stops_the_page():
+    with pytest.raises(CalledProcessError, match="nowhere"):
+        list(example.outputs([example.Piece("shell", "acx4 check nowhere\n")]))
 
 
 def test_the_page_has_no_code_that_is_not_run():

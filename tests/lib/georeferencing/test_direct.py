@@ -54,7 +54,7 @@ def test_cameras_are_found_by_name_in_any_order(rig, calibration):
     a, b = georeference(rig, calibration), georeference(rig, swapped)
     assert_allclose(b.T_m_c.r, a.T_m_c.r, atol=0)
     assert_allclose(b.by_parameters, a.by_parameters, atol=0)
-    assert b.interior_columns.tolist() == a.interior_columns.tolist()
+    assert b.layout.interior.tolist() == a.layout.interior.tolist()
 
 
 def test_a_camera_without_calibration_is_named(rig, calibration):

@@ -21,7 +21,8 @@ def sources(rng):
     sigma = np.array([3e-3, 2e-2, 1e-7, 1e-12, 1e-4])
     sigma_body = np.array([0.05] * 3 + [1e-4] * 3)
     return ErrorSources(
-        own=root @ np.swapaxes(root, 1, 2),
+        image=root @ np.swapaxes(root, 1, 2),
+        survey=np.tile(np.diag([1e-4, 1e-4, 4e-4]), (6, 1, 1)),
         point=point,
         exposure=exposure,
         by_body=rng.normal(size=(15, 3, 6)) * [1, 1, 1, 1000, 1000, 1000],
@@ -88,7 +89,8 @@ def test_other_axes_change_no_chi_square(sources, rng):
 def sharing_one_shift(n, *, own_m, shared_m):
     """Points of which each has its own error, and all have one shift in common."""
     return ErrorSources(
-        own=np.tile(own_m**2 * np.eye(3), (n, 1, 1)),
+        image=np.tile(own_m**2 * np.eye(3), (n, 1, 1)),
+        survey=np.zeros((n, 3, 3)),
         point=np.zeros(0, dtype=int),
         exposure=np.zeros(0, dtype=int),
         by_body=np.zeros((0, 3, 6)),
@@ -117,7 +119,8 @@ def test_chi_square_of_a_shared_shift_has_a_closed_form(rng):
 def test_one_point_is_judged_by_its_own_covariance(sources, rng):
     one = replace(
         sources,
-        own=sources.own[:1],
+        image=sources.image[:1],
+        survey=sources.survey[:1],
         point=sources.point[:2],
         exposure=sources.exposure[:2],
         by_body=sources.by_body[:2],

@@ -1,14 +1,8 @@
 """The extension of the book that says who made it, and offers notebooks."""
 
-import importlib.util
+from support.helpers import book_extension
 
-from support.helpers import ROOT
-
-SPEC = importlib.util.spec_from_file_location(
-    "foot_and_downloads", ROOT / "book" / "_ext" / "foot_and_downloads.py"
-)
-extension = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(extension)
+extension = book_extension("foot_and_downloads")
 
 SAID = {"name": "a<b", "version": "1.0", "authors": "us", "licence": "MIT"}
 MORE = {"doi": "10.1/x", "repository": "https://h.org/us/x"}

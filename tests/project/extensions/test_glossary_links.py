@@ -1,19 +1,13 @@
 """The extension of the book that links the first use of every term on a page."""
 
-import importlib.util
-
 import pytest
 from bs4 import BeautifulSoup
 from sphinx.application import Sphinx
 from sphinx.util.docutils import docutils_namespace
 
-from support.helpers import ROOT
+from support.helpers import ROOT, book_extension
 
-SPEC = importlib.util.spec_from_file_location(
-    "glossary_links", ROOT / "book" / "_ext" / "glossary_links.py"
-)
-glossary_links = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(glossary_links)
+glossary_links = book_extension("glossary_links")
 
 TERMS = dict.fromkeys(("lever arm", "arm", "GNSS", "boresight", "mesh", "Jacobian"), ("page", "a"))
 PAGE = """Boresight

@@ -9,9 +9,9 @@ from acx4book.typesetting.labels import LABELS, UNITS, inside
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import noncentrality
-from acx4lib.bundle.reliability import WEAK, parameter_effects, reliability
+from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.mounting import Mounting
-from acx4lib.expected import Array, Index
+from acx4lib.calibration.trust.detectable import Detectable, detectable
 from acx4lib.results.rows import COMPONENTS
 
 GROUPS = {
@@ -62,57 +62,33 @@ def reliability_table(mounting: Mounting | None) -> pd.DataFrame:
     """
     if mounting is None:
         return pd.DataFrame(columns=list(FORMATS))
-    bundle = mounting.bundle
-    columns = _camera_columns(bundle)
-    rows = []
-    for group, effect in zip(
-        bundle.solution.groups, parameter_effects(bundle, columns), strict=True
-    ):
-        found = reliability(group)
-        for d, component in enumerate(COMPONENTS[group.kind]):
-            used = np.isfinite(found.redundancy[:, d])
-            if used.any():
-                unit = np.degrees(1.0) if group.kind == "attitude" else 1.0
-                bias = unit * found.detectable[used, d]
-                rows.append(
-                    _row(group.kind, component, found.redundancy[used, d], bias)
-                    | _largest(bundle, columns, np.abs(effect[used, d]))
-                )
+    rows = [_row(mounting.bundle, found) for found in detectable(mounting.bundle)]
     return pd.DataFrame(rows, columns=list(FORMATS))
 
 
-def _camera_columns(bundle: Bundle) -> Index:
-    """Return the columns of the unknowns that images share."""
-    layout = bundle.network.layout
-    columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])
-    return columns[columns >= 0]
-
-
-def _row(kind: str, component: str, r: Array, bias: Array) -> dict[str, object]:
-    name, _, unit = component.rpartition("_")
+def _row(bundle: Bundle, found: Detectable) -> dict[str, object]:
+    name, _, unit = COMPONENTS[found.kind][found.component].rpartition("_")
+    bias = (np.degrees(1.0) if found.kind == "attitude" else 1.0) * found.bias
     return {
-        "Observation": f"{GROUPS[kind]}, {name} ({UNITS.get(unit, unit)})",
-        "Number": len(r),
-        "Redundancy, least": float(r.min()),
-        "Median": float(np.median(r)),
-        f"Below {WEAK:g} (%)": 100 * float(np.mean(r < WEAK)),
+        "Observation": f"{GROUPS[found.kind]}, {name} ({UNITS.get(unit, unit)})",
+        "Number": len(bias),
+        "Redundancy, least": float(found.redundancy.min()),
+        "Median": float(np.median(found.redundancy)),
+        f"Below {WEAK:g} (%)": 100 * float(np.mean(found.redundancy < WEAK)),
         "Detectable, median": float(np.median(bias)),
         "Largest": float(bias.max()),
+        "Effect (σ)": found.effect,
+        "On": _parameter(bundle, found.on),
     }
 
 
-def _largest(bundle: Bundle, columns: Index, effect: Array) -> dict[str, object]:
-    """Return the largest effect on a parameter, in sigmas, and on which."""
-    if len(columns) == 0:
-        return {"Effect (σ)": np.nan, "On": ""}
-    which = int(np.argmax(effect.max(axis=0)))
-    camera, name = bundle.network.column_names()[columns[which]].rsplit("/", 1)
+def _parameter(bundle: Bundle, name: str) -> str:
+    """Return the parameter of a camera for readers; the camera's name only where it matters."""
+    if not name:
+        return ""
+    camera, key = name.rsplit("/", 1)
     several = len(bundle.network.block.cameras) > 1
-    label = PARAMETERS[name]
-    return {
-        "Effect (σ)": float(effect.max()),
-        "On": Markup(f"{shown(camera)} {label}") if several else label,
-    }
+    return Markup(f"{shown(camera)} {PARAMETERS[key]}") if several else PARAMETERS[key]
 
 
 def largest_effect(table: pd.DataFrame) -> str:

@@ -50,11 +50,11 @@ def explorer() -> Explorer:
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     share = sigma / sigma[0]
     rows = {
-        f"σ of {name}": [Stops(slider=RATIO, table=column[:, [k]]) for column in (sigma, share)]
+        f"σ of {name}": [Stops(sliders=[RATIO], table=column[:, [k]]) for column in (sigma, share)]
         for k, (name, _) in enumerate(SHOWN.values())
     }
     correlation = cov[:, [0], 1] / (sigma[:, [0]] * sigma[:, [1]])
-    rows["correlation of f and z"] = [Stops(slider=RATIO, table=correlation)]
+    rows["correlation of f and z"] = [Stops(sliders=[RATIO], table=correlation)]
     return Explorer(
         name="explorer-two-heights",
         caption=(
@@ -111,7 +111,7 @@ def _ellipse(cov: Array) -> Panel:
                 colour="blue",
                 at=at,
                 scale=plane.scale,
-                response=Stops(slider=RATIO, table=table),
+                response=Stops(sliders=[RATIO], table=table),
             )
         ],
     )
@@ -148,7 +148,7 @@ def _bars(share: Array) -> Panel:
                 colour="teal",
                 at=plane.at(rows),
                 scale=plane.scale,
-                response=Stops(slider=RATIO, table=table),
+                response=Stops(sliders=[RATIO], table=table),
             )
         ],
     )

@@ -10,6 +10,7 @@ import pandas as pd
 import pyproj
 
 from acx4book.report.material import Material
+from acx4book.report.shown import Text, show, table
 from acx4book.report.words import listed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import code
@@ -17,9 +18,31 @@ from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4lib.results.folder import STAGES
 
 ITEM, VALUE = "Item", "Statement"
+
+
+def identity(material: Material) -> Text:
+    """Return the section on the flight, its files and the software."""
+    return show(
+        table(identification(material), "Identification", name="tab-report-identification"),
+        table(files(material), "Files of the flight", name="tab-report-files", obtained=READ),
+    )
+
+
+def method_and_data(material: Material) -> Text:
+    """Return the section on the method and on the data that it used."""
+    name, caption = "tab-report-data", "The blocks, with σ a priori"
+    return show(method(material), table(data_table(material), caption, name=name, obtained=COUNTED))
+
+
+READ = "SHA-256 of every table as it was read; the results folder keeps copies of them"
+COUNTED = (
+    "counted in the tables of the flight; σ are those of the tables' own columns, or of [apriori] "
+    "in flight.toml, and are the weights of the adjustments"
+)
 
 
 def identification(material: Material) -> pd.DataFrame:
@@ -128,7 +151,8 @@ def method(material: Material) -> str:
     if flight.fix:
         parts[-1] += f" Held: {listed([name.replace('_', ' ') for name in flight.fix])}."
     if flight.gnss and chosen == "single_step":
-        parts[-1] += f" Estimated of the GNSS positions: {listed(flight.gnss)}."
+        named = [name.replace("_", " ") for name in flight.gnss]
+        parts[-1] += f" Estimated errors of the trajectory: {listed(named)}."
     if material.adjustments:
         parts.append(ESTIMATION)
     if flight.validation is not None:
@@ -193,6 +217,18 @@ def _apriori(block: Block) -> dict[str, str]:
         "σ GNSS, height (m)": _range(position[:, 2]),
         "σ roll and pitch (°)": _range(attitude[:, :2]),
         "σ heading (°)": _range(attitude[:, 2]),
+        **_slow("GNSS", block.trajectory.slow_positions),
+        **_slow("attitudes", block.trajectory.slow_attitudes),
+    }
+
+
+def _slow(of: str, process: GaussMarkov) -> dict[str, str]:
+    """Return how errors are correlated in time; nothing where they are independent."""
+    if process.share == 0:
+        return {}
+    return {
+        f"{of}: correlated share of σ": f"{process.share:g}",
+        f"{of}: time constant of the correlation (s)": f"{process.time_constant_s:g}",
     }
 
 

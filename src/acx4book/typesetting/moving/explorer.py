@@ -13,7 +13,10 @@ JSON, and only multiplies::
     }
 
 A *response* is a vector that depends on the sliders. It is ``{"constant", "matrix"}``, where the
-matrix has a column for each slider, or ``{"stops"}``, a vector for each stop of the first slider.
+matrix has a column for each slider; ``{"stops"}``: lists in lists, one level for each slider with
+an entry for each of its stops, or a single one where the slider does not matter; or ``{"roots"}``:
+for each stop of the first slider a matrix, whose rows give the root of the sum of squares of their
+entries, each times the value of its slider, the first one times one.
 A *mark* is ``{"kind", "at", "scale", "response"}``. `at` has points of the drawing, the response
 two numbers for each of them, and `scale` the units of the drawing in one unit of the response along
 x and y. So each point has a place at + scale * response. Kinds are
@@ -98,7 +101,7 @@ class Linear:
         """Return the response to values of the sliders, shape (n,)."""
         return self.constant + self.matrix @ np.asarray(values)
 
-    def data(self, _first: Slider) -> dict[str, Any]:
+    def data(self) -> dict[str, Any]:
         """Return what the page holds."""
         constant = np.broadcast_to(self.constant, len(self.matrix))
         return {"constant": _rounded(constant), "matrix": _rounded(self.matrix)}
@@ -106,31 +109,74 @@ class Linear:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stops:
-    """A response that was computed at every stop of the first slider.
+    """A response that was computed at every stop of the sliders.
 
     Attributes
     ----------
-    slider : Slider
-    table : ndarray, shape (n_stops, n)
+    sliders : sequence of Slider
+        All of the explorer.
+    table : ndarray, shape (n_stops of the first slider, ..., n)
+        An axis for each slider, of length one where it does not matter.
     """
 
-    slider: Slider
+    sliders: Sequence[Slider]
     table: Array
+
+    def __post_init__(self) -> None:
+        stops = [len(slider.stops) for slider in self.sliders]
+        given = self.table.shape[:-1]
+        if len(given) != len(stops) or any(
+            n not in (1, most) for n, most in zip(given, stops, strict=True)
+        ):
+            msg = f"a table of shape {self.table.shape}: expected axes of 1 or of {stops} stops"
+            raise ValueError(msg)
 
     def at(self, values: Sequence[float]) -> Array:
         """Return the response to values of the sliders, shape (n,)."""
-        row: Array = self.table[round((values[0] - self.slider.low) / self.slider.step)]
+        stops = [round((v - s.low) / s.step) for v, s in zip(values, self.sliders, strict=True)]
+        most = np.array(self.table.shape[:-1]) - 1
+        row: Array = self.table[tuple(np.minimum(stops, most))]
         return row
 
-    def data(self, first: Slider) -> dict[str, Any]:
+    def data(self) -> dict[str, Any]:
         """Return what the page holds."""
-        if first is not self.slider or len(self.table) != len(first.stops):
-            msg = f"{len(self.table)} rows: expected one for each stop of the first slider"
-            raise ValueError(msg)
         return {"stops": _rounded(self.table)}
 
 
-Response = Linear | Stops
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roots:
+    """A response of standard deviations: roots of sums of squares, each of a slider's value.
+
+    Attributes
+    ----------
+    sliders : sequence of Slider
+        All of the explorer.
+    table : ndarray, shape (n_stops of the first slider, n, n_sliders)
+        Per unit of each slider; in the place of the first one, what depends on no other.
+    """
+
+    sliders: Sequence[Slider]
+    table: Array
+
+    def __post_init__(self) -> None:
+        first, n = self.sliders[0], len(self.sliders)
+        if self.table.shape[::2] != (len(first.stops), n):
+            msg = f"a table of shape {self.table.shape}: expected ({len(first.stops)}, n, {n})"
+            raise ValueError(msg)
+
+    def at(self, values: Sequence[float]) -> Array:
+        """Return the response to values of the sliders, shape (n,)."""
+        first = self.sliders[0]
+        row = self.table[round((values[0] - first.low) / first.step)]
+        root: Array = np.linalg.norm(row * np.array([1.0, *values[1:]]), axis=-1)
+        return root
+
+    def data(self) -> dict[str, Any]:
+        """Return what the page holds."""
+        return {"roots": _rounded(self.table)}
+
+
+Response = Linear | Stops | Roots
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,13 +208,13 @@ class Mark:
         moved = self.response.at(values).reshape(-1, 2)
         return self.at + np.array(self.scale) * moved
 
-    def data(self, first: Slider) -> dict[str, Any]:
+    def data(self) -> dict[str, Any]:
         """Return what the page holds."""
         return {
             "kind": self.kind,
             "at": _rounded(self.at),
             "scale": _rounded(np.array(self.scale)),
-            "response": self.response.data(first),
+            "response": self.response.data(),
         }
 
 
@@ -249,12 +295,11 @@ class Explorer:
 
     def data(self) -> dict[str, Any]:
         """Return what the page holds for the script, see above."""
-        first = self.sliders[0]
         return {
             "sliders": [slider.data() for slider in self.sliders],
             "presets": [{"name": n, "values": [*values]} for n, values in self.presets.items()],
-            "panels": [[mark.data(first) for mark in panel.marks] for panel in self.panels],
-            "rows": [[response.data(first) for response in row] for row in self.rows.values()],
+            "panels": [[mark.data() for mark in panel.marks] for panel in self.panels],
+            "rows": [[response.data() for response in row] for row in self.rows.values()],
             "digits": [column.digits for column in self.columns],
         }
 

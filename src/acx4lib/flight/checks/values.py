@@ -35,6 +35,7 @@ def key_problems(
 def number_problems(
     toml: Toml, keys: tuple[str, ...], ranges: Mapping[str, Range]
 ) -> Iterator[Problem]:
+    """Yield the values of a table that are no numbers, or outside their ranges."""
     for key, allowed in ranges.items():
         value = toml.table(*keys).get(key)
         if value is None:
@@ -69,6 +70,7 @@ def one_of_problems(
 def choice_problems(
     toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]
 ) -> Iterator[Problem]:
+    """Yield what is wrong with a list of names, each once and of those allowed."""
     names = toml.get(*keys)
     if names is None:
         return

@@ -26,6 +26,83 @@ def _peak(before: float, at: float, after: float) -> float:
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
+@inlined
+def _centred(a: Array, col: int, row: int, half: int, out: Array) -> np.float32:
+    """Fill in a window's grey values less their mean; return the sum of their squares."""
+    side = 2 * half + 1
+    mean = np.float32(0)
+    for j in range(side):
+        for i in range(side):
+            out[j, i] = a[row - half + j, col - half + i]
+            mean += out[j, i]
+    mean /= np.float32(side * side)
+    energy = np.float32(0)
+    for j in range(side):
+        for i in range(side):
+            out[j, i] -= mean
+            energy += out[j, i] * out[j, i]
+    return energy
+
+
+@inlined
+def _around(b: Array, col: int, row: int, reach: int, out: Array) -> None:
+    """Fill in grey values less the middle one, so that sums of their squares keep their digits."""
+    level = b[row, col]
+    for j in range(2 * reach + 1):
+        for i in range(2 * reach + 1):
+            out[j, i] = b[row - reach + j, col - reach + i] - level
+
+
+@inlined
+def _scores(
+    window: Array, energy: np.float32, patch: Array, columns: Array, product: Array, score: Array
+) -> bool:
+    """Fill in the coefficient of every place in a patch; return whether all of it are numbers.
+
+    Sums over a window's columns serve all places of a row: each next place adds a column at its
+    right and drops the one at its left.
+    """
+    side, places = len(window), len(score)
+    count = np.float32(side * side)
+    good = True
+    for y in range(places):
+        product[:] = 0
+        columns[:] = 0
+        for j in range(side):
+            for i in range(len(patch)):
+                value = patch[y + j, i]
+                columns[0, i] += value
+                columns[1, i] += value * value
+            for i in range(side):
+                weight = window[j, i]
+                for x in range(places):
+                    product[x] += weight * patch[y + j, i + x]
+        total, squares = np.float32(0), np.float32(0)
+        for i in range(side - 1):
+            total += columns[0, i]
+            squares += columns[1, i]
+        for x in range(places):
+            total += columns[0, x + side - 1]
+            squares += columns[1, x + side - 1]
+            spread = squares - total * total / count
+            score[y, x] = product[x] / np.sqrt(energy * spread) if spread > 0 else -1.0
+            total -= columns[0, x]
+            squares -= columns[1, x]
+            good = good and not (np.isnan(score[y, x]) or np.isnan(squares))
+    return good
+
+
+@inlined
+def _highest(score: Array) -> tuple[int, int]:
+    """Return the column and the row of the first maximum."""
+    best, best_x, best_y = score[0, 0], 0, 0
+    for y in range(len(score)):
+        for x in range(len(score)):
+            if score[y, x] > best:
+                best, best_x, best_y = score[y, x], x, y
+    return best_x, best_y
+
+
 @compiled
 def correlate_points(
     a: Array, b: Array, at: Index, near: Index, half: int, search: int
@@ -53,78 +130,30 @@ def correlate_points(
         Its maximum; NaN where a window is not whole or without contrast.
     """
     n, side, places = len(at), 2 * half + 1, 2 * search + 1
-    count = np.float32(side * side)
+    reach = half + search
     found, coefficient = np.full((n, 2), np.nan), np.full(n, np.nan)
     window = np.empty((side, side), np.float32)
-    patch = np.empty((side + 2 * search, side + 2 * search), np.float32)
-    columns = np.empty((2, side + 2 * search), np.float32)
+    patch = np.empty((2 * reach + 1, 2 * reach + 1), np.float32)
+    columns = np.empty((2, 2 * reach + 1), np.float32)
     product = np.empty(places, np.float32)
     score = np.empty((places, places), np.float32)
     for p in range(n):
         col, row, ncol, nrow = at[p, 0], at[p, 1], near[p, 0], near[p, 1]
-        if not (window_inside(a, col, row, half) and window_inside(b, ncol, nrow, half + search)):
+        if not (window_inside(a, col, row, half) and window_inside(b, ncol, nrow, reach)):
             continue
-        mean = np.float32(0)
-        for j in range(side):
-            for i in range(side):
-                window[j, i] = a[row - half + j, col - half + i]
-                mean += window[j, i]
-        mean /= count
-        energy = np.float32(0)
-        for j in range(side):
-            for i in range(side):
-                window[j, i] -= mean
-                energy += window[j, i] * window[j, i]
-        level = b[nrow, ncol]  # subtracted, so that sums of squares keep their digits
-        for j in range(side + 2 * search):
-            for i in range(side + 2 * search):
-                patch[j, i] = b[nrow - half - search + j, ncol - half - search + i] - level
-        best, best_x, best_y = np.float32(-1), 0, 0
-        broken = not energy > 0
-        for y in range(places):
-            product[:] = 0
-            columns[:] = 0
-            for j in range(side):
-                for i in range(side + 2 * search):
-                    value = patch[y + j, i]
-                    columns[0, i] += value
-                    columns[1, i] += value * value
-                for i in range(side):
-                    weight = window[j, i]
-                    for x in range(places):
-                        product[x] += weight * patch[y + j, i + x]
-            total, squares = np.float32(0), np.float32(0)
-            for i in range(side - 1):
-                total += columns[0, i]
-                squares += columns[1, i]
-            for x in range(places):
-                total += columns[0, x + side - 1]
-                squares += columns[1, x + side - 1]
-                spread = squares - total * total / count
-                score[y, x] = product[x] / np.sqrt(energy * spread) if spread > 0 else -1.0
-                total -= columns[0, x]
-                squares -= columns[1, x]
-                if np.isnan(score[y, x]) or np.isnan(squares):
-                    broken = True
-                elif score[y, x] > best:
-                    best, best_x, best_y = score[y, x], x, y
-        if broken:
+        energy = _centred(a, col, row, half, window)
+        if not energy > 0:
             continue
-        coefficient[p] = best
-        if 0 < best_x < places - 1 and 0 < best_y < places - 1:
-            here = score[best_y, best_x]
-            found[p, 0] = (
-                ncol
-                + best_x
-                - search
-                + _peak(score[best_y, best_x - 1], here, score[best_y, best_x + 1])
-            )
-            found[p, 1] = (
-                nrow
-                + best_y
-                - search
-                + _peak(score[best_y - 1, best_x], here, score[best_y + 1, best_x])
-            )
+        _around(b, ncol, nrow, reach, patch)
+        if not _scores(window, energy, patch, columns, product, score):
+            continue
+        x, y = _highest(score)
+        coefficient[p] = score[y, x]
+        if 0 < x < places - 1 and 0 < y < places - 1:
+            along_x = _peak(score[y, x - 1], score[y, x], score[y, x + 1])
+            along_y = _peak(score[y - 1, x], score[y, x], score[y + 1, x])
+            found[p, 0] = ncol + x - search + along_x
+            found[p, 1] = nrow + y - search + along_y
     return found, coefficient
 
 

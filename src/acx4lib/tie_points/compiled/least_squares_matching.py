@@ -230,6 +230,46 @@ def _solve(N: Array) -> None:
                     N[row, j] -= N[row, i] * N[i, j]
 
 
+@inlined
+def _matched(
+    b: Array, B: Array, Q: Array, half: int, start: Array, W: Array, p: Array, values: Array
+) -> bool:
+    """Move a window of b until its grey values are those of a; return whether this converges.
+
+    Fills in its affine transformation, the last increments, and its grey values less their mean
+    at the start.
+    """
+    W[0], W[1], W[2], W[3] = 1.0, 0.0, 0.0, 1.0
+    W[4], W[5] = start[0], start[1]
+    level = np.float32(0)
+    for step in range(_STEPS):
+        if not _sample(b, W, half, level, values):
+            return False
+        if step == 0:
+            for k in range(len(values)):
+                level += values[k]
+            level /= np.float32(len(values))
+            for k in range(len(values)):
+                values[k] -= level
+        p[:] = 0.0
+        for i in range(N_UNKNOWNS):
+            total = np.float32(0)
+            for k in range(len(values)):
+                total += B[i, k] * values[k]
+            for j in range(N_UNKNOWNS):
+                p[j] += Q[j, i] * total
+        if not 0.2 < p[6] < 5.0:
+            return False
+        move = _compose(W, p, half)
+        away = max(abs(W[4] - start[0]), abs(W[5] - start[1]))
+        bend = max(abs(W[0] - 1) + abs(W[1]), abs(W[2]) + abs(W[3] - 1))
+        if not (away < 0.4 * half and bend < 0.3):
+            return False
+        if move < _DONE_PX:
+            return True
+    return False
+
+
 @compiled
 def match_points(
     a: Array, b: Array, at: Index, start: Array, half: int
@@ -271,8 +311,7 @@ def match_points(
     inner, N_moves = np.zeros((_OF_PLACE, size), np.float32), np.empty((N_UNKNOWNS, N_UNKNOWNS + 2))
     B, values = np.empty((N_UNKNOWNS, size), np.float32), np.empty(size, np.float32)
     N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
-    W, p, rhs = np.empty(6), np.empty(N_UNKNOWNS), np.empty(N_UNKNOWNS)
-    drift = 0.4 * half
+    W, p = np.empty(6), np.empty(N_UNKNOWNS)
     for point in range(n):
         col, row = at[point, 0], at[point, 1]
         if np.isnan(start[point, 0] + start[point, 1]) or not window_inside(a, col, row, half + 2):
@@ -281,41 +320,7 @@ def match_points(
             continue
         if not _inverse(B, N, Q):
             continue
-        W[0], W[1], W[2], W[3] = 1.0, 0.0, 0.0, 1.0
-        W[4], W[5] = start[point, 0], start[point, 1]
-        level = np.float32(0)
-        move = 1.0
-        for step in range(_STEPS):
-            if not _sample(b, W, half, level, values):
-                move = np.inf
-                break
-            if step == 0:
-                for k in range(size):
-                    level += values[k]
-                level /= np.float32(size)
-                for k in range(size):
-                    values[k] -= level
-            for i in range(N_UNKNOWNS):
-                total = np.float32(0)
-                for k in range(size):
-                    total += B[i, k] * values[k]
-                rhs[i] = total
-            for i in range(N_UNKNOWNS):
-                p[i] = 0.0
-                for j in range(N_UNKNOWNS):
-                    p[i] += Q[i, j] * rhs[j]
-            if not 0.2 < p[6] < 5.0:
-                move = np.inf
-                break
-            move = _compose(W, p, half)
-            away = max(abs(W[4] - start[point, 0]), abs(W[5] - start[point, 1]))
-            bend = max(abs(W[0] - 1) + abs(W[1]), abs(W[2]) + abs(W[3] - 1))
-            if not (away < drift and bend < 0.3):
-                move = np.inf
-                break
-            if move < _DONE_PX:
-                break
-        if not move < _DONE_PX:
+        if not _matched(b, B, Q, half, start[point], W, p, values):
             continue
         _fit(B, values, p, half, residuals[point], inner)
         _moves(B, inner, p[6], half, N_moves, moves[point])

@@ -22,13 +22,16 @@ def test_a_response_is_a_constant_and_a_matrix_times_values():
     assert response.at([3.0, 0.5]) == pytest.approx([14.0, -0.5])
 
 
-def test_a_table_has_a_row_for_every_stop_of_the_first_slider():
-    response = Stops(slider=SLIDER, table=np.arange(10.0).reshape(5, 2))
-    assert response.at([0.25, 99.0]) == pytest.approx([6.0, 7.0])
-    assert response.data(SLIDER)["stops"][3] == [6.0, 7.0]
+def test_a_table_has_a_row_for_every_stop_of_the_sliders_that_matter():
     other = Slider(name="b", unit="m", low=0, high=1, step=0.5)
-    with pytest.raises(ValueError, match="5 rows"):
-        response.data(other)
+    sliders = [other, SLIDER]
+    response = Stops(sliders=sliders, table=np.arange(10.0).reshape(1, 5, 2))
+    assert response.at([1.0, 0.25]) == pytest.approx([6.0, 7.0])
+    assert response.data()["stops"][0][3] == [6.0, 7.0]
+    both = Stops(sliders=sliders, table=np.arange(15.0).reshape(3, 5, 1))
+    assert both.at([0.5, -0.25]) == pytest.approx([6.0])
+    with pytest.raises(ValueError, match=r"expected axes of 1 or of \[3, 5\] stops"):
+        Stops(sliders=sliders, table=np.zeros((5, 2)))
 
 
 def test_places_are_scaled_from_where_a_mark_stands():
@@ -58,4 +61,4 @@ def test_a_reading_of_two_numbers_is_their_length():
 
 def test_data_are_plain_and_short():
     response = Linear(matrix=np.array([[1 / 3, 0.0]]), constant=-0.0)
-    assert json.dumps(response.data(SLIDER)) == '{"constant": [0.0], "matrix": [[0.333333, 0.0]]}'
+    assert json.dumps(response.data()) == '{"constant": [0.0], "matrix": [[0.333333, 0.0]]}'

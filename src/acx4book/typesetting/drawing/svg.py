@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -17,6 +18,7 @@ from matplotlib.transforms import Bbox
 from PIL import Image
 
 from acx4book.typesetting import style
+from acx4book.typesetting.drawing import compact
 
 MARGIN = 0.04
 """Free space above and below a drawing, inches."""
@@ -26,7 +28,6 @@ LOSSY = 60_000
 
 QUALITY = 82
 
-SPACE = re.compile(r"\s+")
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
 PICTURE = re.compile(r'(?<="data:image/)png;base64,([^"]*)')
@@ -65,12 +66,14 @@ def _lay_out(figure: Figure) -> Bbox:
 
 
 def smaller(svg: str) -> str:
-    """Return SVG of matplotlib without what nobody sees: comments, spaces, digits after the 2nd."""
-    seen = SPACE.sub(" ", UNSEEN.sub("", svg)).replace("> <", "><").replace("xlink:href", "href")
+    """Return SVG of matplotlib without what nobody sees, and with pictures as WebP."""
+    seen = UNSEEN.sub("", svg).replace("xlink:href", "href")
     parts = PICTURE.split(seen)
     for i, part in enumerate(parts):
         parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
-    return "".join(parts)
+    root = ET.fromstring("".join(parts))
+    compact.compact(root)
+    return ET.tostring(root, encoding="unicode").replace(" />", "/>")
 
 
 def _rounded(number: re.Match[str]) -> str:

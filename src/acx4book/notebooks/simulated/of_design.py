@@ -1,0 +1,135 @@
+"""The plan of a design of the simulator, with the keys of a plan's file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from acx4lib.expected import Array
+from acx4lib.planning import ground
+from acx4sim.optics.lens import Camera
+from acx4sim.plan import BlockPlan, Plan
+
+SIZE = ("width_px", "height_px", "pixel_um")
+LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2")
+FREE = ("f_mm", *LENS)
+HEADS_FREE = ("xp_mm", "yp_mm", "k1", "p1", "p2")
+
+
+def values(plan: Plan) -> dict[str, Any]:
+    """Return the plan of a design: what `planning.text.written` takes.
+
+    Tie points, which the design strews by chance, have their number and their area; strips have
+    their names.
+    """
+    centre = next(iter(plan.blocks.values()))
+    return {
+        "name": plan.title,
+        "crs": plan.crs,
+        "heights": "ellipsoidal",
+        "cameras": {
+            name: {**_size(camera), **plan.approximate[name]}
+            for name, camera in plan.cameras.items()
+        },
+        **_synthetic(plan),
+        "apriori": {
+            "image_point_px": plan.noise.image_px,
+            "gnss_horizontal_m": plan.noise.gnss_horizontal_m,
+            "gnss_vertical_m": plan.noise.gnss_vertical_m,
+            "roll_pitch_deg": plan.noise.roll_pitch_deg,
+            "heading_deg": plan.noise.heading_deg,
+        },
+        "stages": {
+            **({"heads": {"estimate": list(HEADS_FREE)}} if plan.heads else {}),
+            "mounting": {"estimate": list(FREE), "fix": []},
+        },
+        "field": {
+            **_area(centre),
+            "height_m": plan.ground_m,
+            "relief_m": round(plan.relief * ground.RELIEF_M, 1),
+        },
+        "control": {
+            "layout": "at",
+            "at_m": _places(plan.control),
+            "sigma_m": [*plan.noise.control_m],
+        },
+        **{name: _block(block) for name, block in plan.blocks.items()},
+        "truth": {
+            name: _truth(camera) for name, camera in plan.cameras.items() if _is_real(plan, name)
+        },
+    }
+
+
+def _size(camera: Camera) -> dict[str, float]:
+    return {key: getattr(camera, key) for key in SIZE}
+
+
+def _synthetic(plan: Plan) -> dict[str, Any]:
+    if not plan.heads:
+        return {}
+    measured_in = {"measured_in": "heads"} if plan.measured_in_heads else {}
+    return {"synthetic": {"camera": plan.synthetic, "heads": [*plan.heads], **measured_in}}
+
+
+def _is_real(plan: Plan, name: str) -> bool:
+    """Tell whether a camera has true parameters: not the one that heads make."""
+    return not (plan.measured_in_heads and name == plan.synthetic)
+
+
+def _area(block: BlockPlan) -> dict[str, float]:
+    east, north = block.centre_m
+    return {"east_m": east, "north_m": north, "course_deg": block.azimuth_deg}
+
+
+def _places(places: Array) -> list[list[float]]:
+    rounded: list[list[float]] = np.round(places, 1).tolist()
+    return rounded
+
+
+def _block(block: BlockPlan) -> dict[str, Any]:
+    forward, left = block.tie_area_m
+    ties = {"tie_points": block.tie_points, "tie_area_m": [2 * forward, 2 * left]}
+    check = {
+        "layout": "at",
+        "at_m": _places(block.targets),
+        "sigma_m": [*block.target_m],
+        "sigma_px": float(np.mean(block.target_px)),
+    }
+    return {
+        **(_area(block) if len(block.targets) else {}),
+        **(ties if block.tie_points else {}),
+        **({"check": check} if len(block.targets) else {}),
+        "strips": {
+            f"{block.letter}{i}": _strip(block, i - 1) for i in range(1, len(block.strips) + 1)
+        },
+    }
+
+
+def _strip(block: BlockPlan, i: int) -> dict[str, float]:
+    strip = block.strips[i]
+    place = {"forward_m": strip.forward_m, "left_m": strip.left_m}
+    return {
+        "flying_height_m": strip.height_m,
+        "course_deg": (block.azimuth_deg + strip.turn_deg) % 360.0,
+        "length_m": (strip.n - 1) * strip.base_m,
+        "base_m": strip.base_m,
+        **{key: value for key, value in place.items() if value},
+    }
+
+
+def _truth(camera: Camera) -> Mapping[str, float]:
+    """Return true parameters with the names of flight.toml."""
+    omega, phi, kappa = camera.boresight_deg
+    x, y, z = camera.lever_m
+    return {
+        "focal_mm": camera.f_mm,
+        **{key: getattr(camera, key) for key in LENS},
+        "mount_omega_deg": omega,
+        "mount_phi_deg": phi,
+        "mount_kappa_deg": kappa,
+        "lever_x_m": x,
+        "lever_y_m": y,
+        "lever_z_m": z,
+    }

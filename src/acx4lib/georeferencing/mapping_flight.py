@@ -1,0 +1,227 @@
+"""A regular mapping flight, for predictions: which points it sees, and how well it gives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.collinearity import rays
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.georeferencing import budget, direct
+from acx4lib.georeferencing.accuracy import Triple
+from acx4lib.georeferencing.budget import Budget
+
+
+@dataclass(frozen=True, kw_only=True)
+class MappingFlight:
+    """Parallel strips over flat ground, flown to and fro, with a level aircraft.
+
+    Attributes
+    ----------
+    height_m : float
+        Above ground.
+    forward, side : float
+        Overlaps, 0 to 1.
+    sigma_position_m : tuple of three floats
+        Of GNSS: east, north, height.
+    sigma_attitude : tuple of three floats
+        Roll, pitch, heading, radians.
+    sigma_px : float
+        Of an image point.
+    sigma_survey_m : tuple of three floats
+        Of the coordinates with which a point is compared; zero for the point's own error.
+    """
+
+    height_m: float
+    forward: float = 0.6
+    side: float = 0.3
+    sigma_position_m: Triple
+    sigma_attitude: Triple
+    sigma_px: float
+    sigma_survey_m: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        expected.positive_number("height_m", self.height_m)
+        expected.positive_number("sigma_px", self.sigma_px)
+        for name in ("sigma_position_m", "sigma_attitude", "sigma_survey_m"):
+            expected.three(name, getattr(self, name))
+            expected.not_negative(name, np.asarray(getattr(self, name)))
+        for name in ("forward", "side"):
+            if not 0 <= getattr(self, name) < 1:
+                given = getattr(self, name)
+                msg = f"{name}: expected an overlap from 0 to less than 1, got {given}"
+                raise ValueError(msg)
+
+
+def spacing(camera: Camera, flight: MappingFlight) -> tuple[float, float]:
+    """Return the base in a strip and the distance of strips, m.
+
+    Valid for a camera that looks down; its sides may be turned by about quarter turns.
+    """
+    corners = _on_ground(camera, _level(np.zeros((1, 2)), flight), _corners(camera))
+    by_place = np.sort(corners[:, :2], axis=0)
+    length, width = by_place[2:].mean(axis=0) - by_place[:2].mean(axis=0)
+    return float((1 - flight.forward) * length), float((1 - flight.side) * width)
+
+
+def fly(camera: Camera, flight: MappingFlight) -> Block:
+    """Return the block in which all neighbours of one image are: the image at its middle.
+
+    Parameters
+    ----------
+    camera : Camera
+        With the mounting of the body, which flies east and back west.
+    flight : MappingFlight
+
+    Returns
+    -------
+    Block
+        In a local frame whose ground has height zero below the middle image; no points.
+    """
+    base, apart = spacing(camera, flight)
+    n_along, n_aside = (int(np.ceil(1 / (1 - share))) for share in (flight.forward, flight.side))
+    places = [
+        (i * base, j * apart)
+        for j in range(-n_aside, n_aside + 1)
+        for i in range(-n_along, n_along + 1)
+    ]
+    strips = np.repeat(np.arange(-n_aside, n_aside + 1), 2 * n_along + 1)
+    T_m_b = _level(np.array(places), flight, back=strips % 2 == 1)
+    n = len(places)
+    nothing = np.zeros(0, dtype=np.intp)
+    return Block(
+        cameras=(camera,),
+        images=Images(names=tuple(f"{i}" for i in range(n)), strips=tuple(map(str, strips))),
+        points=(),
+        image_points=ImagePoints(
+            image_idx=nothing, point_idx=nothing, colrow=np.zeros((0, 2)), sigma_px=np.zeros(0)
+        ),
+        trajectory=Trajectory(
+            exposures=tuple(f"{i}" for i in range(n)),
+            T_m_b=T_m_b,
+            sigma_position=np.tile(flight.sigma_position_m, (n, 1)),
+            sigma_attitude=np.tile(flight.sigma_attitude, (n, 1)),
+        ),
+        name="mapping",
+    )
+
+
+def _level(places: Array, flight: MappingFlight, back: Array | None = None) -> Pose:
+    """Return poses of a level body; it flies back west where told."""
+    n = len(places)
+    turn = np.zeros((n, 3))
+    turn[:, 2] = np.pi * (np.zeros(n) if back is None else back)
+    r = np.column_stack([places, np.full(n, flight.height_m)])
+    return Pose(R=rotation_from_opk(turn), r=r)
+
+
+def over_ground(calibration: Calibration, flight: MappingFlight, *, n: int = 16) -> Budget:
+    """Predict the errors of points that lie evenly on the ground of a mapping flight.
+
+    Valid away from the flight's borders; its `rms` is to be expected at check points.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one camera.
+    flight : MappingFlight
+    n : int
+        Points in each direction of the part of the ground that repeats.
+
+    Returns
+    -------
+    Budget
+        East is along the strips.
+    """
+    camera = _only_camera(calibration)
+    expected.whole("n", n)
+    base, apart = spacing(camera, flight)
+    middle = (np.arange(n) + 0.5) / n - 0.5
+    x, y = (part.ravel() for part in np.meshgrid(base * middle, apart * middle))
+    return _predicted(calibration, flight, np.column_stack([x, y, np.zeros(n * n)]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Format:
+    """Predicted errors of the ground points that one image of a mapping flight shows.
+
+    Attributes
+    ----------
+    colrow : ndarray, shape (rows, columns, 2)
+        A grid of its pixels, from edge to edge.
+    budget : Budget
+        Of their ground points, row after row; NaN where no other image shows the point.
+    """
+
+    colrow: Array
+    budget: Budget
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, shape (rows, columns, 3), m: along the strip, across it, height."""
+        return self.budget.sigma.reshape(*self.colrow.shape[:2], 3)
+
+
+def over_format(calibration: Calibration, flight: MappingFlight, *, n: int = 41) -> Format:
+    """Predict the errors of ground points all over the format of an image of a mapping flight.
+
+    Every point is intersected from all images that show it. Where another image begins or ends to
+    show it, its error steps.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one camera.
+    flight : MappingFlight
+    n : int
+        Pixels along the longer side of the format.
+    """
+    camera = _only_camera(calibration)
+    expected.whole("n", n, least=2)
+    size = np.array([camera.width_px, camera.height_px])
+    columns, rows = np.maximum(np.round(n * size / size.max()).astype(int), 2)
+    col, row = np.meshgrid(np.linspace(0, size[0] - 1, columns), np.linspace(0, size[1] - 1, rows))
+    colrow = np.stack([col, row], axis=-1)
+    ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), colrow.reshape(-1, 2))
+    return Format(colrow=colrow, budget=_predicted(calibration, flight, ground))
+
+
+def _only_camera(calibration: Calibration) -> Camera:
+    if len(calibration.cameras) != 1:
+        msg = f"calibration: expected one camera, got {len(calibration.cameras)}"
+        raise ValueError(msg)
+    return calibration.cameras[0]
+
+
+def _predicted(calibration: Calibration, flight: MappingFlight, x_m: Array) -> Budget:
+    block = fly(calibration.cameras[0], flight)
+    return budget.predict(
+        block,
+        direct.georeference(block, calibration),
+        x_m,
+        sigma_px=flight.sigma_px,
+        sigma_survey_m=np.array(flight.sigma_survey_m),
+    )
+
+
+def _on_ground(camera: Camera, T_m_b: Pose, colrow: Array) -> Array:
+    """Return where pixels of the camera on one body show the height zero, shape (n, 3), m."""
+    T_m_c = T_m_b @ camera.T_b_c
+    towards = rays(camera, T_m_c, colrow)
+    if not np.all(towards[:, 2] < 0):
+        msg = f"camera {camera.name}: expected one that looks down with all of its format"
+        raise ValueError(msg)
+    ground: Array = T_m_c.r - (T_m_c.r[:, 2:] / towards[:, 2:]) * towards
+    return ground
+
+
+def _corners(camera: Camera) -> Array:
+    """Return the outer corners of the format, pixels, shape (4, 2)."""
+    right, low = camera.width_px - 0.5, camera.height_px - 0.5
+    return np.array([[-0.5, -0.5], [right, -0.5], [right, low], [-0.5, low]])

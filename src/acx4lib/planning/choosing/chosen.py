@@ -1,0 +1,143 @@
+"""The strips that are chosen for a target: what the flight then determines, and what each buys."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from acx4lib.expected import Array
+from acx4lib.planning.choosing.candidates import Candidates, Wanted
+from acx4lib.planning.choosing.search import Choice, cheapest, in_order
+from acx4lib.planning.choosing.target import BLOCK
+from acx4lib.planning.plan import TURN_S, Plan
+
+TRIALS = 4
+"""Number of searches, each for limits that are narrower by what the last choice missed."""
+
+PLACE = ("forward_m", "left_m")
+"""Keys of a strip that are zero by default."""
+
+NARROWER = 0.998
+"""Factor on the limits, besides what they were missed by."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """Chosen strips, and what they give as a plan of their own.
+
+    Attributes
+    ----------
+    wanted : tuple of Wanted
+    plan : Plan
+        Its block `BLOCK` has the chosen strips, first the one that buys most for its time.
+    given : ndarray, shape (n,)
+        What is wanted, as the plan gives it.
+    after : ndarray, shape (n_strips, n)
+        What is wanted, from every strip and those before it.
+    without : ndarray, shape (n_strips, n)
+        What is wanted, where one strip alone is left out.
+    minutes_after : ndarray, shape (n_strips,)
+        Flying time from the first exposure of the first strip to the last of each.
+    """
+
+    wanted: tuple[Wanted, ...]
+    plan: Plan
+    given: Array
+    after: Array
+    without: Array
+    minutes_after: Array
+
+    @property
+    def strips(self) -> tuple[str, ...]:
+        """Names of the chosen strips."""
+        return tuple(self.plan.blocks[BLOCK].strips)
+
+    @property
+    def minutes(self) -> float:
+        """Flying time from the first exposure to the last."""
+        return float(self.minutes_after[-1])
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is met."""
+        return all(x <= one.limit for x, one in zip(self.given, self.wanted, strict=True))
+
+
+def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
+    """Return cheap strips that give what is wanted, or come near to it in so many minutes.
+
+    The search sees a part of the tie points. The strips that it finds are computed with all of
+    them, and where these miss the target by a little, it is repeated for narrower limits.
+
+    Parameters
+    ----------
+    candidates : Candidates
+    minutes : float
+        Longest flying time.
+    """
+    limits = narrower = candidates.limits
+    for _ in range(TRIALS):
+        order = searched(candidates, narrower, minutes)
+        plan = with_strips(candidates.target.plan, order)
+        given, near = candidates.planned(plan), candidates.given(order)
+        if np.all(given <= limits) or np.any(near > narrower):
+            break
+        narrower = narrower * np.where(given > limits, NARROWER * limits / given, 1.0)
+    scale = given / near
+    firsts = [order[: k + 1] for k in range(len(order))]
+    others = [order[:k] + order[k + 1 :] for k in range(len(order))]
+    return Chosen(
+        wanted=candidates.wanted,
+        plan=plan,
+        given=given,
+        after=scale * [candidates.given(one) for one in firsts],
+        without=scale * [candidates.given(one) for one in others],
+        minutes_after=np.array([candidates.minutes(one) for one in firsts]),
+    )
+
+
+def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
+    """Return strips that keep limits by a part of the tie points, or come near to them.
+
+    Parameters
+    ----------
+    candidates : Candidates
+    limits : ndarray, shape (n,)
+        Of what is wanted.
+    minutes : float
+
+    Returns
+    -------
+    tuple of int
+        First the strip that buys most for its time.
+    """
+
+    def lack(chosen: Choice) -> float:
+        return float(np.log(np.maximum(candidates.given(chosen) / limits, 1.0)).sum())
+
+    seconds = candidates.seconds
+    found = cheapest(lack, seconds, most=60.0 * minutes + TURN_S)  # no turn after the last strip
+    return in_order(found, lack, seconds)
+
+
+def with_strips(plan: Plan, chosen: Choice) -> Plan:
+    """Return a plan of which only some strips are flown.
+
+    Parameters
+    ----------
+    plan : Plan
+    chosen : tuple of int
+        Their places among those of its block `BLOCK`.
+    """
+    listed = [*plan.blocks[BLOCK].strips.items()]
+    strips = dict(listed[k] for k in chosen)
+    tables = {
+        name: {key: value for key, value in asdict(strip).items() if value or key not in PLACE}
+        for name, strip in strips.items()
+    }
+    return replace(
+        plan,
+        blocks={**plan.blocks, BLOCK: replace(plan.blocks[BLOCK], strips=strips)},
+        values={**plan.values, BLOCK: {**plan.values[BLOCK], "strips": tables}},
+    )
