@@ -1,10 +1,10 @@
 """Calibrate simulated flights and note every error beside its sigma (``make coverage``).
 
 Mountings and heads of 200 flights, and what is left of the mounting's errors in 250 pairs of
-flights, of noise and its negative; mountings of 200 flights with slow errors. The flights are those of the designs with default options; the
-seeds, from 1 on, were fixed before any of them was flown. Each is written to disk and read as
-any other flight. The results replace those in data/benchmarks when all are there. Needs
-PYTHONPATH=tests.
+flights, of noise and its negative; mountings of 200 flights with slow errors. The flights are
+those of the designs with default options; the seeds, from 1 on, were fixed before any of them was
+flown. Each is written to disk and read as any other flight. The results replace those in
+data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 def _timeless(
     tables: BlockTables, toml: Toml, keys: tuple[str, ...], delays: Sequence[str]
 ) -> Iterator[Problem]:
-    """Yield a problem for each delay and correlation in time that a trajectory without times has."""
+    """Yield a problem for each delay and correlation where the trajectory has no times."""
     if len(tables.trajectory) == 0 or tables.trajectory.has("time_s"):
         return
     expected = f"needs times in {tables.trajectory.file}, column time_s"
