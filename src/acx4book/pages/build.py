@@ -232,6 +232,7 @@ def texts_of_benchmarks(
     yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+    yield "coverage-found.md", sigma.found(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
     yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
 

@@ -187,6 +187,18 @@ def verdict(errors: Errors) -> str:
     return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
 
 
+def found(errors: Errors) -> str:
+    """Say which errors of means and of standard deviations the tests would find."""
+    n, m = int(errors.parameters["seed"].nunique()), len(errors.tests)
+    low, high = sigma_tests.found_scales(n, ALPHA / m)
+    return (
+        f"With {n} flights and {m} tests, a bias of {sigma_tests.found_bias(n, ALPHA / m):.2g} σ, "
+        f"or a σ that is {100 * (1 / low - 1):.0f} % too large or {100 * (1 - 1 / high):.0f} % too "
+        f"small, is found in {100 * sigma_tests.CONFIDENCE:.0f} % of all repetitions. Half as much "
+        "mostly stays hidden."
+    )
+
+
 def _label(test: pd.Series) -> str:
     quantity = str(test["quantity"])
     if quantity == "joint":
