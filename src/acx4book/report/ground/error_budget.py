@@ -127,7 +127,7 @@ def assumed(found: Mapped | str) -> str:
         f"opposite directions, every point intersected from all images that show it. A priori σ, "
         f"those of this flight: image points {flight.sigma_px:.2f} px; positions {east:.1f}, "
         f"{north:.1f} and {up:.1f} cm in east, north and height; roll {degrees[0]:.4f}°, pitch "
-        f"{degrees[1]:.4f}°, heading {degrees[2]:.4f}°."
+        f"{degrees[1]:.4f}°, heading {degrees[2]:.4f}°, independent from exposure to exposure."
     )
 
 
