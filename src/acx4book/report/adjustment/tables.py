@@ -6,7 +6,10 @@ import pandas as pd
 
 from acx4book.report.adjustment.groups import PROBABILITY, decisive_qualities, ratio_limits
 from acx4book.report.material import Material, validated
-from acx4book.report.words import heading
+from acx4book.report.shown import Text, show, table
+from acx4book.report.words import heading, listed
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 
 UNIT = {"px": "px", "m": "m", "deg": "°"}
@@ -16,6 +19,63 @@ SHOWN = 30
 
 LIMITS = f"{100 * PROBABILITY:g} % limits"
 """Column with the limits that chance leaves, the same that the verdict uses."""
+
+
+FROM_SUMMARY = "summary.json: weighted residuals and redundancy of every adjustment"
+FROM_RESIDUALS = "residuals.csv: residuals, a priori σ and redundancy numbers of all components"
+
+
+def section(material: Material) -> Text:
+    """Return the section on the adjustments, their groups of observations, and gross errors."""
+    limit = f"w-tests with the critical value {CRITICAL:g}, repeated until none exceeds it"
+    chance = f"{limit}; expected: the sum of the probabilities that the test rejects a good one"
+    return show(
+        table(test_table(material), TESTS, name="tab-report-tests", obtained=FROM_SUMMARY),
+        weakest_sentence(material),
+        table(group_table(material), GROUPS, name="tab-report-groups", obtained=FROM_RESIDUALS),
+        table(
+            reliability_table(material), DETECTED, name="tab-report-reliability",
+            obtained=FROM_RESIDUALS,
+        ),
+        table(rejection_table(material), REJECTIONS, name="tab-report-rejections", obtained=chance),
+        rejected_sentence(material),
+        table(rejected_table(material), LARGEST, name="tab-report-rejected", obtained=limit),
+    )  # fmt: skip
+
+
+TESTS = "The adjustments, with the χ² test"
+GROUPS = "A priori and a posteriori σ by group of observations"
+DETECTED = "Reliability by group: redundancy numbers and minimal detectable errors"
+REJECTIONS = "Rejected observations, expected and found"
+LARGEST = "Rejected observations, the largest first"
+
+
+def weakest_sentence(material: Material) -> str:
+    """Return what the calibration determines worst, from its summary; empty where not known."""
+    entry = material.found.summary.get(material.calibration, {})
+    weakest = entry.get("weakest")
+    if not isinstance(weakest, dict) or not weakest:
+        return ""
+    parts = [
+        f"{shown(_unknown(str(name)))} ({float(share):.2f})" for name, share in weakest.items()
+    ]
+    return (
+        "**Weakest direction.** The unknowns that could change together with the least effect on "
+        f"all residuals: {listed(parts)}. In brackets: squares of the components of this "
+        "direction, of which all add up to one, with the unknowns scaled alike."
+    )
+
+
+def _unknown(name: str) -> str:
+    """Return the title of an unknown by the library's name, ``camera/lever_y_m`` or another."""
+    camera, _, parameter = name.rpartition("/")
+    if not camera:
+        return name
+    axis = parameter.removeprefix("boresight_")
+    title = LABELS.get(parameter, parameter.replace("_", " "))
+    if axis in ("x", "y", "z"):
+        title = f"boresight about the camera's {axis}"
+    return Markup(f"{shown(title)} of {shown(camera)}")
 
 
 def test_table(material: Material) -> pd.DataFrame:
@@ -34,10 +94,23 @@ def test_table(material: Material) -> pd.DataFrame:
                 "σ₀²": said["sigma0_squared"],
                 LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": said["chi_square_p"],
-                "Rejected": said["n_rejected"],
-                "Points left out": said.get("n_left_out", ""),
             }
         )
+    return pd.DataFrame(rows)
+
+
+def rejection_table(material: Material) -> pd.DataFrame:
+    """Return how many observations every adjustment rejected, and how many chance would reject."""
+    rows = [
+        {
+            "Adjustment": heading(name),
+            "Observations": said["n_observations"],
+            "Found and rejected": said["n_rejected"],
+            "Expected by chance": said.get("expected_rejections"),
+            "Tie points left out": said.get("n_left_out", ""),
+        }
+        for name, said in ((name, material.found.summary[name]) for name in material.adjustments)
+    ]
     return pd.DataFrame(rows)
 
 
@@ -100,10 +173,10 @@ def rejected_table(material: Material) -> pd.DataFrame:
 
 def rejected_sentence(material: Material) -> str:
     """Return a sentence on the number of rejected observations, and of those in the table."""
-    n, shown = len(material.found.rejected), len(rejected_table(material))
+    n, n_listed = len(material.found.rejected), len(rejected_table(material))
     if n == 0:
         return "Nothing was rejected."
     return (
-        f"The table lists {shown} rejected observations of the decisive adjustments; rejected.csv "
-        f"has all {n} rows, with those that other methods took over."
+        f"The table lists {n_listed} rejected observations of the decisive adjustments; "
+        f"rejected.csv has all {n} rows, with those that other methods took over."
     )
