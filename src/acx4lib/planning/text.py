@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.flight.block_from_tables import BLOCKS
@@ -29,7 +31,8 @@ from acx4lib.planning.plan import (
 MOST_PROJECTED = 20_000_000
 """Largest product of a block's images and points: what is more takes too long and too much."""
 
-MOST_EXPOSURES = 5_000
+MOST_EXPOSURES = 1_000
+"""Largest number of exposures of a block: all may overlap, and the normal matrix is then full."""
 
 ROW = 5
 """Number of points that a line of a written plan has."""
@@ -141,6 +144,12 @@ def _strips(
 
 def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
     for name, block in plan.blocks.items():
+        middle = np.array([[block.area.east_m, block.area.north_m]])
+        if not np.isfinite(plan.setup.grid.lonlat_from_grid(middle)).all():
+            found = f"{block.area.east_m:g} east, {block.area.north_m:g} north"
+            where = f"must lie where {plan.setup.grid.crs} maps the earth; easting first"
+            key = name if "east_m" in toml.table(name) else "field"
+            yield toml.problem((key, "east_m"), found, where)
         n = sum(strip.n_exposures for strip in block.strips.values())
         if n > MOST_EXPOSURES:
             found = f"{n} exposures"

@@ -106,6 +106,10 @@ WRONG = {
         changed("[calibration.strips]\n", "[calibration.strips]\nx = 3\n"),
         [f":{LOW}: calibration.strips.x: 3; must be a table, as {{flying_height_m = 600"],
     ),
+    "a field where there is no map": (
+        changed("east_m = 385000.0", "east_m = 99999999.0"),
+        [f":{FIELD + 1}: field.east_m: 1e+08 east, 5.518e+06 north; must lie where EPSG:32633"],
+    ),
     "a layout that is unknown": (
         changed("number = [3, 3]", 'layout = "grdi"\nnumber = [3, 3]'),
         [": control.layout: 'grdi' (did you mean 'grid'?); must be one of grid, corners"],
