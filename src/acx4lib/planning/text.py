@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -169,7 +170,7 @@ def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
 def written(values: Mapping[str, Any]) -> str:
     """Return the TOML text of nested tables: those of a plan, or of flight.toml.
 
-    A strip is one line. Values are text, numbers, truth values, and lists of them.
+    A strip is one line. Values are text, numbers, truth values, dates, and lists of them.
     """
     return "\n".join(_lines(values, ())).strip("\n") + "\n"
 
@@ -204,4 +205,6 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):
         return _text(value)
+    if isinstance(value, dt.date | dt.time):
+        return value.isoformat()
     return json.dumps(value)
