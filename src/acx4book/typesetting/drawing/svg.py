@@ -26,7 +26,7 @@ MARGIN = 0.04
 LOSSY = 60_000
 """Bytes from which a picture inside a drawing is stored with the loss of WebP at `QUALITY`."""
 
-QUALITY = 82
+QUALITY = 75
 
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
