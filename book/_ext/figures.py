@@ -65,7 +65,7 @@ def drawn(svg: str, *, alt: str, name: str, known: set[str]) -> str:
     named = NAMED.sub(
         lambda found: found[1] + names.setdefault(found[2], f"{name}{len(names)}"), lettered
     )
-    return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
+    return f'<div class="drawing">{begin}{named}</div>'
 
 
 def _once(letter: re.Match[str], known: set[str]) -> str:
