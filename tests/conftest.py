@@ -11,7 +11,7 @@ from acx4lib.calibration.heads import calibrate_heads
 from support import blocks
 from support.flights.simulated import HEADS, fly
 
-pytest_plugins = ["support.flights.scene"]
+pytest_plugins = ["support.pictures.scene"]
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")

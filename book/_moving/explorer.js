@@ -5,10 +5,12 @@
 (() => {
   const HEAD = 6, BAR = 12; // px, as in the module plane
 
-  /* What depends on the sliders: a matrix times their values, or the row of their stops. */
-  function respond({ constant, matrix, stops }, values, sliders) {
+  /* What depends on the sliders: a matrix times their values, the row of their stops, or at a stop
+     of the first the roots of sums of squares, in which the first counts as one. */
+  function respond({ constant, matrix, stops, roots }, values, sliders) {
     const at = (rows, { min, step }, i) => rows[rows.length > 1 ? Math.round((values[i] - min) / step) : 0];
     if (stops) return sliders.reduce(at, stops);
+    if (roots) return at(roots, sliders[0], 0).map((row) => Math.hypot(...row.map((x, j) => x * (j ? values[j] : 1))));
     return matrix.map((row, i) => row.reduce((sum, x, j) => sum + x * values[j], constant[i]));
   }
 

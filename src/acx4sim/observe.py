@@ -37,6 +37,8 @@ class Sight:
 def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     """Compute east, north, height of positions given forward and left of a block's centre."""
     grid = Grid(crs=plan.crs)
+    if len(places) == 0:
+        return np.empty((0, 3))
     en = grid_from_field(block, places)
     llh = grid.geodetic_from_grid(np.column_stack([en, np.zeros(len(en))]))
     return np.column_stack([en, terrain_height(llh, plan.ground_m, relief=plan.relief)])

@@ -217,3 +217,29 @@ def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
         expected = np.array([0.1, -0.2, 0.3]) + np.outer(minutes, [0.0, 0.01, 0.0])
         assert_allclose(error, expected, atol=5e-6)
     assert shifted.truth["exposures"] == exact.truth["exposures"]
+
+
+def test_tie_points_at_given_places_are_measured_in_every_image_that_shows_them():
+    plan = acx4sim.designs.single_head_plan()
+    block = plan.blocks["calibration"]
+    places = np.array([[0.0, 0.0], [30.0, -40.0], [50_000.0, 0.0]])
+    placed = replace(plan, blocks={"calibration": replace(block, tie_places=places)})
+    flight = acx4sim.files.flights.simulate_plan(placed, 1, EXACT)
+    points = flight.tables["calibration/image_points.csv"]
+    counts = points.loc[points["point"].str.startswith("T"), "point"].value_counts()
+    # the third is out of sight; the others lie under all five strips
+    assert [*sorted(counts.index)] == ["T00001", "T00002"]
+    assert counts.min() >= 12
+
+
+def test_hills_of_another_relief_and_a_slower_strip_are_flown():
+    plan = acx4sim.designs.single_head_plan()
+    block = plan.blocks["calibration"]
+    strips = (replace(block.strips[0], speed_m_s=35.0, name="slow"), *block.strips[1:])
+    flat = replace(plan, relief=0.0, blocks={"calibration": replace(block, strips=strips)})
+    flight = acx4sim.files.flights.simulate_plan(flat, 1, EXACT)
+    heights = flight.tables["control_points.csv"]["height_m"]
+    assert_allclose(heights, plan.ground_m, atol=1e-9)
+    time_s = flight.tables["calibration/trajectory.csv"]["time_s"]
+    assert_allclose(time_s.diff()[[1, 8]], [96.0 / 35.0, 96.0 / 70.0], atol=1e-3)
+    assert flight.tables["calibration/images.csv"]["strip"].unique()[:2].tolist() == ["slow", "2"]

@@ -122,11 +122,13 @@ app.command(help=simulate.HELP)(simulate.simulate)
 @app.command(
     help="""Write the calibration report of a run: one HTML file that can be printed.
 
-It is made from the results folder alone.
+It is made from the results folder alone. Its first page is a certificate, with what the table
+[certificate] of flight.toml states. A file .json beside it has the same values for machines.
 
 \b
-Example:
-  acx4 report my_results --out my_report.html
+Examples:
+  acx4 report my_results
+  acx4 report my_results --out my_report.html --pdf
 """
 )
 def report(
@@ -139,15 +141,20 @@ def report(
             metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
         ),
     ] = None,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Print it by Chromium, too.")] = False,
 ) -> None:
     """Write the calibration report of a run."""
     terminal.need_book("report")
-    from acx4book.report.page.page import write  # noqa: PLC0415 quick help
+    from acx4book.report.page import page  # noqa: PLC0415 quick help
 
     path = out or results / "report.html"
+    if pdf:
+        page.check_pdf(path)
     with terminal.stage_bars() as tell:
-        write(results, path, on_cell=lambda *cells: tell("report", *cells))
+        page.write(results, path, on_cell=lambda *cells: tell("report", *cells))
     terminal.show(path)
+    if pdf:
+        terminal.show(page.write_pdf(path))
 
 
 app.command(help=render.HELP)(render.render)

@@ -49,12 +49,13 @@ def sentence(card: pd.DataFrame) -> str:
     ]
     return (
         f"Of the {len(card)} numbers in the paper's tables, {n['given']} were *given* to the "
-        f"simulation; {n['chosen']} were *chosen* for: something that the paper does not tell was "
-        f"set so that they come out; {n['follows']} *follow* from others. Only the remaining "
+        f"simulation. {n['chosen']} were *chosen*: something that the paper does not tell was set "
+        f"so that they come out. {n['follows']} *follow* from others. Only the remaining "
         f"{n['independent']} are *independent*, and {agree} of these agree. The strong evidence is "
-        f"{len(strong)} of them, $f$, $x_p$ and $y_p$ of the two-step method: they lie "
-        f"{min(apart):.0f} to {max(apart):.0f} of the paper's standard deviations from the given "
-        f"values of the single step, nothing was set for them, and {held} of {len(strong)} agree."
+        f"{len(strong)} of them, $f$, $x_p$ and $y_p$ of the two-step method. They lie "
+        f"{min(apart):.0f} to {max(apart):.0f} of the paper's standard deviations away from the "
+        "values of the single step, which were given. Nothing was set for them, and "
+        f"{held} of {len(strong)} agree."
     )
 
 

@@ -125,3 +125,29 @@ def nist_summary(table: pd.DataFrame) -> pd.DataFrame:
 def ign_summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return the surveyed points and the tie points' statistics of IGN's images."""
     return points.summary(table)
+
+
+def answer(
+    camcal: Comparison, sxb: Comparison, nist: Comparison, noaa: Comparison, ign: Comparison
+) -> str:
+    """Return sentences on how far the numbers of others are met.
+
+    Parameters
+    ----------
+    camcal, sxb, nist, noaa, ign : Comparison
+        As `computed_or_stored` returns them under these names.
+    """
+    agrees = pd.concat([camcal.table["agrees"], sxb.table["agrees"]])
+    converged = nist.table["outcome"] == regressions.CONVERGED
+    runs = nist.table.assign(good=converged).groupby(["dataset", "start"])["good"].first()
+    height = ign.table.loc[ign.table["kind"] == "tie point", "d_height_m"]
+    return (
+        f"Yes. {int(agrees.sum())} of {len(agrees)} values and statements in the reports of DBAT "
+        "are met to one unit of the last printed digit. "
+        f"{int(runs.sum())} of {len(runs)} of NIST's regressions converge, all to at least "
+        f"{nist.table.loc[converged, 'digits'].min():.1f} certified digits; one that does not is "
+        "reported as not determined. OSSIM's ground points are met to "
+        f"{1e3 * noaa.table['distance_m'].max():.0f} mm, and the agency's {len(height)} tie points "
+        f"to {1e3 * height.mean():+.0f} mm in height on average, with a standard deviation of "
+        f"{height.std():.2f} m."
+    )

@@ -18,6 +18,7 @@ FORMATS = {
     "Redundancy": ",.0f",
     "Observations": ",",
     "Unknowns": ",",
+    "By chance": ".1f",
     "Number": ",",
     "A priori σ": ",.9g",
     "A posteriori σ": ",.9g",
@@ -27,6 +28,8 @@ FORMATS = {
     "Mean redundancy": ".2f",
     "Below 0.1": ",",
     "t": ".1f",
+    "Largest single t": ".1f",
+    "F": ".1f",
     "Mean (m)": "+.3f",
     "Std (m)": ".3f",
     "RMS (m)": ".3f",
@@ -36,6 +39,10 @@ FORMATS = {
     "p of the strips": ".2g",
 }
 """Formats of the numbers, by the name of the column."""
+
+
+OBTAINED = "How obtained"
+"""Begins the line under a table that says where its numbers come from."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,15 +55,19 @@ class Text:
         return self.markdown
 
 
-def table(frame: pd.DataFrame, caption: str, *, name: str) -> str:
-    """Return a table with its caption, or a sentence if it has no rows."""
+def table(frame: pd.DataFrame, caption: str, *, name: str, obtained: str = "") -> str:
+    """Return a table with its caption and how its numbers were obtained.
+
+    A table without rows is a sentence.
+    """
     if frame.empty:
         return f"{caption}: this run has none."
     formats = {column: FORMATS[column] for column in frame.columns if column in FORMATS}
     numbers = frame.columns[frame.columns.str.startswith("w (")]
-    return myst_table(
+    drawn = myst_table(
         frame, caption, name=name, formats={**formats, **dict.fromkeys(numbers, ".1f")}
     )
+    return f"{drawn}\n\n*{OBTAINED}: {obtained}*" if obtained else drawn
 
 
 def show(*parts: str) -> Text:

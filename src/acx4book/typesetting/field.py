@@ -1,4 +1,4 @@
-"""Mean residual vectors over the image plane, for all figures that draw them."""
+"""What varies over the image plane: mean residuals, and standard deviations on the ground."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from acx4book.typesetting import style
 from acx4lib.expected import Array
@@ -112,3 +113,40 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
     ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
     ax.set(xlabel="column (px)", ylabel="row (px)")
     ax.locator_params(nbins=5)
+
+
+def sigma_figure(colrow: Array, panels: Mapping[str, Array]) -> Figure:
+    """Draw standard deviations of ground points over the format of the image that shows them.
+
+    Parameters
+    ----------
+    colrow : ndarray, shape (rows, columns, 2)
+        Grid of pixels, from edge to edge of the format.
+    panels : mapping of str to ndarray, shape (rows, columns)
+        Standard deviations by the title of the panel, m; NaN is left white.
+    """
+    last = colrow[-1, -1]
+    height = min(0.8 * style.WIDTH / len(panels) * float(last[1] / last[0]) + 1.35, 5.2)
+    with style.applied():
+        fig, axes = style.subplots(1, len(panels), figsize=(style.WIDTH, height), squeeze=False)
+        for ax, (title, sigma) in zip(axes.flat, panels.items(), strict=True):
+            _draw_sigma(fig, ax, colrow, 100 * sigma)
+            ax.set_title(title)
+        axes.flat[0].set_ylabel("row (px)")
+    return fig
+
+
+def _draw_sigma(fig: Figure, ax: Axes, colrow: Array, sigma_cm: Array) -> None:
+    col, row = colrow[0, :, 0], colrow[:, 0, 1]
+    half = (col[1] - col[0]) / 2, (row[1] - row[0]) / 2
+    extent = (col[0] - half[0], col[-1] + half[0], row[-1] + half[1], row[0] - half[1])
+    shown = ax.imshow(
+        sigma_cm, extent=extent, cmap=style.SEQUENCE, vmin=0.0, interpolation="nearest"
+    )
+    ax.grid(visible=False)
+    ax.set(xlim=(col[0], col[-1]), ylim=(row[-1], row[0]), xlabel="column (px)")
+    ax.locator_params(nbins=3)
+    bar = fig.colorbar(shown, ax=ax, location="bottom", aspect=18, pad=0.03)
+    bar.set_label("σ (cm)")
+    bar.locator = MaxNLocator(5)
+    bar.outline.set_visible(False)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.spatial.transform import Rotation
 
 from acx4book.typesetting import style
 from acx4lib.expected import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 MAPPING, BODY, CAMERA, RAY = style.TEAL, style.BRICK, style.BLUE, style.PLUM
 """The colour of each frame, and of what light does, in every drawing."""
@@ -26,6 +29,8 @@ def view(from_deg: float, above_deg: float) -> Rotation:
     above_deg : float
         How far above the horizon: 90 is the map.
     """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 a report draws arrows without it
+
     return Rotation.from_euler("zx", [-from_deg, above_deg - 90.0], degrees=True)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -55,6 +57,46 @@ class Apriori:
     heading_deg: float = 0.008
 
 
+@dataclass(frozen=True, kw_only=True)
+class Device:
+    """What identifies a camera on its certificate; empty where it is not stated."""
+
+    maker: str = ""
+    model: str = ""
+    serial: str = ""
+    lens: str = ""
+    lens_serial: str = ""
+    sensor: str = ""
+    sensor_serial: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """What a certificate of calibration states beside the results; nothing is computed from it.
+
+    Attributes
+    ----------
+    number, operator, laboratory, imu, imu_serial, gnss_base, datum_epoch : str
+        Empty where it is not stated.
+    antenna_lever_m : tuple of float
+        Of the GNSS antenna from the centre of the IMU, along the axes of the body; three or none.
+    valid_until : datetime.date or None
+    cameras : mapping of str to Device
+        By the name of the camera.
+    """
+
+    number: str = ""
+    operator: str = ""
+    laboratory: str = ""
+    imu: str = ""
+    imu_serial: str = ""
+    gnss_base: str = ""
+    datum_epoch: str = ""
+    antenna_lever_m: tuple[float, ...] = ()
+    valid_until: dt.date | None = None
+    cameras: Mapping[str, Device] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setup:
     """The content of flight.toml.
@@ -78,6 +120,7 @@ class Setup:
         Errors of GNSS positions that the mounting stage estimates: ``shift``, ``drift``.
     weights : str
         Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
+    certificate : Certificate
     """
 
     name: str
@@ -92,6 +135,7 @@ class Setup:
     fix: tuple[str, ...]
     gnss: tuple[str, ...]
     weights: str
+    certificate: Certificate
 
     @property
     def measured_in_heads(self) -> bool:
@@ -118,7 +162,14 @@ def setup_of(toml: Toml) -> Setup:
         fix=tuple(mounting.get("fix", ())),
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
+        certificate=_certificate_of(toml.table("certificate")),
     )
+
+
+def _certificate_of(table: dict[str, Any]) -> Certificate:
+    cameras = {name: Device(**device) for name, device in table.get("cameras", {}).items()}
+    lever = tuple(map(float, table.get("antenna_lever_m", ())))
+    return Certificate(**{**table, "antenna_lever_m": lever, "cameras": cameras})
 
 
 def _smallest_angle(toml: Toml) -> float:

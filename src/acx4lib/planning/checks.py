@@ -75,8 +75,9 @@ def problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
     yield from key_problems(toml, (), (*TOP, *PLAN), ("field",))
     known = {key: value for key, value in flight.values.items() if key in TOP}
     yield from toml_problems(replace(flight, values=known))
-    yield from key_problems(toml, ("field",), FIELD, ("east_m", "north_m", "height_m"))
-    yield from number_problems(toml, ("field",), FIELD)
+    if "field" in toml.values:
+        yield from key_problems(toml, ("field",), FIELD, ("east_m", "north_m", "height_m"))
+        yield from number_problems(toml, ("field",), FIELD)
     if "control" in toml.values:
         yield from _points_problems(toml, ("control",))
     present = [name for name in BLOCKS if name in toml.values]

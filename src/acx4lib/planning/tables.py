@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,13 @@ from acx4lib.georeferencing.differences import Differences
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
+from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import COMPONENTS, parameter_tables
 
 AXES = ("east_m", "north_m", "height_m")
+
+ADDED = ("determined", "correlation", "correlated_with")
+"""Columns of `parameter_table` that parameters.csv of a run does not have."""
 
 RELIABILITY = (
     "method",
@@ -59,7 +64,8 @@ def parameter_table(design: Design) -> pd.DataFrame:
         `determined` says whether the design determines it; `correlation` is the largest, and
         `correlated_with` the unknown that it is with.
     """
-    return pd.concat([_parameters(name, m.bundle) for name, m in design.mountings.items()])
+    parts = [_parameters(name, m.bundle) for name, m in design.mountings.items()]
+    return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
 def _parameters(method: str, bundle: Bundle) -> pd.DataFrame:
@@ -84,22 +90,21 @@ def correlations(bundle: Bundle) -> pd.DataFrame:
 
 def correlation_table(design: Design) -> pd.DataFrame:
     """Return the correlations of the wanted unknowns, with the columns of covariance.csv."""
-    parts = []
-    for method, mounting in design.mountings.items():
-        related = correlations(mounting.bundle).to_numpy()
-        tables = parameter_tables("mounting", method, unknowns(mounting.bundle), related)
-        parts.append(tables["covariance"])
-    return pd.concat(parts)
+    return _matrices(design, lambda bundle: correlations(bundle).to_numpy())
 
 
 def covariance_table(design: Design) -> pd.DataFrame:
     """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
-    parts = []
-    for method, mounting in design.mountings.items():
-        cov = gnss_shift.reported_covariance(mounting.bundle)
-        tables = parameter_tables("mounting", method, unknowns(mounting.bundle), cov)
-        parts.append(tables["covariance"])
-    return pd.concat(parts)
+    return _matrices(design, gnss_shift.reported_covariance)
+
+
+def _matrices(design: Design, of: Callable[[Bundle], Array]) -> pd.DataFrame:
+    """Return a matrix of the wanted unknowns of every method as rows."""
+    parts = [
+        parameter_tables("mounting", method, unknowns(m.bundle), of(m.bundle))["covariance"]
+        for method, m in design.mountings.items()
+    ]
+    return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 
 def reliability_table(design: Design) -> pd.DataFrame:

@@ -27,20 +27,6 @@ LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
 
-@pytest.fixture
-def acx4(capsys):
-    """Run the command; return status, standard output and standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return end.value.code, captured.out, captured.err
-
-    return run
-
-
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli") / "flight"
@@ -115,7 +101,8 @@ def test_trying_readings_compiles_nothing(flight):
 def test_simulate_names_what_it_knows_and_never_writes_over_a_flight(acx4, flight, tmp_path):
     status, out, err = acx4("simulate", "acx5", "--out", tmp_path / "new")
     assert (status, out) == (2, "")
-    assert err == "unknown flight 'acx5'; known: acx4, acx4-ideal, single-head\n"
+    known = "acx4, acx4-ideal, single-head; a plan's name ends in .toml"
+    assert err == f"unknown flight 'acx5'; known: {known}\n"
     before = (flight / "flight.toml").read_bytes()
     status, out, err = acx4("simulate", "single-head", "--out", flight, "--seed", 9)
     assert (status, out) == (2, "")

@@ -102,3 +102,15 @@ def test_notebook_runs_without_the_measurements(nowhere):
     values = execute.with_defaults(NOTEBOOK, {"reference_path": str(nowhere)})
     execute.execute(NOTEBOOK, executed, parameters=values, on_cell=lambda *_: None)
     assert "these are the results computed on" in executed.read_text()
+
+
+def test_the_answer_counts_what_is_stored(nowhere):
+    names = ("camcal", "sxb", "nist", "noaa", "ign")
+    found = {name: comparisons.computed_or_stored(name) for name in names}
+    said = comparisons.answer(**found)
+    values = sum(len(found[name].table) for name in ("camcal", "sxb"))
+    assert re.findall(r"(\d+) of (\d+)", said) == [
+        (f"{values}", f"{values}"),
+        ("39", "40"),  # BoxBOD does not converge from its far start
+    ]
+    assert "680 tie points" in said

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, designed
 from acx4lib.bundle.start.start_values import start_points
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
@@ -60,6 +60,17 @@ def test_one_adjustment_recovers_interior_and_mounting_of_exact_data(cameras):
     used = fit.network.free_points
     assert_allclose(fit.state.x_m[used], truth[used], atol=1e-8)
     assert fit.oriented.all()
+
+
+def test_a_design_has_the_precision_of_the_adjustment_and_a_variance_of_one(exact_block):
+    network = mounted_network(exact_block)
+    planned, fit = designed(network).solution, adjust(network).solution
+    assert (planned.sigma0_sq, planned.redundancy) == (1.0, fit.redundancy)
+    assert fit.sigma0_sq < 1e-9
+    assert_allclose(planned.cov, fit.cov, rtol=1e-6, atol=1e-9 * np.abs(fit.cov).max())
+    alone = replace(network, observed=network.observed, image_points=network.image_points[:3])
+    with pytest.raises(AdjustmentError, match="observations cannot determine"):
+        designed(replace(alone, control=network.control[np.arange(0)]))
 
 
 def test_a_free_bundle_recovers_interior_and_poses_of_exact_data(exact_block):

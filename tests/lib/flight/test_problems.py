@@ -177,7 +177,7 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, adjustment, stages, format",
+        "heights, refraction, cameras, synthetic, apriori, adjustment, stages, certificate, format",
     ),
     (
         TOML,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections import defaultdict
@@ -26,32 +25,14 @@ from pypdf import PdfReader, PdfWriter
 from pypdf.annotations import Link
 from pypdf.generic import Fit
 
-from acx4lib.errors import Acx4Error
+from acx4book.report.page.printing import PrintError, chromium, printed
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-"""What Chromium is called on different systems."""
-
-MISSING = (
-    "make pdf prints with Chromium, which is not here: install the package chromium "
-    "(Debian, Ubuntu: apt-get install chromium)"
-)
-FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"),
-    *("--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000"),
-)
 AT_ONCE = 2
 """Pages that are printed side by side."""
-
-SECONDS = 300
-"""After which a page is given up."""
 
 HREF = re.compile(r'<a\b[^>]*?\bhref="([^"]+)"')
 Place = tuple[str, str]
 """A page, by its path below the folder of the book, and the name of a place on it, or nothing."""
-
-
-class PrintError(Acx4Error):
-    """A page was not printed."""
 
 
 def order(contents: Path) -> list[str]:
@@ -105,42 +86,6 @@ def prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
         (folder / page).unlink()  # it is the book's own file
         hidden = f'<div style="display: none">{links}</div></body>'
         (folder / page).write_text(text.replace("</body>", hidden), encoding="utf-8")
-
-
-def chromium() -> str:
-    """Return the path of Chromium.
-
-    Raises
-    ------
-    PrintError
-        Where there is none.
-    """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        raise PrintError(MISSING)
-    return found
-
-
-def printed(browser: str, page: Path, pdf: Path) -> None:
-    """Print a page.
-
-    Raises
-    ------
-    PrintError
-        If the browser does not.
-    """
-    with tempfile.TemporaryDirectory() as profile:
-        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf}"]
-        try:
-            subprocess.run(
-                [*command, page.as_uri()], capture_output=True, timeout=SECONDS, check=True
-            )
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-            msg = f"{page.name}: Chromium did not print it ({error})"
-            raise PrintError(msg) from error
-    if not pdf.is_file():
-        msg = f"{page.name}: Chromium wrote no PDF"
-        raise PrintError(msg)
 
 
 def joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:

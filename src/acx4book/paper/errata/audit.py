@@ -6,6 +6,7 @@ three findings say more with the results of a run.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -145,6 +146,18 @@ def agreements() -> pd.DataFrame:
     """Return the checks that agree: place, printed, computed."""
     rows = [check() for check in agreeing.CHECKS]
     return marked(pd.DataFrame(rows, columns=["place", "printed", "computed"]))
+
+
+def answer(findings: Sequence[Finding]) -> str:
+    """Return sentences on how many findings of each kind there are, and where numbers disagree."""
+    n = Counter(finding.kind for finding in findings)
+    against = dict.fromkeys(f.place for f in findings if f.kind == CONTRADICTION)
+    return (
+        f"Mostly. Of {len(findings)} findings {n[CONTRADICTION]} are contradictions between "
+        f"printed numbers (sections and tables: {'; '.join(against)}). {n[OPEN]} questions are "
+        f"open, {n[MISPRINT]} findings are misprints, and {n[CONSISTENT]} that looked like errors "
+        f"are consistent. {len(agreeing.CHECKS)} further checks find nothing wrong."
+    )
 
 
 def read_run(results_path: str | Path) -> Run:

@@ -6,7 +6,10 @@ import pandas as pd
 
 from acx4book.report.adjustment.groups import PROBABILITY, decisive_qualities, ratio_limits
 from acx4book.report.material import Material, validated
-from acx4book.report.words import heading
+from acx4book.report.shown import Text, show, table
+from acx4book.report.words import heading, listed
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 
 UNIT = {"px": "px", "m": "m", "deg": "°"}
@@ -16,6 +19,61 @@ SHOWN = 30
 
 LIMITS = f"{100 * PROBABILITY:g} % limits"
 """Column with the limits that chance leaves, the same that the verdict uses."""
+
+
+FROM_RESIDUALS = "residuals.csv: residuals, a priori σ and redundancy numbers of all components"
+
+
+def section(material: Material) -> Text:
+    """Return the section on the adjustments, their groups of observations, and gross errors."""
+    told = "summary.json, which every adjustment leaves; rejected by chance: the sum of the "
+    told += "probabilities that the test rejects a good observation"
+    limit = f"w-tests with the critical value {CRITICAL:g}, repeated until none exceeds it"
+    return show(
+        table(test_table(material), TESTS, name="tab-report-tests", obtained=told),
+        weakest_sentence(material),
+        table(group_table(material), GROUPS, name="tab-report-groups", obtained=FROM_RESIDUALS),
+        table(
+            reliability_table(material), DETECTED, name="tab-report-reliability",
+            obtained=FROM_RESIDUALS,
+        ),
+        rejected_sentence(material),
+        table(rejected_table(material), LARGEST, name="tab-report-rejected", obtained=limit),
+    )  # fmt: skip
+
+
+TESTS = "The adjustments, with the χ² test"
+GROUPS = "A priori and a posteriori σ by group of observations"
+DETECTED = "Reliability by group: redundancy numbers and minimal detectable errors"
+LARGEST = "Rejected observations, the largest first"
+
+
+def weakest_sentence(material: Material) -> str:
+    """Return what the calibration determines worst, from its summary; empty where not known."""
+    entry = material.found.summary.get(material.calibration, {})
+    weakest = entry.get("weakest")
+    if not isinstance(weakest, dict) or not weakest:
+        return ""
+    parts = [
+        f"{shown(_unknown(str(name)))} ({float(share):.2f})" for name, share in weakest.items()
+    ]
+    return (
+        "**Weakest direction.** The unknowns that could change together with the least effect on "
+        f"all residuals: {listed(parts)}. In brackets: squares of the components of this "
+        "direction, of which all add up to one, with the unknowns scaled alike."
+    )
+
+
+def _unknown(name: str) -> str:
+    """Return the title of an unknown by the library's name, ``camera/lever_y_m`` or another."""
+    camera, _, parameter = name.rpartition("/")
+    if not camera:
+        return name
+    axis = parameter.removeprefix("boresight_")
+    title = LABELS.get(parameter, parameter.replace("_", " "))
+    if axis in ("x", "y", "z"):
+        title = f"boresight about the image's {axis}"
+    return Markup(f"{shown(title)} of {shown(camera)}")
 
 
 def test_table(material: Material) -> pd.DataFrame:
@@ -35,6 +93,7 @@ def test_table(material: Material) -> pd.DataFrame:
                 LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": said["chi_square_p"],
                 "Rejected": said["n_rejected"],
+                "By chance": said.get("expected_rejections"),
                 "Points left out": said.get("n_left_out", ""),
             }
         )
@@ -100,10 +159,10 @@ def rejected_table(material: Material) -> pd.DataFrame:
 
 def rejected_sentence(material: Material) -> str:
     """Return a sentence on the number of rejected observations, and of those in the table."""
-    n, shown = len(material.found.rejected), len(rejected_table(material))
+    n, n_listed = len(material.found.rejected), len(rejected_table(material))
     if n == 0:
         return "Nothing was rejected."
     return (
-        f"The table lists {shown} rejected observations of the decisive adjustments; rejected.csv "
-        f"has all {n} rows, with those that other methods took over."
+        f"The table lists {n_listed} rejected observations of the decisive adjustments; "
+        f"rejected.csv has all {n} rows, with those that other methods took over."
     )

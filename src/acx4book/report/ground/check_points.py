@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from acx4book.report.material import Material, validated
+from acx4book.report.shown import Text, show, table
 from acx4book.report.words import heading
 from acx4book.typesetting import style
 from acx4lib.expected import Array
@@ -15,6 +16,22 @@ from acx4lib.georeferencing import accuracy
 
 LABELLED = 40
 """Number of check points up to which all names are on the axis."""
+
+
+def section(material: Material) -> Text:
+    """Return the section on the differences at check points, and the classes reached."""
+    name, told = "tab-report-classes", "the differences of the calibration, by the standards named"
+    return show(
+        table(check_table(material), DIFFERENCES, name="tab-report-check", obtained=FROM_POINTS),
+        table(class_table(material), "Accuracy classes reached", name=name, obtained=told),
+    )
+
+
+DIFFERENCES = "Differences at check points"
+FROM_POINTS = (
+    "check_points.csv: rays of the images intersected, less the surveyed coordinates; predicted: "
+    "the root of the mean variance"
+)
 
 
 def check_table(material: Material) -> pd.DataFrame:

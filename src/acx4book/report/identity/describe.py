@@ -10,6 +10,7 @@ import pandas as pd
 import pyproj
 
 from acx4book.report.material import Material
+from acx4book.report.shown import Text, show, table
 from acx4book.report.words import listed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.plain_text import code
@@ -20,6 +21,27 @@ from acx4lib.flight.design import levels
 from acx4lib.results.folder import STAGES
 
 ITEM, VALUE = "Item", "Statement"
+
+
+def identity(material: Material) -> Text:
+    """Return the section on the flight, its files and the software."""
+    return show(
+        table(identification(material), "Identification", name="tab-report-identification"),
+        table(files(material), "Files of the flight", name="tab-report-files", obtained=READ),
+    )
+
+
+def method_and_data(material: Material) -> Text:
+    """Return the section on the method and on the data that it used."""
+    name, caption = "tab-report-data", "The blocks, with σ a priori"
+    return show(method(material), table(data_table(material), caption, name=name, obtained=COUNTED))
+
+
+READ = "SHA-256 of every table as it was read; the results folder keeps copies of them"
+COUNTED = (
+    "counted in the tables of the flight; σ are those of the tables' own columns, or of [apriori] "
+    "in flight.toml, and are the weights of the adjustments"
+)
 
 
 def identification(material: Material) -> pd.DataFrame:

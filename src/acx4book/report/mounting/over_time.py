@@ -1,4 +1,4 @@
-"""The boresight over time, in a table and drawn."""
+"""The mounting: surveyed against estimated, heads, and the boresight over time."""
 
 from __future__ import annotations
 
@@ -10,10 +10,36 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.report.mounting.stability import Drift, straight_line
+from acx4book.report.material import Material
+from acx4book.report.mounting.lever_arm import lever_sentence, lever_table
+from acx4book.report.mounting.stability import Drift, drifts, straight_line
+from acx4book.report.parameters.tables import head_table
+from acx4book.report.shown import Text, show, table
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import value_and_sigma
 from acx4lib.expected import Array
+
+
+def section(material: Material, boresights: pd.DataFrame) -> Text:
+    """Return the section on the mounting, with the tests of the boresights over time."""
+    heads = head_table(material, "heads/relative_orientation")
+    drift = drift_table(drifts(boresights))
+    return show(
+        lever_sentence(material)
+        or table(lever_table(material), LEVERS, name="tab-report-lever", obtained=SURVEYED),
+        "" if heads.empty else table(heads, HEADS, name="tab-report-relative", obtained=RELATIVE),
+        table(drift, "Stability of the boresight", name="tab-report-drift", obtained=SCATTER),
+    )
+
+
+LEVERS = "Lever arms, surveyed and estimated"
+HEADS = "Heads in the synthetic frame"
+SURVEYED = (
+    "flight.toml and parameters.csv; the difference is that of all other observations, without the "
+    "survey where its σ makes it one"
+)
+RELATIVE = "the mean of the orientations of each head relative to the synthetic camera"
+SCATTER = "a straight line through the boresights of all images, tested against their scatter"
 
 
 def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:

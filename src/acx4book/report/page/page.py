@@ -1,10 +1,11 @@
-"""One HTML file of the report's notebook: small, printable on A4, without external files."""
+"""The report's notebook as files: one page of HTML without external files, JSON, and a PDF."""
 
 from __future__ import annotations
 
 import base64
 import errno
 import html
+import re
 import tempfile
 from collections.abc import Callable, Sequence
 from importlib import resources
@@ -13,11 +14,14 @@ from typing import Any
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.report.material import Material
+from acx4book.report.page import record
 from acx4book.report.page.cells import Part, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
+from acx4book.report.page.printing import chromium, printed
 from acx4book.report.shown import Text
 from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
+from acx4lib.errors import OutputError
 from acx4lib.results.own_folder.marks import SCRATCH
 from acx4lib.results.own_folder.places import check_file
 
@@ -25,6 +29,12 @@ NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
 
 MARK = b'<meta name="generator" content="acx4'
 """Mark of a report, which may be replaced by a newer one."""
+
+PDF_TITLE = "Calibration report by acx4"
+PDF_MARK = f"({PDF_TITLE})".encode()
+"""Mark of a printed report: its title, which Chromium writes as it is where it is ASCII."""
+
+TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
 
 STYLE = resources.files("acx4book.report.page") / "report.css"
 
@@ -46,13 +56,14 @@ PAGE = """<!DOCTYPE html>
 <p class="date">{date}</p>
 </header>
 <main>
+<section class="certificate">
+{certificate}
+<table class="signatures">
+<tr><td>Prepared by</td><td>Checked by</td><td>Place and date, signature</td></tr>
+</table>
+</section>
 {body}
 </main>
-<footer>
-<table class="signatures">
-<tr><td>Prepared by</td><td>Checked by</td><td>Place and date</td></tr>
-</table>
-</footer>
 </body>
 </html>
 """
@@ -64,14 +75,17 @@ def write(
     *,
     on_cell: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
-    """Write the calibration report of a run as one HTML file, completely or not at all.
+    """Write the calibration report of a run as one HTML file, and beside it as JSON.
+
+    Both are written completely or not at all.
 
     Parameters
     ----------
     folder : path
         Results of a run.
     out : path
-        The file; an existing report is replaced, any other existing file is not.
+        The page; an existing report is replaced, any other existing file is not. The other file has
+        the ending .json.
     on_cell : callable
         Called with the number of finished cells, and of all cells.
 
@@ -85,16 +99,65 @@ def write(
         Where the file cannot be written.
     """
     out = Path(out)
-    if not out.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
-    check_file(out, mark=MARK, what="a report of acx4")
+    _check_places(out)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
         names: dict[str, Any] = {"results_path": str(folder)}
         shown = list(parts(NOTEBOOK, names, on_cell))
-        whole = Path(temporary) / "report.html"
-        whole.write_text(page(shown, names["run"]), encoding="utf-8")
-        check_file(out, mark=MARK, what="a report of acx4")  # again, as some seconds have passed
-        whole.replace(out)
+        whole = {
+            out: page(shown, names["run"]),
+            out.with_suffix(".json"): record.text(names["run"], names["found"]),
+        }
+        written = {place: Path(temporary) / place.name for place in whole}
+        for place, path in written.items():
+            path.write_text(whole[place], encoding="utf-8")
+        _check_places(out)  # again, as some seconds have passed
+        for place, path in written.items():
+            path.replace(place)
+
+
+def _check_places(out: Path) -> None:
+    """Check that the page and what stands beside it may be written."""
+    if not out.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
+    if out.suffix in (".json", ".pdf"):
+        msg = f"{out}: name the page, such as {out.with_suffix('.html').name}"
+        raise OutputError(f"{msg}; JSON and PDF stand beside it")
+    check_file(out, mark=MARK, what="a report of acx4")
+    check_file(out.with_suffix(".json"), mark=record.MARK, what="a report of acx4")
+
+
+def check_pdf(out: str | Path) -> None:
+    """Check that the report `out` can be printed into the file beside it.
+
+    Raises
+    ------
+    OutputError
+        Where the file must not be replaced.
+    PrintError
+        Where Chromium is missing.
+    """
+    check_file(Path(out).with_suffix(".pdf"), mark=PDF_MARK, what="a report of acx4")
+    chromium()
+
+
+def write_pdf(out: str | Path) -> Path:
+    """Print the report `out` into a PDF beside it, and return the place of this.
+
+    Raises
+    ------
+    OutputError, PrintError
+        As `check_pdf`, or where Chromium does not print it.
+    """
+    out = Path(out)
+    check_pdf(out)
+    place = out.with_suffix(".pdf")
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
+        whole, made = Path(temporary) / "report.html", Path(temporary) / place.name
+        text = out.read_text(encoding="utf-8")
+        whole.write_text(TITLE.sub(f"<title>{PDF_TITLE}</title>", text, count=1), encoding="utf-8")
+        printed(chromium(), whole, made)
+        made.replace(place)
+    return place
 
 
 def page(parts: Sequence[Part], material: Material) -> str:
@@ -110,13 +173,16 @@ def page(parts: Sequence[Part], material: Material) -> str:
     document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
     rendered = [_rendered(part, document) for part in parts]
     heading, _, first = rendered[0].partition("</h1>")
+    sections = [i for i, part in enumerate(rendered) if part.startswith("<h2")]
+    body = sections[1] if len(sections) > 1 else len(rendered)
     return PAGE.format(
         title=shown(f"Calibration report: {material.flight.name}", "html"),
         style=STYLE.read_text(encoding="utf-8"),
         heading=f"{heading}</h1>",
         name=shown(material.flight.name, "html"),
         date=f"{material.date.day} {material.date:%B %Y}",
-        body="\n".join([first, *rendered[1:]]),
+        certificate="\n".join(rendered[1:body]),
+        body="\n".join([first, *rendered[body:]]),
     )
 
 

@@ -8,15 +8,69 @@ from acx4book.report.material import Material
 from acx4book.report.parameters.estimates import (
     STRONG,
     Estimate,
+    correlations,
     estimates,
     joint_tests,
     strong_pairs,
 )
+from acx4book.report.shown import Text, show, table
 from acx4book.report.words import heading, pair_text, parameter_title
 from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import METHODS
 from acx4lib.results import folder
+
+
+def section(material: Material) -> Text:
+    """Return the section on the estimates: tests, methods, correlations."""
+    matrices = correlation_tables(material)
+    return show(
+        table(parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
+        table(joint_table(material), JOINT, name="tab-report-joint", obtained=FROM_COVARIANCE),
+        table(method_table(material), METHOD, name="tab-report-methods", obtained=ROWS),
+        *(
+            table(
+                matrix, MATRIX + (f", {name}" if len(matrices) > 1 else ""),
+                name=f"tab-report-correlations-{number}", obtained=FROM_COVARIANCE,
+            )
+            for number, (name, matrix) in enumerate(matrices.items(), 1)
+        ),
+        correlation_sentence(material),
+    )  # fmt: skip
+
+
+SINGLE = "The calibration: parameters, standard deviations and significance"
+JOINT = "The same, several parameters tested together"
+METHOD = "The same by all methods"
+MATRIX = "Correlation matrix of the interior orientation parameters and the mounting"
+ROWS = "parameters.csv: estimates and standard deviations, those times σ₀ of their adjustment"
+FROM_COVARIANCE = "covariance.csv: the covariance matrix of the calibration"
+
+
+def correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
+    """Return the full correlation matrix of every camera's parameters, by the camera's name."""
+    if not material.calibration:
+        return {}
+    related = correlations(material, material.calibration)
+    camera = {str(label): str(label).rpartition("/")[0] for label in related.index}
+    names = [name for name in dict.fromkeys(camera.values()) if name]
+    return {name: _matrix(related, [k for k in camera if camera[k] == name]) for name in names}
+
+
+def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
+    titles = [parameter_title(label) for label in labels]
+    values = related.loc[labels, labels].to_numpy()
+    rows = [
+        [title, *(_correlation(rho, i == j) for j, rho in enumerate(row))]
+        for i, (title, row) in enumerate(zip(titles, values, strict=True))
+    ]
+    return pd.DataFrame(rows, columns=["", *titles])
+
+
+def _correlation(rho: float, own: bool) -> str:
+    if own:
+        return "1"
+    return Markup(f"**{rho:+.2f}**") if abs(rho) > STRONG else f"{rho:+.2f}"
 
 
 def parameter_table(material: Material) -> pd.DataFrame:
@@ -96,16 +150,16 @@ def head_table(material: Material, stage_method: str) -> pd.DataFrame:
 
 def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Return parameters with sigma, a column per table; a parameter without a row is held."""
-    several = len({name for table in tables.values() for name in table["camera"] if name}) > 1
+    several = len({name for rows in tables.values() for name in rows["camera"] if name}) > 1
     cells: dict[str, dict[str, str]] = {}
-    for column, table in tables.items():
-        for _, row in table.iterrows():
+    for column, rows in tables.items():
+        for _, row in rows.iterrows():
             label = with_unit(parameter_title(str(row["parameter"])), str(row["unit"]))
             if several and row["camera"]:
                 label = Markup(f"{shown(row['camera'])} {label}")
             text = value_and_sigma(float(row["value"]), float(row["sigma"]))
             cells.setdefault(label, {})[column] = text
-    rows = [
+    lines = [
         [label, *(texts.get(column, "held") for column in tables)] for label, texts in cells.items()
     ]
-    return pd.DataFrame(rows, columns=["Parameter", *tables])  # a camera may have this name too
+    return pd.DataFrame(lines, columns=["Parameter", *tables])  # a camera may have this name too

@@ -13,8 +13,10 @@ JSON, and only multiplies::
     }
 
 A *response* is a vector that depends on the sliders. It is ``{"constant", "matrix"}``, where the
-matrix has a column for each slider, or ``{"stops"}``: lists in lists, one level for each slider with
-an entry for each of its stops, or a single one where the slider does not matter.
+matrix has a column for each slider; ``{"stops"}``: lists in lists, one level for each slider with
+an entry for each of its stops, or a single one where the slider does not matter; or ``{"roots"}``:
+for each stop of the first slider a matrix, whose rows give the root of the sum of squares of their
+entries, each times the value of its slider, the first one times one.
 A *mark* is ``{"kind", "at", "scale", "response"}``. `at` has points of the drawing, the response
 two numbers for each of them, and `scale` the units of the drawing in one unit of the response along
 x and y. So each point has a place at + scale * response. Kinds are
@@ -141,7 +143,40 @@ class Stops:
         return {"stops": _rounded(self.table)}
 
 
-Response = Linear | Stops
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roots:
+    """A response of standard deviations: roots of sums of squares, each of a slider's value.
+
+    Attributes
+    ----------
+    sliders : sequence of Slider
+        All of the explorer.
+    table : ndarray, shape (n_stops of the first slider, n, n_sliders)
+        Per unit of each slider; in the place of the first one, what depends on no other.
+    """
+
+    sliders: Sequence[Slider]
+    table: Array
+
+    def __post_init__(self) -> None:
+        first, n = self.sliders[0], len(self.sliders)
+        if self.table.shape[::2] != (len(first.stops), n):
+            msg = f"a table of shape {self.table.shape}: expected ({len(first.stops)}, n, {n})"
+            raise ValueError(msg)
+
+    def at(self, values: Sequence[float]) -> Array:
+        """Return the response to values of the sliders, shape (n,)."""
+        first = self.sliders[0]
+        row = self.table[round((values[0] - first.low) / first.step)]
+        root: Array = np.linalg.norm(row * np.array([1.0, *values[1:]]), axis=-1)
+        return root
+
+    def data(self) -> dict[str, Any]:
+        """Return what the page holds."""
+        return {"roots": _rounded(self.table)}
+
+
+Response = Linear | Stops | Roots
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
+from acx4lib.flight.checks import certificate
 from acx4lib.flight.checks.values import (
     choice_problems,
     key_problems,
@@ -49,6 +50,7 @@ TOP = (
     "apriori",
     "adjustment",
     "stages",
+    "certificate",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
@@ -85,6 +87,16 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from key_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from _stage_problems(toml)
+    yield from _certificate_problems(toml)
+
+
+def _certificate_problems(toml: Toml) -> Iterator[Problem]:
+    keys = (certificate.TABLE, "cameras")
+    yield from key_problems(toml, keys[:1], certificate.KEYS)
+    yield from key_problems(toml, keys, toml.table(*keys))
+    for name in toml.table(*keys):
+        yield from key_problems(toml, (*keys, name), certificate.DEVICE)
+    yield from certificate.certificate_problems(toml)
 
 
 def _is_name(value: object) -> bool:

@@ -146,5 +146,9 @@ def _combined(name: str, table: Mapping[str, Any]) -> Iterator[tuple[str, dict[s
     """Yield a strip for every combination of listed values, which go into its name."""
     lists = {key: value for key, value in table.items() if isinstance(value, list)}
     for values in product(*lists.values()):
-        own = "-".join([name, *(str(value) for value in values)])
+        own = "-".join([name, *map(_short, values)])
         yield own, {**table, **dict(zip(lists, values, strict=True))}
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -28,6 +28,14 @@ def test_there_are_22_findings_and_none_is_empty(findings):
         assert "nan" not in finding.computed
 
 
+def test_the_answer_counts_every_finding_once(findings):
+    said = audit.answer([*findings.values()])
+    counted = [int(n) for n in re.findall(r"\b(\d+) (?:are contr|quest|findings are|that)", said)]
+    assert len(counted) == 4
+    assert sum(counted) == 22
+    assert said.count("Table 4") == 2
+
+
 def test_what_is_consistent_stands_apart_from_what_is_wrong(findings):
     wrong, agree = audit.errata([*findings.values()]), audit.consistent([*findings.values()])
     assert [*wrong.columns] == ["number", "kind", "place", "printed", "computed", "verdict"]

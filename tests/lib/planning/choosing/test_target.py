@@ -28,7 +28,7 @@ def test_without_candidates_the_plans_own_strips_are_the_choice(plan):
     ("written", "message"),
     [
         ("minutes = 60", "sigma: nothing is wanted; needs [sigma] with f_mm = 0.002, or"),
-        ("[sigma]\nf_m = 1", "t.toml:2: sigma.f_m: unknown key, did you mean"),
+        ("[sigma]\nf_m = 1", "t.toml:2: sigma.f_m: unknown key (did you mean 'f_mm'?)"),
         ("[sigma]\nf_mm = -1", "t.toml:2: sigma.f_mm: -1; must be positive"),
         ("minutes = 0\n[sigma]\nf_mm = 1", "t.toml:1: minutes: 0; must be positive"),
         (

@@ -37,7 +37,7 @@ def papers() -> Plan:
         "area_m": [1800.0, 1800.0],
         "sigma_m": values["control"]["sigma_m"],
     }
-    return text.from_values({key: value for key, value in values.items() if key != "validation"})
+    return text.from_values({k: v for k, v in values.items() if k not in ("heads", "validation")})
 
 
 def flown(plan: Plan, strips: Strips, *, control: int | None = None) -> Plan:

@@ -115,10 +115,11 @@ def caught(one: Examined) -> str:
     planted = pd.DataFrame(one.planted)[keys].fillna("").drop_duplicates()
     rejected = one.rejected[keys].fillna("").drop_duplicates()
     both = planted.merge(rejected, on=keys)
+    others = len(rejected) - len(both)
     return (
-        f"Of {len(planted)} gross errors {len(both)} were found; {len(rejected) - len(both)} other "
-        "observations were rejected with them. What was not found is smaller than what can be "
-        "told from noise."
+        f"Of {len(planted)} gross errors {len(both)} were found; {others} other "
+        f"{'observation was' if others == 1 else 'observations were'} rejected with them. What was "
+        "not found is smaller than what can be told from noise."
     )
 
 

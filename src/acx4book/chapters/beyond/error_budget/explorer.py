@@ -1,0 +1,154 @@
+"""An explorer: what every source makes of a ground point, for any height and any trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acx4book.chapters.beyond.error_budget.examined import (
+    HEIGHT_M,
+    PAPERS,
+    Examined,
+    plan_and_height,
+)
+from acx4book.chapters.beyond.error_budget.heights import GRID
+from acx4book.chapters.beyond.error_budget.tables import COORDINATES
+from acx4book.typesetting.moving import shown as html
+from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
+from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting.moving.shown import Shown
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.expected import Array
+from acx4lib.georeferencing import budget
+from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
+
+HEIGHT = Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0)
+IMAGE = Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1)
+GNSS = Slider(name="GNSS, each coordinate", unit="cm", low=0.0, high=30.0, step=1.0)
+TILT = Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005)
+HEADING = Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001)
+SLIDERS = (HEIGHT, IMAGE, GNSS, TILT, HEADING)
+
+ROWS = {
+    "calibration": (0, budget.CALIBRATION),
+    "image points": (1, ("image points",)),
+    "GNSS": (2, ("GNSS",)),
+    "roll and pitch": (3, ("roll", "pitch")),
+    "heading": (4, ("heading",)),
+}
+"""What is shown: the slider on which it depends, and its sources; the first depends on none."""
+
+ENDS_CM = {"plan": 60.0, "height": 150.0}
+"""Where the axes end."""
+
+
+def unit_flight(height_m: float) -> MappingFlight:
+    """Return a mapping flight whose standard deviations are one unit of each slider."""
+    degree = float(np.radians(1.0))
+    return MappingFlight(
+        height_m=height_m,
+        sigma_position_m=(0.01, 0.01, 0.01),
+        sigma_attitude=(degree, degree, degree),
+        sigma_px=1.0,
+    )
+
+
+def effects(calibration: Calibration) -> Array:
+    """Return what one unit of each slider makes of a ground point, at every stop of the height.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one camera.
+
+    Returns
+    -------
+    ndarray, shape (n_stops, 2, n_rows)
+        In plan and in height, cm.
+    """
+    found = []
+    for height_m in HEIGHT.stops:
+        mean = plan_and_height(over_ground(calibration, unit_flight(height_m), n=GRID).mean)
+        own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
+        found.append([[part[columns].sum() for columns in own] for part in mean])
+    return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
+
+
+def shown(found: Examined) -> Shown:
+    """Return the explorer as the page shows it."""
+    return html.explorer(explorer(found))
+
+
+def explorer(found: Examined) -> Explorer:
+    """Return the explorer for the single-step calibration of a flight.
+
+    Parameters
+    ----------
+    found : Examined
+    """
+    size = effects(found.calibrations[PAPERS])
+    table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(SLIDERS)))
+    for k, (slider, _) in enumerate(ROWS.values()):
+        table[:, :, k, slider] = size[:, :, k]
+        table[:, :, -1, slider] = size[:, :, k]  # all together
+    names = [*ROWS, "all together"]
+    flown = found.mapping()
+    tilt, _, heading = np.degrees(flown.sigma_attitude)
+    values = (HEIGHT_M, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
+    start = [
+        round(float(value), slider.digits) for slider, value in zip(SLIDERS, values, strict=True)
+    ]
+    return Explorer(
+        name="explorer-error-budget",
+        caption=(
+            "Standard deviation of a ground point by its sources, for a mapping flight with 60 and "
+            "30 % of overlap and the single-step calibration, without an error of the survey. The "
+            "last bar is the root of the sum of the squares of the others."
+        ),
+        sliders=list(SLIDERS),
+        presets={
+            "as simulated": start,
+            "paper, worst positions": [*start[:2], 30.0, *start[3:]],
+            "signalised targets": [start[0], 0.5, *start[2:]],
+            "3000 m": [3000.0, *start[1:]],
+        },
+        panels=[_panel(name, names, table[:, k]) for k, name in enumerate(COORDINATES)],
+        columns=[Column(title=f"{name} (cm)", digits=1) for name in COORDINATES],
+        rows={
+            name: [Roots(sliders=SLIDERS, table=table[:, k, [i]]) for k in range(2)]
+            for i, name in enumerate(names)
+        },
+    )
+
+
+def _panel(title: str, names: list[str], table: Array) -> Panel:
+    n, end = len(names), ENDS_CM[title]
+    plane = Plane(
+        x=(0.0, end), y=(-0.7, n - 0.3), size=(360.0, 230.0), margin=(104.0, 14.0, 8.0, 40.0)
+    )
+    at = np.column_stack([np.zeros(n), np.arange(n)[::-1]])
+    both = np.zeros((len(table), 2 * n, len(SLIDERS)))
+    both[:, ::2] = table
+    ticks = "".join(
+        plane.line([(tick, plane.y[0]), (tick, plane.y[1])], dash="2 3")
+        + plane.text((tick, plane.y[0]), f"{tick:g}", shift=(0, 16))
+        for tick in np.linspace(0, end, 4)
+    )
+    labels = "".join(
+        plane.text(place, name, anchor="end", shift=(-6, 4))
+        for place, name in zip(at, names, strict=True)
+    )
+    return Panel(
+        title=title,
+        alt=f"Bars for the sources of the error in {title}; image points, roll and pitch are long.",
+        size=plane.size,
+        fixed=ticks + labels + plane.text((end / 2, plane.y[0]), "σ (cm)", shift=(0, 32)),
+        marks=[
+            Mark(
+                kind="bars",
+                colour="blue",
+                at=plane.at(at),
+                scale=plane.scale,
+                response=Roots(sliders=SLIDERS, table=both),
+            )
+        ],
+    )

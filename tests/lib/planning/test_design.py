@@ -1,0 +1,156 @@
+"""What a plan determines: closed forms, the adjustment itself, what no plan can tell."""
+
+import numpy as np
+import pytest
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.planning import design, shown, tables, text
+from support.flights.planned import strip, values
+
+PERFECT = {
+    "image_point_px": 1e-3,
+    "gnss_horizontal_m": 0.02,
+    "gnss_vertical_m": 0.03,
+    "roll_pitch_deg": 1e-6,
+    "heading_deg": 1e-6,
+}
+"""Nothing but GNSS has an error."""
+
+
+def only(fix, **apriori):
+    """Return sigma where one part of the mounting is the only unknown, by parameter."""
+    plan = text.from_values(
+        values(
+            apriori={**PERFECT, **apriori},
+            control={"sigma_m": [1e-5, 1e-5, 1e-5]},
+            stages={"mounting": {"estimate": [], "fix": [fix]}},
+        )
+    )
+    mounting = design.of(plan).mountings["single_step"]
+    n = len(mounting.bundle.network.pose_names)
+    return {p.key: p.sigma for p in parameters(mounting.calibration)}, n
+
+
+def test_a_lever_arm_alone_has_the_sigma_of_the_mean_of_all_positions():
+    sigma, n = only("boresight")
+    # the lever arm turns with the body, whose four courses mix east and north of equal sigma
+    assert sigma["lever_x"] == pytest.approx(0.02 / np.sqrt(n), rel=0.01)
+    assert sigma["lever_y"] == pytest.approx(0.02 / np.sqrt(n), rel=0.01)
+    assert sigma["lever_z"] == pytest.approx(0.03 / np.sqrt(n), rel=0.01)
+
+
+def test_a_boresight_alone_has_the_sigma_of_the_mean_of_all_attitudes():
+    gnss = {"gnss_horizontal_m": 1e-5, "gnss_vertical_m": 1e-5}
+    sigma, n = only("lever_arm", **gnss, roll_pitch_deg=0.01, heading_deg=0.02)
+    for axis, expected in (("x", 0.01), ("y", 0.01), ("z", 0.02)):
+        assert sigma[f"boresight_{axis}"] == pytest.approx(expected / np.sqrt(n), rel=0.01)
+
+
+def test_the_covariance_is_that_of_an_adjustment_of_the_same_block():
+    planned = design.of(text.from_values(values())).mountings["single_step"]
+    adjusted = adjust(planned.bundle.network)
+    assert planned.bundle.solution.sigma0_sq == 1.0
+    assert planned.calibration.sigma0_sq == 1.0
+    cov = from_bundle(adjusted).cov
+    np.testing.assert_allclose(planned.calibration.cov, cov, rtol=1e-4, atol=1e-20)
+    # what it adjusts has no errors
+    assert adjusted.solution.cost < 1e-6
+
+
+def test_sigma_of_image_points_twice_as_large_make_no_covariance_smaller():
+    fine = design.of(text.from_values(values())).mountings["single_step"]
+    coarse = design.of(text.from_values(values(apriori={"image_point_px": 0.8})))
+    ratio = np.sqrt(
+        np.diag(reported_covariance(coarse.mountings["single_step"].calibration))
+        / np.diag(reported_covariance(fine.calibration))
+    )
+    assert np.all((ratio > 1.0) & (ratio < 2.0))
+
+
+def test_twice_all_sigma_are_twice_the_sigma_of_all_unknowns():
+    apriori = {key: 2 * value for key, value in values()["apriori"].items()}
+    control = {"sigma_m": [0.02, 0.02, 0.04]}
+    one, two = (
+        design.of(text.from_values(plan)).mountings["single_step"].calibration
+        for plan in (values(), values(apriori=apriori, control=control))
+    )
+    np.testing.assert_allclose(two.cov, 4 * one.cov, rtol=1e-6)
+
+
+def test_one_strip_leaves_open_what_two_directions_determine():
+    lonely = {"strips": {"s": strip("north")}, "tie_points": 100}
+    found = design.of(text.from_values(values(calibration=lonely, control={"number": [0, 0]})))
+    said = tables.sentences(found)
+    assert any("lever_" in line for line in said)
+    assert all(line.startswith("mounting/single_step: CAM ") for line in said)
+    assert not tables.sentences(design.of(text.from_values(values())))
+
+
+def test_a_shift_of_gnss_is_an_unknown_with_its_sigma_and_correlations():
+    stages = {"mounting": {"estimate": ["f_mm"], "fix": ["lever_arm"], "gnss": ["shift"]}}
+    found = design.of(text.from_values(values(stages=stages)))
+    table = tables.parameter_table(found).set_index("parameter")
+    assert table.loc["gnss_shift_height_m", "sigma"] < 0.05
+    assert table.loc["gnss_shift_height_m", "correlated_with"] == "CAM/f_mm"
+    cov = tables.covariance_table(found)
+    assert len(cov) == len(table) ** 2
+    related = tables.correlation_table(found)
+    assert related["value"].abs().max() == pytest.approx(1.0)
+
+
+VALIDATION = {
+    "check": {"number": [3, 3], "area_m": [600.0, 600.0], "sigma_px": 1.0},
+    "strips": {"a": strip("north", 800.0, overlap=0.6), "b": strip("south", 800.0, overlap=0.6)},
+}
+
+
+def test_the_rms_of_check_points_falls_with_the_height_of_the_mapping_flight():
+    low = {key: {**one, "flying_height_m": 500.0} for key, one in VALIDATION["strips"].items()}
+    high, lower = (
+        design.of(text.from_values(values(validation={**VALIDATION, "strips": strips})))
+        for strips in (VALIDATION["strips"], low)
+    )
+    rms = [tables.predicted_rms(found.validations["single_step"].pairs) for found in (high, lower)]
+    assert np.all(rms[1] < rms[0])
+    points = high.validations["single_step"].points
+    assert np.abs(points.d).max() < 1e-6
+    table = tables.check_point_table(high)
+    assert len(table) == len(points) == tables.summary(high)["validation/single_step"]["n_points"]
+
+
+def test_a_mapping_flight_alone_has_the_cameras_as_they_are_given():
+    whole = values(validation=VALIDATION)
+    del whole["calibration"]
+    found = design.of(text.from_values(whole))
+    assert [*found.validations] == ["given"]
+    assert found.mountings == {}
+    assert "\n".join(shown.lines(found)).count("validation/given") == 1
+
+
+def test_a_plan_that_shows_no_point_or_too_few_is_named():
+    aside = {"layout": "at", "at_m": [[9000.0, 0.0]]}
+    nothing = values(control=aside, calibration={"tie_points": 0})
+    for table in ("number", "area_m"):
+        del nothing["control"][table]
+    with pytest.raises(FlightError, match="no image shows a point"):
+        design.of(text.from_values(nothing))
+    sparse = {"s": strip("north", overlap=0.1)}
+    with pytest.raises(FlightError, match=r"calibration\.tie_points: of 400, three images"):
+        design.of(text.from_values(values(calibration={"strips": sparse})))
+    few = {"strips": {"s": {**strip("north"), "length_m": 0.0}}, "tie_points": 0}
+    with pytest.raises(AdjustmentError, match="observations cannot determine"):
+        design.of(text.from_values(values(calibration=few, control={"number": [1, 1]})))
+
+
+def test_the_lines_name_every_unknown_and_every_group_of_observations():
+    lines = "\n".join(shown.lines(design.of(text.from_values(values()))))
+    for part in ("CAM f_mm", "boresight_kappa_deg", "weakest direction", "GNSS positions, east"):
+        assert part in lines
+    table = tables.reliability_table(design.of(text.from_values(values())))
+    assert set(table["kind"]) == {"image_point", "control_point", "gnss", "attitude"}
+    # found with a power of 80 % where it is 3.89 + 0.84 sigma over the root of the redundancy
+    heading = table[table["component"] == "heading_deg"].iloc[0]
+    expected = 4.73 * 0.015 / np.sqrt(heading["redundancy_median"])
+    assert heading["detectable_median"] == pytest.approx(expected, rel=0.02)
