@@ -42,6 +42,14 @@ def leave_out(_app: Sphinx, env: BuildEnvironment, _changed: list[str]) -> None:
     env._viewcode_modules = {module.name: False for module in modules}  # what viewcode knows
 
 
+def forget(app: Sphinx) -> list[Any]:
+    """Take what was left out from viewcode's list of listings, and add no page."""
+    known = app.env._viewcode_modules
+    for name in [name for name, listing in known.items() if not listing]:
+        del known[name]
+    return []
+
+
 def find_template(_app: Sphinx, config: Config) -> None:
     """Let Sphinx find the template beside this file."""
     config.templates_path = [*config.templates_path, str(Path(__file__).parent)]
@@ -65,6 +73,7 @@ def shorten(
 def setup(app: Sphinx) -> dict[str, bool]:
     """Work on a page before it is written."""
     app.connect("env-before-read-docs", leave_out)
+    app.connect("html-collect-pages", forget, priority=100)
     app.connect("config-inited", find_template)
     app.connect("builder-inited", copy_style)
     app.connect("html-page-context", shorten, priority=950)

@@ -1,5 +1,6 @@
 """Plans from TOML: what is read, what is wrong and where, what is written."""
 
+import re
 import tomllib
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from acx4lib.errors import FlightError
 from acx4lib.planning import text
 from support.flights.planned import values
+from support.helpers import ROOT
 
 PLAN = text.written(values())
 
@@ -163,3 +165,12 @@ def test_a_validation_needs_check_points_and_heads_need_more_than_one_camera():
         text.from_values(values(validation={"strips": strips}))
     with pytest.raises(FlightError, match="heads: one camera; heads are several"):
         text.from_values(values(heads={"strips": strips}))
+
+
+def test_the_plan_in_the_book_is_one(tmp_path):
+    page = (ROOT / "book" / "your-own-flight.md").read_text("utf-8")
+    (shown,) = [part for part in re.findall(r"```toml\n(.*?)```", page, re.S) if "[field]" in part]
+    (tmp_path / "p.toml").write_text(shown)
+    plan = text.read(tmp_path / "p.toml")
+    assert [*plan.blocks] == ["calibration", "validation"]
+    assert [*plan.blocks["calibration"].strips] == ["low-1", "low-2", "high", "back"]

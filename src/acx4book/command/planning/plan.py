@@ -92,7 +92,7 @@ def plan(
 
 def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
-    from acx4book.typesetting.drawing import vector  # noqa: PLC0415 quick help
+    from acx4book.typesetting.drawing.svg import vector  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4lib.planning import tables  # noqa: PLC0415 quick help
     from acx4lib.planning.choosing import tables as choices  # noqa: PLC0415 quick help

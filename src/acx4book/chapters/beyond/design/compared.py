@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from acx4book.chapters.beyond.design.curves import sigmas
@@ -38,9 +39,6 @@ WANTED = (
 BRIEF = {"f_mm": "f, mm", "lever_z_m": "z, m", "lever_x_m": "x, m", "boresight_kappa_deg": "κ, °"}
 """What is shown after every strip, with its name there."""
 
-ALLOWED = 1.25
-"""What is wanted of the chosen flight: so many times the paper's σ, of every parameter."""
-
 CANDIDATES = {
     "strip": {
         "flying_height_m": [LOW_M, HIGH_M],
@@ -52,11 +50,45 @@ CANDIDATES = {
 """Strips over the middle of the field that may be chosen, besides the paper's own."""
 
 
-def choice(plan: Plan) -> Chosen:
-    """Return the cheapest strips that are found to be nearly as good as those of a plan."""
-    sigma = ALLOWED * sigmas(plan)[[*WANTED]]
+def choice(plan: Plan, allowed: float, minutes: float = np.inf) -> Chosen:
+    """Return cheap strips that are nearly as good as those of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    allowed : float
+        What is wanted: so many times the plan's σ, of every parameter of `WANTED`.
+    minutes : float
+        Longest flying time.
+    """
+    sigma = allowed * sigmas(plan)[[*WANTED]]
     wanted = {"sigma": sigma.to_dict(), "candidates": CANDIDATES}
-    return chosen.choose(candidates.of(target.from_values(wanted, plan)))
+    return chosen.choose(candidates.of(target.from_values(wanted, plan)), minutes=minutes)
+
+
+def left_out(plan: Plan) -> pd.DataFrame:
+    """Return σ over the plan's where one strip is left out: a column for every strip."""
+    strips = plan.blocks[BLOCK].strips
+    fewer = {
+        name: flown(plan, {other: one for other, one in strips.items() if other != name})
+        for name in strips
+    }
+    return pd.DataFrame({n: sigmas(one) / sigmas(plan) for n, one in fewer.items()}).loc[[*WANTED]]
+
+
+def left_out_by_search(plan: Plan) -> pd.DataFrame:
+    """Return the same from the sums of what the strips tell, by a part of the tie points."""
+    wanted = dict.fromkeys(WANTED, 1.0)
+    found = candidates.of(target.from_values({"sigma": wanted}, plan))
+    strips = [*plan.blocks[BLOCK].strips]
+    every = range(len(strips))
+    return pd.DataFrame(
+        {
+            name: found.given(tuple(k for k in every if strips[k] != name)) / found.given((*every,))
+            for name in strips
+        },
+        index=[*WANTED],
+    )
 
 
 def flights(plan: Plan, cheap: Chosen) -> dict[str, Plan]:

@@ -100,8 +100,8 @@ def explorer() -> Explorer:
         caption=(
             f"Two strips at {LOW_M:.0f} m and two at a second height, five images each, by the "
             "paper's camera; unknown are its interior orientation, the mounting, and a shift of "
-            "GNSS. Left, the flight in plan: the strips of the first course are blue, those of the "
-            "second orange, with the footprint of a middle image; squares are control points. "
+            "GNSS. Left, the lower strip of the first course, blue, and the upper one of the "
+            "second, orange, each with the footprint of its middle image; squares are control points. "
             "Right, standard deviations on a logarithmic axis."
         ),
         sliders=SLIDERS,
