@@ -5,12 +5,16 @@ import re
 import numpy as np
 import pytest
 
+from acx4book.chapters.beyond.design import explorer as design
 from acx4book.foundations.explorers import boresight, distortion, two_heights
 from acx4book.typesetting.moving import plane, shown
 from support.helpers import ROOT
 
 MODULES = {
-    module.__name__.rpartition(".")[2]: module for module in (boresight, distortion, two_heights)
+    "boresight": boresight,
+    "distortion": distortion,
+    "two_heights": two_heights,
+    "design": design,
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
 MOVE = """([figure, values]) => {
