@@ -88,7 +88,7 @@ def group_label(keys: Sequence[str]) -> Markup:
 
 def p_value(p: float) -> str:
     """Return a probability for a table."""
-    return f"{p:.3f}" if p >= 5e-4 else "< 0.0005"
+    return f"{p:.3f}" if p >= 5e-4 else "<\N{NO-BREAK SPACE}0.0005"
 
 
 def inside(title: str) -> str:

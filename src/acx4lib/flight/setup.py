@@ -58,6 +58,21 @@ class Apriori:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Session:
+    """When a flight was flown, and what may have changed its cameras.
+
+    Attributes
+    ----------
+    date : datetime.date or None
+    temperature_c : float
+        Of the cameras, degrees Celsius; NaN where not known.
+    """
+
+    date: dt.date | None = None
+    temperature_c: float = np.nan
+
+
+@dataclass(frozen=True, kw_only=True)
 class Device:
     """What identifies a camera on its certificate; empty where it is not stated."""
 
@@ -121,6 +136,7 @@ class Setup:
     weights : str
         Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
     certificate : Certificate
+    session : Session
     """
 
     name: str
@@ -136,6 +152,7 @@ class Setup:
     gnss: tuple[str, ...]
     weights: str
     certificate: Certificate
+    session: Session
 
     @property
     def measured_in_heads(self) -> bool:
@@ -163,6 +180,14 @@ def setup_of(toml: Toml) -> Setup:
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
         certificate=_certificate_of(toml.table("certificate")),
+        session=_session_of(toml.table("session")),
+    )
+
+
+def _session_of(table: dict[str, Any]) -> Session:
+    date, celsius = table.get("date"), float(table.get("temperature_c", np.nan))
+    return Session(
+        date=date.date() if isinstance(date, dt.datetime) else date, temperature_c=celsius
     )
 
 

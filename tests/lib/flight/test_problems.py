@@ -114,6 +114,20 @@ REPLACED = [
         "E0,0,0,0,0,0,0\nE1,",
         ":3: exposure: 'E0' stands in line 2 already; every exposure once",
     ),
+    (
+        TRAJECTORY,
+        "0.3,-0.1",
+        "0.3,-0°06'00.0\"",
+        ":2: phi_deg: '-0°06\\'00.0\"' (degrees, minutes and seconds?); must be a finite number, "
+        "decimal point",
+    ),
+    (
+        TRAJECTORY,
+        "0.3,-0.1",
+        "0.3,-0 06 00.0",
+        ":2: phi_deg: '-0 06 00.0' (degrees, minutes and seconds?); must be a finite number, "
+        "decimal point",
+    ),
     (TRAJECTORY, "0.3,-0.1", "0.3,-361", ":2: phi_deg: -361; must lie between -360 and 360"),
     (
         TRAJECTORY,

@@ -21,22 +21,23 @@ LIMITS = f"{100 * PROBABILITY:g} % limits"
 """Column with the limits that chance leaves, the same that the verdict uses."""
 
 
+FROM_SUMMARY = "summary.json: weighted residuals and redundancy of every adjustment"
 FROM_RESIDUALS = "residuals.csv: residuals, a priori σ and redundancy numbers of all components"
 
 
 def section(material: Material) -> Text:
     """Return the section on the adjustments, their groups of observations, and gross errors."""
-    told = "summary.json, which every adjustment leaves; rejected by chance: the sum of the "
-    told += "probabilities that the test rejects a good observation"
     limit = f"w-tests with the critical value {CRITICAL:g}, repeated until none exceeds it"
+    chance = f"{limit}; expected: the sum of the probabilities that the test rejects a good one"
     return show(
-        table(test_table(material), TESTS, name="tab-report-tests", obtained=told),
+        table(test_table(material), TESTS, name="tab-report-tests", obtained=FROM_SUMMARY),
         weakest_sentence(material),
         table(group_table(material), GROUPS, name="tab-report-groups", obtained=FROM_RESIDUALS),
         table(
             reliability_table(material), DETECTED, name="tab-report-reliability",
             obtained=FROM_RESIDUALS,
         ),
+        table(rejection_table(material), REJECTIONS, name="tab-report-rejections", obtained=chance),
         rejected_sentence(material),
         table(rejected_table(material), LARGEST, name="tab-report-rejected", obtained=limit),
     )  # fmt: skip
@@ -45,6 +46,7 @@ def section(material: Material) -> Text:
 TESTS = "The adjustments, with the χ² test"
 GROUPS = "A priori and a posteriori σ by group of observations"
 DETECTED = "Reliability by group: redundancy numbers and minimal detectable errors"
+REJECTIONS = "Rejected observations, expected and found"
 LARGEST = "Rejected observations, the largest first"
 
 
@@ -72,7 +74,7 @@ def _unknown(name: str) -> str:
     axis = parameter.removeprefix("boresight_")
     title = LABELS.get(parameter, parameter.replace("_", " "))
     if axis in ("x", "y", "z"):
-        title = f"boresight about the image's {axis}"
+        title = f"boresight about the camera's {axis}"
     return Markup(f"{shown(title)} of {shown(camera)}")
 
 
@@ -92,11 +94,23 @@ def test_table(material: Material) -> pd.DataFrame:
                 "σ₀²": said["sigma0_squared"],
                 LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": said["chi_square_p"],
-                "Rejected": said["n_rejected"],
-                "By chance": said.get("expected_rejections"),
-                "Points left out": said.get("n_left_out", ""),
             }
         )
+    return pd.DataFrame(rows)
+
+
+def rejection_table(material: Material) -> pd.DataFrame:
+    """Return how many observations every adjustment rejected, and how many chance would reject."""
+    rows = [
+        {
+            "Adjustment": heading(name),
+            "Observations": said["n_observations"],
+            "Found and rejected": said["n_rejected"],
+            "Expected by chance": said.get("expected_rejections"),
+            "Tie points left out": said.get("n_left_out", ""),
+        }
+        for name, said in ((name, material.found.summary[name]) for name in material.adjustments)
+    ]
     return pd.DataFrame(rows)
 
 

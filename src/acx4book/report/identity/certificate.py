@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -14,30 +14,20 @@ from acx4book.report.parameters.tables import head_table
 from acx4book.report.shown import Text, show, table
 from acx4book.report.verdict.finding import Finding
 from acx4book.report.verdict.verdict import statement
-from acx4book.report.words import heading, parameter_title
+from acx4book.report.words import heading, listed, parameter_title
 from acx4book.typesetting.labels import with_unit
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.flight.setup import Device
+from acx4lib.flight.setup import Certificate, Device
 from acx4lib.geometry.camera import Camera
 from acx4lib.results import folder
-
-LABELS = {
-    "number": "Certificate number",
-    "laboratory": "Calibrated by",
-    "operator": "Flown by",
-    "imu": "IMU",
-    "imu_serial": "IMU, serial number",
-    "gnss_base": "GNSS base",
-    "datum_epoch": "Datum and epoch",
-}
-"""The texts of [certificate] for readers, in their order."""
 
 VALUES = "Calibrated values and standard deviations"
 HEADS = "Interior orientation parameters of the heads, with their standard deviations"
 ALONE = (
     "a bundle adjustment with self-calibration of every head by itself; standard deviations as "
-    "above, with the variance of unit weight of each head"
+    "above, with the variance of unit weight of each head; what is not listed is held as "
+    "flight.toml gives it"
 )
 
 
@@ -63,19 +53,30 @@ def certificate_table(material: Material) -> pd.DataFrame:
 
 def _items(material: Material) -> Iterator[tuple[str, str]]:
     stated = material.flight.certificate
-    for name in _certified(material):
-        yield f"Camera {name}", _format(material.flight.cameras[name])
-        device = stated.cameras.get(name)
-        if device:
-            yield f"Device {name}", _device(device)
-    for key, label in LABELS.items():
-        if text := getattr(stated, key):
-            yield label, text
-    if stated.antenna_lever_m:
-        lever = ", ".join(f"{value:+.3f}" for value in stated.antenna_lever_m)
-        yield "Antenna from the IMU (m)", f"{lever} along the body's x, y, z"
-    if stated.valid_until:
-        yield "Valid until", stated.valid_until.isoformat()
+    cameras = [material.flight.cameras[name] for name in _certified(material)]
+    for camera in cameras:
+        if device := stated.cameras.get(camera.name):
+            yield f"Camera {camera.name}", _device(device)
+    for size, names in _by_format(cameras).items():
+        yield "Image format", f"{listed(names)}: {size}"
+    imu = " no. ".join(filter(None, (stated.imu, stated.imu_serial)))
+    texts = {
+        "Certificate number": stated.number,
+        "Calibrated by": stated.laboratory,
+        "Flown by": stated.operator,
+        "IMU": imu,
+        "GNSS antenna": _antenna(stated.antenna_lever_m),
+        "GNSS base, datum": "; ".join(filter(None, (stated.gnss_base, stated.datum_epoch))),
+        "Valid until": stated.valid_until.isoformat() if stated.valid_until else "",
+    }
+    yield from ((label, text) for label, text in texts.items() if text)
+
+
+def _antenna(lever: tuple[float, ...]) -> str:
+    if not lever:
+        return ""
+    xyz = ", ".join(f"{value:+.3f}" for value in lever)
+    return f"{xyz} m from the IMU, along the body's x, y, z"
 
 
 def _certified(material: Material) -> list[str]:
@@ -86,35 +87,34 @@ def _certified(material: Material) -> list[str]:
     return list(dict.fromkeys(names)) or list(material.flight.cameras)
 
 
-def _format(camera: Camera) -> str:
-    width, height = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-    return (
-        f"{camera.width_px} × {camera.height_px} pixels of {1000 * camera.pixel_mm:.3g} µm, "
-        f"{width:.2f} × {height:.2f} mm"
-    )
+def _by_format(cameras: Iterable[Camera]) -> dict[str, list[str]]:
+    """Return the names of cameras by the text that says the size of their images."""
+    found: dict[str, list[str]] = {}
+    for camera in cameras:
+        width, height = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+        pixels = f"{camera.width_px} × {camera.height_px} pixels of {1000 * camera.pixel_mm:.3g} µm"
+        found.setdefault(f"{pixels}, {width:.2f} × {height:.2f} mm", []).append(camera.name)
+    return found
 
 
 def _device(device: Device) -> str:
-    """Return maker, model and serial numbers in one line."""
-    parts = [
-        " ".join(filter(None, (device.maker, device.model))) or "camera",
-        f"serial number {device.serial}" if device.serial else "",
-        *(
-            ", ".join(filter(None, (f"{part} {model}".strip(), serial and f"no. {serial}")))
-            for part, model, serial in (
-                ("lens", device.lens, device.lens_serial),
-                ("sensor", device.sensor, device.sensor_serial),
-            )
-            if model or serial
-        ),
-    ]
-    return "; ".join(filter(None, parts))
+    """Return maker, models and serial numbers in one line."""
+    parts = (
+        (f"{device.maker} {device.model}".strip(), device.serial),
+        (device.lens and f"lens {device.lens}", device.lens_serial),
+        (device.sensor and f"sensor {device.sensor}", device.sensor_serial),
+    )
+    kinds = ("camera", "lens", "sensor")
+    return "; ".join(
+        f"{model or kind} no. {serial}" if serial else model
+        for kind, (model, serial) in zip(kinds, parts, strict=True)
+        if model or serial
+    )
 
 
 def missing_sentence(material: Material) -> str:
     """Return a sentence on a flight that states nothing for its certificate."""
-    stated = material.flight.certificate
-    if any(getattr(stated, key) for key in (*LABELS, "cameras")):
+    if material.flight.certificate != Certificate():
         return ""
     return (
         "The table [certificate] of flight.toml states no serial numbers, laboratory or operator: "

@@ -21,9 +21,9 @@ from acx4book.report.parameters.lens import (
     radial_sigma,
 )
 from acx4book.report.shown import Text, show, table
+from acx4book.report.words import listed
 from acx4book.typesetting import sketch, style
 from acx4book.typesetting.labels import value_and_sigma
-from acx4book.typesetting.plain_text import shown
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 
 UM = 1000.0
@@ -38,25 +38,36 @@ def section(material: Material) -> Text:
     found = shown_lenses(material)
     told = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
     return show(
-        *(_balanced_sentence(lens) for lens in found),
+        table(balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
         table(distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
         table(corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
     )
 
 
+BALANCED = "Calibrated and balanced focal lengths"
+FROM_RADIAL = "the radial coefficients and the focal length, up to the farthest corner of the image"
 DISTORTION = "Lens distortion by the distance from the principal point"
 CORNERS = "Corners of the images: centres of the corner pixels"
 FORMAT = "the numbers of pixels and their size, as flight.toml states them"
 
 
-def _balanced_sentence(lens: Lens) -> str:
-    balance = balanced(lens)
-    return (
-        f"**{shown(lens.camera.name)}.** Calibrated focal length {lens.interior.f:.4f} mm; "
-        f"balanced focal length {value_and_sigma(balance.f, balance.sigma)} mm, with which the "
-        f"radial distortion stays within ±{UM * balance.largest:.1f} µm up to the farthest corner, "
-        f"{lens.radius:.2f} mm from the principal point."
-    )
+def balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
+    """Return the calibrated and the balanced focal length of every lens."""
+    rows = [
+        {
+            "Camera": lens.camera.name,
+            "Focal length (mm)": _length(lens.interior.f, np.sqrt(lens.cov[0, 0])),
+            "Balanced (mm)": _length(balance.f, balance.sigma),
+            "Radial, balanced (µm)": f"within ±{UM * balance.largest:.1f}",
+            "Farthest corner (mm)": f"{lens.radius:.2f}",
+        }
+        for lens, balance in ((lens, balanced(lens)) for lens in found)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _length(value: float, sigma: float) -> str:
+    return value_and_sigma(value, sigma) if sigma > 0 else f"{value:g} held"
 
 
 def shown_lenses(material: Material) -> list[Lens]:
@@ -122,21 +133,25 @@ def corners(camera: Camera) -> np.ndarray:
 
 def corner_table(material: Material) -> pd.DataFrame:
     """Return pixel and image coordinates of the corners of every camera."""
-    found = shown_lenses(material)
+    cameras = [lens.camera for lens in shown_lenses(material)]
+    alike: dict[tuple[float, ...], list[Camera]] = {}
+    for camera in cameras:
+        size = (camera.width_px, camera.height_px, camera.pixel_mm)
+        alike.setdefault(size, []).append(camera)
     rows = [
         {
-            **({"Camera": lens.camera.name} if len(found) > 1 else {}),
-            "Corner": f"{vertical} {side}",
+            "Camera": listed([camera.name for camera in same]),
+            "Corner": corner,
             "Column (px)": f"{col:g}",
             "Row (px)": f"{row:g}",
             "x (mm)": f"{x:+.4f}",
             "y (mm)": f"{y:+.4f}",
         }
-        for lens in found
-        for (vertical, side), (col, row), (x, y) in zip(
-            (("upper", "left"), ("upper", "right"), ("lower", "right"), ("lower", "left")),
-            corners(lens.camera),
-            xy_from_colrow(lens.camera, corners(lens.camera)),
+        for same in alike.values()
+        for corner, (col, row), (x, y) in zip(
+            ("upper left", "upper right", "lower right", "lower left"),
+            corners(same[0]),
+            xy_from_colrow(same[0], corners(same[0])),
             strict=True,
         )
     ]
@@ -153,7 +168,7 @@ def image_figure(material: Material) -> Figure:
     rows = -(-n // columns)
     with style.applied():
         beside = n == 1
-        size = (style.WIDTH, 2.9) if beside else (style.WIDTH, 2.3 * rows + 2.7)
+        size = (style.WIDTH, 2.9) if beside else (style.WIDTH, 1.9 * rows + 2.4)
         fig = style.figure(figsize=size)
         parts = fig.add_gridspec(1, 2) if beside else fig.add_gridspec(rows + 1, columns)
         for i, lens in enumerate(found):
@@ -184,10 +199,11 @@ def _axes_of_image(ax: Axes, lens: Lens) -> None:
     forward = camera.T_b_c.R[0, :2]
     level = float(np.hypot(*forward))
     if level > SMALLEST_LEVEL:
-        start = np.array([0.28 * width, -0.3 * height])
+        start = np.array([0.22 * width, -0.3 * height])
         tip = start + 0.5 * reach * forward / level
         sketch.arrow(ax, start, tip, sketch.BODY)
-        sketch.note(ax, start, "body x", sketch.BODY, shift=(0, -9))
+        behind = -forward / level
+        sketch.note(ax, start, "body x", sketch.BODY, shift=(21 * behind[0], 8 * behind[1]))
     ax.plot(lens.interior.xp, lens.interior.yp, "+", color=style.INK, ms=9, mew=1.2, zorder=7)
 
 

@@ -1,7 +1,7 @@
 """Figures as vector drawings: the same bytes every time, small, with no text of a flight in them.
 
-Letters are outlines, so that they look alike on every machine. Colours are those of `style`; the
-book's extension `figures` gives each of these a name, by which a page changes them in the dark.
+Letters are outlines, so that they look alike on every machine. Colours are those of `style`;
+`inline` names each of these, so that a page can change them in the dark.
 """
 
 from __future__ import annotations

@@ -5,22 +5,22 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Iterable, Iterator
 
+from acx4lib.flight.checks.values import key_problems
 from acx4lib.flight.problems import RANGES, SHOWN, Problem, did_you_mean, quoted
 from acx4lib.flight.setup import LEVER, Certificate, Device
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.names import name_fault
 
 TABLE = "certificate"
-DEVICE = tuple(Device.__dataclass_fields__)
-"""Keys of [certificate.cameras.NAME]: all of them text."""
-
-KEYS = tuple(Certificate.__dataclass_fields__)
+KEYS, DEVICE = tuple(Certificate.__dataclass_fields__), tuple(Device.__dataclass_fields__)
 OTHERS = ("antenna_lever_m", "valid_until", "cameras")
-"""Keys of [certificate] that are not text."""
+"""Keys that are not text; those of a device all are."""
 
 
 def certificate_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what is wrong with the values of [certificate]; the keys are checked elsewhere."""
+    """Yield what is wrong with the table [certificate]."""
+    yield from key_problems(toml, (TABLE,), KEYS)
+    yield from key_problems(toml, (TABLE, "cameras"), toml.table(TABLE, "cameras"))
     yield from _text_problems(toml, (TABLE,), [key for key in KEYS if key not in OTHERS])
     yield from _lever_problems(toml)
     until = toml.get(TABLE, "valid_until")
@@ -34,6 +34,7 @@ def certificate_problems(toml: Toml) -> Iterator[Problem]:
             hint = did_you_mean(name, cameras) if n < SHOWN else ""
             found = f"no camera of this name{hint}"
             yield toml.problem(keys, found, "must be one of [cameras.…]")
+        yield from key_problems(toml, keys, DEVICE)
         yield from _text_problems(toml, keys, DEVICE)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 from collections.abc import Iterator
 
@@ -9,7 +10,7 @@ import numpy as np
 from pyproj.exceptions import ProjError
 
 from acx4lib.errors import UNSEEN
-from acx4lib.flight.checks import certificate
+from acx4lib.flight.checks.certificate import certificate_problems
 from acx4lib.flight.checks.values import (
     choice_problems,
     key_problems,
@@ -49,12 +50,14 @@ TOP = (
     "synthetic",
     "apriori",
     "adjustment",
+    "session",
     "stages",
     "certificate",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
+TEMPERATURE = {"temperature_c": Range(-100.0, 100.0)}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
@@ -86,17 +89,19 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from number_problems(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
     yield from key_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
+    yield from _session_problems(toml)
     yield from _stage_problems(toml)
-    yield from _certificate_problems(toml)
+    yield from certificate_problems(toml)
 
 
-def _certificate_problems(toml: Toml) -> Iterator[Problem]:
-    keys = (certificate.TABLE, "cameras")
-    yield from key_problems(toml, keys[:1], certificate.KEYS)
-    yield from key_problems(toml, keys, toml.table(*keys))
-    for name in toml.table(*keys):
-        yield from key_problems(toml, (*keys, name), certificate.DEVICE)
-    yield from certificate.certificate_problems(toml)
+def _session_problems(toml: Toml) -> Iterator[Problem]:
+    yield from key_problems(toml, ("session",), ("date", *TEMPERATURE))
+    yield from number_problems(toml, ("session",), TEMPERATURE)
+    date = toml.get("session", "date")
+    if date is not None and not isinstance(date, dt.date):
+        yield toml.problem(
+            ("session", "date"), quoted(date), "must be a date without quotes, as 2026-05-02"
+        )
 
 
 def _is_name(value: object) -> bool:

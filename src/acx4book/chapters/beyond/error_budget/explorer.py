@@ -10,7 +10,6 @@ from acx4book.chapters.beyond.error_budget.examined import (
     Examined,
     plan_and_height,
 )
-from acx4book.chapters.beyond.error_budget.heights import GRID
 from acx4book.chapters.beyond.error_budget.tables import COORDINATES
 from acx4book.typesetting.moving import shown as html
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
@@ -67,7 +66,7 @@ def effects(calibration: Calibration) -> Array:
     """
     found = []
     for height_m in HEIGHT.stops:
-        mean = plan_and_height(over_ground(calibration, unit_flight(height_m), n=GRID).mean)
+        mean = plan_and_height(over_ground(calibration, unit_flight(height_m)).mean)
         own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
         found.append([[part[columns].sum() for columns in own] for part in mean])
     return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
