@@ -15,7 +15,7 @@ from acx4lib.planning.plan import Plan, Strip, image_length_m
 
 RATIO = Slider(name="second height over first", unit="", low=1.0, high=2.0, step=0.25)
 TURN = Slider(name="second course against first", unit="°", low=0.0, high=180.0, step=45.0)
-CONTROL = Slider(name="control points", unit="", low=0.0, high=8.0, step=2.0)
+CONTROL = Slider(name="control points", unit="", low=0.0, high=8.0, step=4.0)
 SLIDERS = (RATIO, TURN, CONTROL)
 
 SHOWN = {

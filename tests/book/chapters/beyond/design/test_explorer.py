@@ -11,7 +11,7 @@ def shown():
     return explorer.explorer()
 
 
-@pytest.mark.parametrize("values", [(1.5, 180.0, 4.0), (1.25, 90.0, 8.0), (1.0, 0.0, 2.0)])
+@pytest.mark.parametrize("values", [(1.5, 180.0, 4.0), (1.25, 90.0, 8.0), (1.0, 0.0, 0.0)])
 def test_readings_are_those_of_a_plan_of_these_strips(shown, plan, values):
     ratio, turn, control = values
     strips = {
