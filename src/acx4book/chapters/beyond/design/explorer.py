@@ -15,7 +15,7 @@ from acx4lib.planning.plan import Plan, Strip, image_length_m
 
 RATIO = Slider(name="second height over first", unit="", low=1.0, high=2.0, step=0.25)
 TURN = Slider(name="second course against first", unit="°", low=0.0, high=180.0, step=45.0)
-CONTROL = Slider(name="control points", unit="", low=0.0, high=8.0, step=4.0)
+CONTROL = Slider(name="control points", unit="", low=2.0, high=8.0, step=3.0)
 SLIDERS = (RATIO, TURN, CONTROL)
 
 SHOWN = {
@@ -81,11 +81,11 @@ def explorer() -> Explorer:
         ),
         sliders=SLIDERS,
         presets={
-            "two heights, opposite": [1.5, 180.0, 4.0],
-            "one height": [1.0, 180.0, 4.0],
-            "one direction": [1.5, 0.0, 4.0],
-            "crossing": [1.5, 90.0, 4.0],
-            "no control": [1.5, 180.0, 0.0],
+            "two heights, opposite": [1.5, 180.0, 5.0],
+            "one height": [1.0, 180.0, 5.0],
+            "one direction": [1.5, 0.0, 5.0],
+            "crossing": [1.5, 90.0, 5.0],
+            "two control points": [1.5, 180.0, 2.0],
         },
         panels=[_map(), _bars(found)],
         columns=[Column(title="value", digits=2)],
@@ -107,7 +107,7 @@ def _map() -> Panel:
         alt="A blue strip upwards and an orange one downwards with their footprints, and squares.",
         size=size,
         fixed=plane.text((0.0, -reach * 0.84), "3.4 km across, first course up"),
-        marks=[low, high, *squares],
+        marks=[high, low, *squares],
     )
 
 

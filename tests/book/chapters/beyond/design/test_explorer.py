@@ -11,7 +11,7 @@ def shown():
     return explorer.explorer()
 
 
-@pytest.mark.parametrize("values", [(1.5, 180.0, 4.0), (1.25, 90.0, 8.0), (1.0, 0.0, 0.0)])
+@pytest.mark.parametrize("values", [(1.5, 180.0, 5.0), (1.25, 90.0, 8.0), (1.0, 0.0, 2.0)])
 def test_readings_are_those_of_a_plan_of_these_strips(shown, plan, values):
     ratio, turn, control = values
     strips = {
@@ -34,7 +34,7 @@ def test_control_points_that_are_not_surveyed_are_out_of_the_drawing(shown):
 
 def test_the_second_strip_turns_clockwise(shown):
     """Up is the first course, so a quarter turn flies to the right."""
-    turned = shown.panels[0].marks[1].places([1.5, 90.0, 4.0])
+    turned = shown.panels[0].marks[0].places([1.5, 90.0, 5.0])
     start, end = turned[0], turned[1]
     assert end[0] > start[0] + 50
     assert end[1] == pytest.approx(start[1], abs=1e-6)
