@@ -1,8 +1,4 @@
-<<<<<<< HEAD
 """Drawings in a page: in its colours, their names apart, every letter once."""
-=======
-"""A drawing as part of a page."""
->>>>>>> wt-built
 
 from acx4book.typesetting.drawing.inline import inline
 
@@ -22,11 +18,6 @@ def test_a_page_has_every_letter_once_and_the_names_of_each_drawing_apart():
     assert 'id="D47"' in first
     assert 'id="D47"' not in second
     assert 'href="#D47"' in second
-<<<<<<< HEAD
-    assert 'clip-path="url(#f2-p1)" style="fill: var(--figure-ink)"' in second
-    assert 'clipPath id="f2-p1"' in second
-=======
     assert 'clip-path="url(#f2-0)" style="fill: var(--figure-ink)"' in second
     assert 'clipPath id="f2-0"' in second
->>>>>>> wt-built
     assert "patch_1" not in first + second
