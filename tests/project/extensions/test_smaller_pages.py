@@ -41,6 +41,16 @@ def test_a_page_of_the_interface_says_nothing_twice():
     assert page("intro", body) == (None, body)
 
 
+def test_listings_that_are_left_out_are_not_listed():
+    kept = ("code", {}, {}, "")
+    env = SimpleNamespace()
+    listings.leave_out(None, env, [])
+    assert env._viewcode_modules["acx4book.pages.build"] is False
+    env._viewcode_modules["acx4lib.errors"] = kept
+    assert listings.forget(SimpleNamespace(env=env)) == []
+    assert env._viewcode_modules == {"acx4lib.errors": kept}
+
+
 @pytest.fixture
 def html(tmp_path):
     """A built book with three icons, one of which is shown, and one by another name."""

@@ -18,6 +18,6 @@ def test_a_page_has_every_letter_once_and_the_names_of_each_drawing_apart():
     assert 'id="D47"' in first
     assert 'id="D47"' not in second
     assert 'href="#D47"' in second
-    assert 'clip-path="url(#f2-p1)" style="fill: var(--figure-ink)"' in second
-    assert 'clipPath id="f2-p1"' in second
+    assert 'clip-path="url(#f2-0)" style="fill: var(--figure-ink)"' in second
+    assert 'clipPath id="f2-0"' in second
     assert "patch_1" not in first + second
