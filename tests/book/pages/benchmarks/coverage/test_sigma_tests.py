@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book.pages.benchmarks import sigma_tests
+from acx4book.pages.benchmarks.coverage import sigma_tests
 
 
 def test_normal_errors_stay_within_sigma_as_often_as_everyone_knows():

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.pages.benchmarks import sigma_tests, stored
-from acx4book.pages.benchmarks.sigma_tests import LEVELS, Share
+from acx4book.pages.benchmarks import stored
+from acx4book.pages.benchmarks.coverage import sigma_tests
+from acx4book.pages.benchmarks.coverage.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup
