@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4book.report.words import parameter_title
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.observations import position_errors
+from acx4lib.bundle.observations.trajectory import position_errors
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import gnss_shift, mounting
 from acx4lib.calibration.estimates import not_determined, parameters
-from acx4lib.geometry.parameters import GNSS, MOUNT
+from acx4lib.geometry.parameters import MOUNT
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks
@@ -21,6 +21,7 @@ from support.flights import simulated as flown
 from support.helpers import dense_covariance
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+GNSS = ("shift", "drift")
 SHIFT = np.array([0.30, -0.20, 0.15])
 DRIFT = 0.01 * np.array([[1.0, -0.5, 0.3], [-0.2, 0.4, 0.6], [0.0, 0.7, -0.8]])  # m/s
 
@@ -28,7 +29,9 @@ DRIFT = 0.01 * np.array([[1.0, -0.5, 0.3], [-0.2, 0.4, 0.6], [0.0, 0.7, -0.8]]) 
 def off(block, shift, drift):
     """The block with positions that are shifted and drift."""
     net = mounted_orientation(block, free=(), gnss=("drift",))
-    return blocks.changed(block, "gnss", position_errors(net.observed, shift, drift))
+    return blocks.changed(
+        block, "gnss", position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
+    )
 
 
 def single_step(block, **options):

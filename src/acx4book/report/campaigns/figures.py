@@ -139,7 +139,7 @@ def on_the_ground(study: Study) -> Figure:
 
 def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) -> None:
     effects = study.ground.of[camera]
-    own = np.flatnonzero([p.camera == camera for p in study.comparison.parameters])
+    own = study.comparison.of_camera(camera)
     moved = effects.moved(one.d[own])
     sigma = effects.sigma(one.cov[np.ix_(own, own)])
     forward, left = effects.xy.T
