@@ -130,7 +130,7 @@ def _column(plan: Plan) -> pd.Series:
 
 def written(numbers: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text, with names and units for readers."""
-    shown = numbers.map("{:.2g}".format)
+    shown = numbers.map("{:#.2g}".format)
     counted = ["strips", "images", "minutes"]
     shown.loc[counted] = numbers.loc[counted].map("{:.0f}".format)
     units = {name: name.rpartition("_")[2] for name in WANTED}

@@ -122,9 +122,10 @@ def _times(large: pd.Series, small: pd.Series, name: str) -> str:
 
 
 def _other_gain(one: pd.Series, two: pd.Series, but: tuple[str, ...]) -> float:
-    return float((one / two).drop([*but]).max())
+    return float((one / two).drop([*but]).to_numpy().max())
 
 
 def _spread(table: pd.DataFrame, name: str) -> float:
     """Return by what part of itself a σ changes at most."""
-    return float(table.loc[name].max() / table.loc[name].min() - 1.0)
+    sigma = table.loc[name].to_numpy(dtype=float)
+    return float(sigma.max() / sigma.min() - 1.0)
