@@ -31,6 +31,7 @@ ROOMS = {
     "13": ["chapters.beyond.bad_starts"],
     "14": ["chapters.beyond.failures"],
     "15": ["chapters.beyond.design"],
+    "17": ["chapters.beyond.distortion_models"],
     "18": ["chapters.beyond.stability", "report.campaigns"],
     "16": ["chapters.beyond.error_budget"],
 }

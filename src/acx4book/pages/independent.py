@@ -35,6 +35,10 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "13-bad-starts": (),
     "14-failure-clinic": (),
     "15-which-flight": (),
+    "17-distortion-models": (
+        "data/benchmarks/closed_chain_pattern.csv",
+        "data/benchmarks/distortion_models*",
+    ),
     "18-over-the-years": (),
     "16-error-budget": ("data/paper/*.csv",),
 }

@@ -1,0 +1,22 @@
+"""One flight of the chapter's cases, and what is stored of many."""
+
+import pytest
+
+from acx4book.chapters.beyond.distortion_models import cases, seams, study
+
+
+@pytest.fixture(scope="session")
+def decentred():
+    return cases.decentred(1)
+
+
+@pytest.fixture(scope="session")
+def stored():
+    return study.read()
+
+
+@pytest.fixture(scope="session")
+def pattern():
+    plan = cases.acx4_plan()
+    flight = cases.read_back(plan, 1, ("heads",))
+    return seams.read(flight.cameras["SYN"])
