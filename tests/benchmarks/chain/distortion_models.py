@@ -44,11 +44,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     seeds = range(1, options.seeds + 1)
-    rows = [of_real(model) for model in MODELS]
+    rows: list[trials.Row] = []
     with ProcessPoolExecutor(options.processes) as pool:
         for seed, found in zip(seeds, pool.map(trials.of_seed, seeds), strict=True):
             rows += found
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
+        rows += pool.map(of_real, MODELS)
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"first_seed": seeds[0], "last_seed": seeds[-1]}
     stored.write(options.out, "distortion_models", {"": pd.DataFrame(rows)}, about, digits=DIGITS)

@@ -15,7 +15,7 @@ from acx4lib.expected import Array
 from acx4lib.flight import reader
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.geometry.camera import Camera, Interior, xy_from_colrow
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4sim.designs import acx4_plan, single_head_plan
@@ -117,6 +117,19 @@ def synthetic(seed: int) -> Case:
         return synthetic_block(block, carry(block, refined, camera), camera)
 
     return Case(calibration=carried("calibration"), validation=carried("validation"))
+
+
+def synthetic_camera() -> Camera:
+    """Return the synthetic camera as the flight declares it, with an approximate focal length."""
+    plan = acx4_plan()
+    frame = plan.cameras["SYN"]
+    return Camera(
+        name="SYN",
+        width_px=frame.width_px,
+        height_px=frame.height_px,
+        pixel_mm=frame.pixel_um / 1000,
+        interior=Interior(f=plan.approximate["SYN"]["focal_mm"]),
+    )
 
 
 CASES: Mapping[str, Callable[[int], Case]] = MappingProxyType(

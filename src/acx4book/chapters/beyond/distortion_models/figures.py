@@ -1,4 +1,4 @@
-"""Figures of the chapter: terms of the families, residuals, criteria, errors, and a deeper dent."""
+"""Figures of the chapter: terms, residuals, criteria, errors, seams, and a deeper dent."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acx4book.chapters.beyond.distortion_models import families
+from acx4book.chapters.beyond.distortion_models import families, seams
 from acx4book.chapters.beyond.distortion_models.candidates import Fitted
+from acx4book.chapters.beyond.distortion_models.families import MODELS
+from acx4book.chapters.beyond.distortion_models.seams import Pattern
 from acx4book.chapters.beyond.distortion_models.study import FIRST, REAL, Study, summary
 from acx4book.chapters.beyond.distortion_models.trials import FLEXIBLE
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Mask
 
 NODES = 9
 """Arrows along each side of a panel."""
@@ -56,10 +58,10 @@ def terms() -> Figure:
 
 def _draw_term(ax: Axes, uv: Array, d: Array) -> None:
     longest = np.hypot(*d.T).max()
-    reach = 1.4 * 2 / (NODES - 1) / longest
+    reach = 2 / (NODES - 1) / longest
     options = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.009, "zorder": 3}
     ax.quiver(*uv.T, *(reach * d.T), color=style.BLUE, **options)
-    ax.set(xlim=(-1.35, 1.35), ylim=(-1.35, 1.35), aspect="equal", xticks=[], yticks=[])
+    ax.set(xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), aspect="equal", xticks=[], yticks=[])
     ax.plot([-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1], color=style.SOFT, lw=0.7)
 
 
@@ -120,7 +122,7 @@ def _draw_rows(ax: Axes, found: pd.DataFrame, name: str) -> None:
         own = found[found["model"] == model]
         beside = 0.11 * (i - (len(models) - 1) / 2)
         at = [cases.index(case) + beside for case in own["case"]]
-        ax.plot(own[name], at, MARKS[i], color=style.colour(i), ms=5)
+        ax.plot(own[name], at, MARKS[i], color=style.colour(i), ms=5, clip_on=False)
     ax.set_yticks(range(len(cases)), cases)
     ax.set_ylim(len(cases) - 0.5, -0.5)
 
@@ -134,6 +136,50 @@ def _handles(found: pd.DataFrame) -> list[Line2D]:
         Line2D([], [], ls="", marker=MARKS[i], color=style.colour(i), ms=5, label=model)
         for i, model in enumerate(_models(found))
     ]
+
+
+def at_seams(pattern: Pattern) -> Figure:
+    """Draw what two models and four cameras leave of the synthetic image, from the lower height."""
+    low = pattern.height_m == pattern.height_m.min()
+    brown, flexible = MODELS[0], next(model for model in MODELS if model.name == FLEXIBLE)
+    fields = {
+        brown.name: seams.left(pattern, brown)[low],
+        flexible.name: seams.left(pattern, flexible)[low],
+        seams.HEADS: seams.left_by_heads(pattern, brown)[low],
+    }
+    key = style.round_length(max(float(np.hypot(*d.T).max()) for d in fields.values()))
+    names = np.unique(pattern.head)
+    with style.applied():
+        fig, axes = style.subplots(1, len(fields), figsize=(style.WIDTH, 3.9), sharey=True)
+        for ax, (title, d) in zip(axes, fields.items(), strict=True):
+            _draw_pattern(ax, pattern, low, d / key)
+            style.heading(ax, title[:1].upper() + title[1:], f"rms {np.sqrt(np.mean(d**2)):.2f} px")
+        axes[0].set_ylabel("row (px)")
+        handles = [Line2D([], [], color=style.colour(k), label=n) for k, n in enumerate(names)]
+        style.legend_below(fig, [*handles, Line2D([], [], ls="", label=f"a cell is {key:g} px")])
+    return fig
+
+
+def _draw_pattern(ax: Axes, pattern: Pattern, low: Mask, in_key: Array) -> None:
+    """Draw every second node in rows and columns, in the colours of the heads."""
+    at = pattern.colrow[low]
+    places = [np.unique(x, return_inverse=True)[1] for x in at.T]
+    some = (places[0] % 2 == 0) & (places[1] % 2 == 0)
+    gap = 2 * float(np.min(np.diff(np.unique(at[:, 0]))))
+    head = np.unique(pattern.head[low], return_inverse=True)[1]
+    ax.quiver(
+        *at[some].T,
+        *(gap * in_key[some]).T,
+        color=[style.colour(k) for k in head[some]],
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.007,
+        zorder=3,
+    )
+    camera = pattern.camera
+    ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
+    ax.set(xlabel="column (px)", xticks=[0, 5000, 10000])
 
 
 def depths(found: pd.DataFrame) -> Figure:

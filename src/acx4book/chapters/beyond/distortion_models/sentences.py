@@ -48,8 +48,8 @@ def fits(study: Study) -> str:
     return (
         f"BIC is smallest with {chosen}. Without radial parameters neither polynomials nor waves "
         f"follow a lens: σ₀² is {bare['sigma0_sq'].min():.1f} to {bare['sigma0_sq'].max():.1f} "
-        "where it should be one. The synthetic image has nearly no radial distortion left, and "
-        "there they do fit."
+        "where it should be one. The synthetic image has little radial distortion, and there they "
+        "do fit."
     )
 
 

@@ -11,7 +11,7 @@ from acx4book.chapters.beyond.distortion_models.seams import Pattern
 from acx4book.chapters.beyond.distortion_models.study import REAL, Study, summary
 
 FIT_FORMATS = {
-    "Parameters": ".0f",
+    "Number": ".0f",
     "σ₀²": ".3f",
     "BIC less Brown's": "+.0f",
     "Joint χ²/k": ".1f",
@@ -19,11 +19,11 @@ FIT_FORMATS = {
     "Largest |ρ|": ".3f",
 }
 ERROR_FORMATS = {
-    "Strip left out: residuals (px)": ".3f",
-    "plan (m)": ".3f",
-    "height (m)": ".3f",
+    "Strip: residuals (px)": ".3f",
+    "Strip: plan (m)": ".3f",
+    "Strip: height (m)": ".3f",
     "Direct: plan (m)": ".3f",
-    "its height (m)": ".3f",
+    "Direct: height (m)": ".3f",
 }
 
 
@@ -32,9 +32,8 @@ def fits(study: Study) -> pd.DataFrame:
     found = summary(study)
     return pd.DataFrame(
         {
-            "Case": found["case"],
-            "Model": found["model"],
-            "Parameters": found["parameters"],
+            **_names(found),
+            "Number": found["parameters"],
             "σ₀²": found["sigma0_sq"],
             "BIC less Brown's": found["bic_less_first"],
             "Joint χ²/k": found["joint"],
@@ -50,7 +49,13 @@ def errors(study: Study) -> pd.DataFrame:
     found = found[found["case"] != REAL]
     names = ("strip_px", "strip_plan_m", "strip_height_m", "direct_plan_m", "direct_height_m")
     numbers = {title: found[name] for title, name in zip(ERROR_FORMATS, names, strict=True)}
-    return pd.DataFrame({"Case": found["case"], "Model": found["model"], **numbers})
+    return pd.DataFrame(_names(found) | numbers)
+
+
+def _names(found: pd.DataFrame) -> dict[str, pd.Series]:
+    """Return the names of cases and models, those of models in one line."""
+    unbroken = found["model"].str.replace(" ", "\N{NO-BREAK SPACE}")
+    return {"Case": found["case"], "Model": unbroken}
 
 
 def pattern(found: Pattern) -> pd.DataFrame:

@@ -17,6 +17,4 @@ def stored():
 
 @pytest.fixture(scope="session")
 def pattern():
-    plan = cases.acx4_plan()
-    flight = cases.read_back(plan, 1, ("heads",))
-    return seams.read(flight.cameras["SYN"])
+    return seams.read(cases.synthetic_camera())

@@ -32,6 +32,11 @@ def test_the_errors_of_browns_model_lie_at_one(stored):
     assert np.allclose(first.get_xdata(), 1)
 
 
+def test_the_seams_have_a_panel_for_two_models_and_one_for_four_cameras(pattern):
+    titles = [ax.get_title(loc="left") for ax in figures.at_seams(pattern).axes]
+    assert titles == ["Brown", "Radial + Fourier", "Four cameras"]
+
+
 def test_depths_have_two_lines_in_every_panel():
     rows = [
         {"depth_um": depth, "model": model} | dict.fromkeys(study.ERRORS, 0.1)

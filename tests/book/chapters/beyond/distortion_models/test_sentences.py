@@ -14,9 +14,8 @@ from acx4book.chapters.beyond.distortion_models.trials import FLEXIBLE
 def by_depth(stored):
     """Two depths made of stored flights: the flexible model halves the error at neither."""
     rows = stored.rows[stored.rows["model"].isin([MODELS[0].name, FLEXIBLE])]
-    flat, dented = (
-        rows[(rows["case"] == c) & (rows["seed"] == 1)] for c in ("decentred", "dented")
-    )
+    rows = rows[rows["seed"] == 1]
+    flat, dented = (rows[rows["case"] == case] for case in ("decentred", "dented"))
     return pd.concat([flat.assign(depth_um=0.0), dented.assign(depth_um=25.0)])
 
 
