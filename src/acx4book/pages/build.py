@@ -21,8 +21,9 @@ from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
 from acx4book.pages.back import changelog, citation, clean, licences, release
-from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
-from acx4book.pages.benchmarks.figure_sigma import normalised_errors
+from acx4book.pages.benchmarks import commands, many, rendering, rendering_goals, speed
+from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
+from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
 from acx4book.teaching.showing import figure_pack, slides
@@ -236,7 +237,9 @@ def texts_of_benchmarks(
     yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+    yield "coverage-found.md", sigma.found(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
+    yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
 
 
 def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:

@@ -46,6 +46,8 @@ _LABELS = {
     "boresight_phi_deg": "boresight $\\varphi$",
     "boresight_kappa_deg": "boresight $\\kappa$",
     **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in AXES},
+    "gnss_delay_s": "GNSS delay",
+    "attitude_delay_s": "Delay of attitudes",
     "Xc_mm": "$X_c$",
     "Yc_mm": "$Y_c$",
     "Zc_mm": "$Z_c$",

@@ -91,8 +91,8 @@ class Budget:
 def of(sources: ErrorSources, layout: Layout) -> Budget:
     """Split the variances of points by their sources.
 
-    Valid where positions and attitudes are independent, and the three angles, as `Trajectory` has
-    them.
+    Valid where exposures are independent of each other, positions of attitudes, and the three
+    angles of one another, as `ErrorSources` and `Trajectory.cov` have them.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from acx4lib.georeferencing.budget import Budget
 
 @dataclass(frozen=True, kw_only=True)
 class MappingFlight:
-    """Parallel strips over flat ground, flown to and fro, with a level aircraft.
+    """Parallel strips over flat ground, flown there and back, with a level aircraft.
 
     Attributes
     ----------

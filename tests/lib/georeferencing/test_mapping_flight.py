@@ -55,7 +55,7 @@ def test_overlaps_of_60_and_30_percent_show_a_point_in_two_to_six_images():
     assert among.mean() == pytest.approx(1 / 0.4 / 0.7, rel=0.05)
 
 
-def test_strips_are_flown_to_and_fro():
+def test_strips_are_flown_there_and_back():
     R = mapping_flight.fly(CAMERA, FLIGHT).trajectory.T_m_b.R
     strips = mapping_flight.fly(CAMERA, FLIGHT).images.strips
     forward = {strip: R[i, 0, 0] for i, strip in enumerate(strips)}
@@ -95,7 +95,7 @@ def test_many_points_stand_for_all_the_ground():
 
 
 def test_the_format_is_symmetric_for_a_symmetric_flight():
-    """A camera without lever arm and boresight, strips to and fro: left is as good as right."""
+    """A camera without lever arm and boresight, strips there and back: left is as good as right."""
     format_ = mapping_flight.over_format(given([CAMERA]), FLIGHT, n=15)
     sigma = format_.sigma
     assert sigma.shape == (15, 11, 3)

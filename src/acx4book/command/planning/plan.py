@@ -107,7 +107,8 @@ def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) 
     )
     content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
     content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
-    content["plan.svg"] = vector(block_maps(*design.blocks.values())) + "\n"
+    drawing = vector(block_maps(*design.blocks.values()))
+    content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
     if chosen is not None:
         content["target.csv"] = _csv(choices.wanted(chosen))

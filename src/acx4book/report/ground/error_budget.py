@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from acx4book.report.material import Material
-from acx4book.report.words import heading
+from acx4book.report.shown import Text, show, table
+from acx4book.report.words import adjustment_title
 from acx4book.typesetting import style
 from acx4book.typesetting.field import sigma_figure
 from acx4lib.calibration.estimates import Calibration
@@ -37,7 +39,7 @@ class Mapped:
         Of one camera.
     flight : MappingFlight
     title : str
-        Of the method.
+        Of the method, inside a sentence.
     """
 
     calibration: Calibration
@@ -69,7 +71,7 @@ def mapped(material: Material) -> Mapped | str:
     flight = _flight(block, calibration)
     if flight is None:
         return f"{WITHOUT}the flight states no flying height, or no σ of positions or attitudes."
-    return Mapped(calibration=calibration, flight=flight, title=heading(name))
+    return Mapped(calibration=calibration, flight=flight, title=adjustment_title(name))
 
 
 def _flight(block: Block, calibration: Calibration) -> MappingFlight | None:
@@ -77,26 +79,38 @@ def _flight(block: Block, calibration: Calibration) -> MappingFlight | None:
     pixel = np.array([camera.pixel_mm for camera in block.cameras])
     points = block.image_points
     sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
-    trajectory = block.trajectory
-    found = {
-        "height": np.median(flying_heights(block)),
-        "position": _rms(trajectory.sigma_position),
-        "attitude": _rms(trajectory.sigma_attitude),
-        "image": _rms(sigma_mm[np.isfinite(sigma_mm)]) / calibration.cameras[0].pixel_mm,
-    }
-    if not all(np.isfinite(value).all() for value in found.values()) or found["height"] <= 0:
+    height_m = float(np.median(flying_heights(block)))
+    position, attitude = (
+        _rms(block.trajectory.sigma_position),
+        _rms(block.trajectory.sigma_attitude),
+    )
+    sigma_px = float(_rms(sigma_mm[np.isfinite(sigma_mm)])) / calibration.cameras[0].pixel_mm
+    if not (np.isfinite([height_m, sigma_px, *position, *attitude]).all() and height_m > 0):
         return None
     return MappingFlight(
-        height_m=float(found["height"]),
-        sigma_position_m=triple(found["position"]),
-        sigma_attitude=triple(found["attitude"]),
-        sigma_px=float(found["image"]),
+        height_m=height_m,
+        sigma_position_m=triple(position),
+        sigma_attitude=triple(attitude),
+        sigma_px=sigma_px,
     )
 
 
 def _rms(values: Array) -> Array:
     root: Array = np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
     return root
+
+
+def section(found: Mapped | str) -> Text:
+    """Return the section on the error budget: what it holds for, and every source."""
+    drawn = table(source_table(found), SOURCES_OF, name="tab-report-budget", obtained=PREDICTED)
+    return show(assumed(found), "" if isinstance(found, str) else drawn)
+
+
+SOURCES_OF = "Predicted error of ground points by its sources, mean over the ground"
+PREDICTED = (
+    "the derivatives of intersected points by image points, trajectory and calibration, with their "
+    "covariances a priori"
+)
 
 
 def assumed(found: Mapped | str) -> str:
@@ -106,13 +120,13 @@ def assumed(found: Mapped | str) -> str:
     flight, degrees = found.flight, np.degrees(found.flight.sigma_attitude)
     east, north, up = (100 * sigma for sigma in flight.sigma_position_m)
     return (
-        f"The budget holds for a regular mapping flight with this calibration ({found.title}): "
+        f"The budget holds for a regular mapping flight with the calibration {found.title}: "
         f"vertical images {flight.height_m:.0f} m over flat ground, overlaps of "
         f"{100 * flight.forward:.0f} and {100 * flight.side:.0f} %, neighbouring strips flown in "
         f"opposite directions, every point intersected from all images that show it. A priori σ, "
         f"those of this flight: image points {flight.sigma_px:.2f} px; positions {east:.1f}, "
         f"{north:.1f} and {up:.1f} cm in east, north and height; roll {degrees[0]:.4f}°, pitch "
-        f"{degrees[1]:.4f}°, heading {degrees[2]:.4f}°."
+        f"{degrees[1]:.4f}°, heading {degrees[2]:.4f}°, independent from exposure to exposure."
     )
 
 
@@ -148,3 +162,23 @@ def over_format(found: Mapped | str) -> Figure:
     if isinstance(found, str):
         return style.nothing(found)
     return sigma_figure(mapping_flight.over_format(found.calibration, found.flight))
+
+
+def recorded(found: Mapped | str) -> dict[str, Any]:
+    """Return the budget for the report's JSON: accuracies, and variances in m^2 by source."""
+    if isinstance(found, str):
+        return {"reason": found}
+    flight = found.flight
+    mean = mapping_flight.over_ground(found.calibration, flight).mean
+    return {
+        "height_m": flight.height_m,
+        "forward_overlap": flight.forward,
+        "side_overlap": flight.side,
+        "sigma_px": flight.sigma_px,
+        "sigma_position_m": flight.sigma_position_m,
+        "sigma_attitude_deg": np.degrees(flight.sigma_attitude),
+        "sources": [
+            {"source": name, "plan_m2": part[0] + part[1], "height_m2": part[2]}
+            for name, part in zip(SOURCES, mean.T, strict=True)
+        ],
+    }

@@ -18,12 +18,8 @@ from acx4lib.bundle.network import Network
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.least_squares.normal_equations import (
-    Equations,
-    column_normals,
-    point_normals,
-    strips,
-)
+from acx4lib.least_squares.normal_equations import column_normals, point_normals, strips
+from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.many_tests import holm
 

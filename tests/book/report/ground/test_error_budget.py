@@ -67,3 +67,12 @@ def test_a_trajectory_without_sigma_has_no_budget(run):
     blocks = {**run.flight.blocks, "validation": replace(block, trajectory=unknown)}
     flight = replace(run.flight, blocks=blocks)
     assert "no σ of positions or attitudes" in error_budget.mapped(replace(run, flight=flight))
+
+
+def test_the_record_has_the_variances_of_the_table(run, mapped):
+    recorded = error_budget.recorded(mapped)
+    plan = sum(part["plan_m2"] for part in recorded["sources"])
+    together = error_budget.source_table(mapped).iloc[-1]
+    assert np.sqrt(plan) == pytest.approx(together["σ in plan (m)"])
+    said = error_budget.recorded(error_budget.mapped(without(run, converged=False)))
+    assert list(said) == ["reason"]

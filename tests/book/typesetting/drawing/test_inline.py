@@ -1,4 +1,4 @@
-"""A drawing as part of a page."""
+"""Drawings in a page: in its colours, their names apart, every letter once."""
 
 from acx4book.typesetting.drawing.inline import inline
 

@@ -22,7 +22,7 @@ from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
 
 HEIGHT = Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0)
 IMAGE = Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1)
-GNSS = Slider(name="GNSS, each coordinate", unit="cm", low=0.0, high=30.0, step=1.0)
+GNSS = Slider(name="GNSS", unit="cm", low=0.0, high=30.0, step=1.0)
 TILT = Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005)
 HEADING = Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001)
 SLIDERS = (HEIGHT, IMAGE, GNSS, TILT, HEADING)
