@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from acx4book.chapters.beyond.design import explorer as design
 from acx4book.chapters.beyond.error_budget import examined
 from acx4book.chapters.beyond.error_budget import explorer as error_budget
 from acx4book.foundations.explorers import boresight, distortion, two_heights
@@ -16,6 +17,7 @@ EXPLORERS = {
     "distortion": distortion.explorer,
     "two_heights": two_heights.explorer,
     "error_budget": lambda: error_budget.explorer(examined.flown(seed=1)),
+    "design": design.explorer,
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
 MOVE = """([figure, values]) => {

@@ -89,7 +89,7 @@ def _on_the_ground(study: Study) -> Iterator[str]:
     """Say what the latest difference moves on the ground, camera by camera."""
     one, names = study.found[-1], [c.name for c in study.comparison.campaigns]
     for camera, effects in study.ground.of.items():
-        own = np.flatnonzero([p.camera == camera for p in study.comparison.parameters])
+        own = study.comparison.of_camera(camera)
         moved = effects.moved(one.d[own])
         sigma = effects.sigma(one.cov[np.ix_(own, own)])
         far, chance = np.sqrt(np.sum(moved**2, axis=1).mean()), np.sqrt(np.mean(sigma**2))

@@ -12,7 +12,7 @@ from acx4lib.errors import FlightError
 from acx4lib.results.campaigns import campaign, tables
 from acx4lib.results.campaigns.campaign import Campaign
 from acx4lib.results.campaigns.comparison import Comparison, Difference, compare, differences
-from acx4lib.results.campaigns.tables import Ground, ground_of
+from acx4lib.results.campaigns.ground import Ground, ground_of
 
 LEVEL = 0.05
 """Probability of one false alarm or more, of each table."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -41,8 +42,10 @@ def write(study: Study, out: Path) -> None:
     OutputError
         Where the command must not write there.
     """
-    names = ", ".join(c.name for c in study.comparison.campaigns)
-    _write(out, study.tables, page("Comparison of campaigns", names, [*_parts(study)]))
+    with _claimed(out, study.tables):
+        names = ", ".join(c.name for c in study.comparison.campaigns)
+        text = page("Comparison of campaigns", names, [*_parts(study)])
+        (out / PAGE).write_text(text, encoding="utf-8")
 
 
 def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> None:
@@ -57,28 +60,27 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
     level : float
     """
     table = of_library.rigidity(found)
-    parts = [*_parts_of_rig(found, table, level)]
-    _write(out, {"rigidity": table}, page("Rigidity of the rig", name, parts))
+    with _claimed(out, {"rigidity": table}):
+        text = page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)])
+        (out / PAGE).write_text(text, encoding="utf-8")
 
 
-def _write(out: Path, listed: Mapping[str, pd.DataFrame], text: str) -> None:
+@contextlib.contextmanager
+def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[None]:
+    """Claim a folder for tables, which are written, and the page, which follows."""
     with claims.claim(out, command=COMMAND) as own:
         own.remove(list(own.files))
         own.expect([PAGE, *(f"{name}.csv" for name in listed)])
         for name, table in listed.items():
-            table.to_csv(
-                out / f"{name}.csv", index=False, float_format="%.10g", lineterminator="\n"
-            )
-        (out / PAGE).write_text(text, encoding="utf-8")
+            table.to_csv(out / f"{name}.csv", index=False, **FORM)
+        yield
         own.seal()
 
 
 def _parts(study: Study) -> Iterator[str | Drawn]:
     yield f"## Has the camera changed?\n\n{sentences.verdict(study)}"
     yield "## The campaigns"
-    yield myst_table(
-        tables.campaigns(study), "Campaigns in the order of time", name="tab-campaigns"
-    )
+    yield myst_table(tables.campaigns(study), "What is compared", name="tab-campaigns")
     yield sentences.notes(study)
     yield Drawn(
         figure=figures.time_line(study),

@@ -13,13 +13,14 @@ from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet
 from acx4book.teaching.mistakes import named, scaled, values, variances
 from acx4book.teaching.sheets.estimates import parameters
 from acx4lib.calibration.mounting import single_step
-from acx4lib.planning import text
+from acx4lib.planning import design, text
 from acx4lib.planning.choosing import candidates, chosen, target
 from acx4lib.planning.choosing.candidates import Candidates
 from acx4lib.planning.choosing.chosen import Chosen
 from acx4lib.planning.choosing.target import BLOCK
 from acx4lib.planning.exposures import flying_time_s
 from acx4lib.planning.plan import TURN_S, Plan
+from acx4lib.planning.tables import unknowns
 from acx4sim.files.flights import SimulatedFlight
 from acx4sim.plan import Options
 
@@ -56,9 +57,9 @@ SEED, PLAN, TARGET = "lab_seed", "lab_plan", "lab_target"
 def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the cheapest strips that reach the student's target, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
-    wanted = _target(truth, plan)
-    flight = _flown(_chosen(plan, wanted).plan, seed)
-    own = {SEED: seed, PLAN: dict(plan.values), TARGET: wanted}
+    cheap = _cheap(truth, plan)
+    flight = _flown(cheap.plan, seed)
+    own = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
     return replace(flight, truth={**flight.truth, **own})
 
 
@@ -67,8 +68,9 @@ def _flown(plan: Plan, seed: int) -> SimulatedFlight:
 
 
 def _plan(truth: int, title: str) -> Plan:
-    """Return the plan of a student: eight candidates, whose lengths are drawn."""
+    """Return the plan of a student: focal length and lengths of six strips are drawn."""
     rng = np.random.default_rng([truth, *b"plan"])
+    focal = round(float(rng.uniform(48.0, 52.0)), 2)
     strips = {
         f"{where}{course:03d}": {
             "flying_height_m": height,
@@ -77,7 +79,7 @@ def _plan(truth: int, title: str) -> Plan:
             "overlap": 0.8,
         }
         for where, height in (("low", 300.0), ("high", 500.0))
-        for course in (0, 90, 180, 270)
+        for course in (0, 90, 180)
     }
     return text.from_values(
         {
@@ -92,7 +94,7 @@ def _plan(truth: int, title: str) -> Plan:
                 "heading_deg": 0.015,
             },
             "cameras": {
-                "CAM": {"width_px": 11608, "height_px": 8708, "pixel_um": 4.6, "focal_mm": 50.0}
+                "CAM": {"width_px": 11608, "height_px": 8708, "pixel_um": 4.6, "focal_mm": focal}
             },
             "stages": {"mounting": {"estimate": ["f_mm", "xp_mm", "yp_mm", "k1", "p1", "p2"]}},
             "field": {
@@ -101,27 +103,31 @@ def _plan(truth: int, title: str) -> Plan:
                 "height_m": 430.0,
                 "relief_m": 10.0,
             },
-            "control": {"layout": "corners", "number": 5, "area_m": [260.0, 260.0]},
+            "control": {"layout": "corners", "number": 4, "area_m": [260.0, 260.0]},
             BLOCK: {"tie_points": 150, "tie_area_m": [440.0, 440.0], "strips": strips},
         }
     )
 
 
-def _target(truth: int, plan: Plan) -> dict[str, Any]:
-    """Return a target that some of the strips reach, and a budget that is long enough."""
+def _cheap(truth: int, plan: Plan) -> Chosen:
+    """Return the cheapest strips for limits that are drawn, and that all strips more than keep."""
     rng = np.random.default_rng([truth, *b"target"])
-    with_all = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)}).wanted
-    sigma = {one.name: float(f"{one.with_all * rng.uniform(1.25, 1.6):.2g}") for one in with_all}
-    minutes = _chosen(plan, {"sigma": sigma}).minutes
-    return {"minutes": float(np.ceil(minutes / 5 + 0.2) * 5), "sigma": sigma}
+    every = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)})
+    limits = [float(f"{one.with_all * rng.uniform(1.25, 1.6):.2g}") for one in every.wanted]
+    wanted = [replace(one, limit=x) for one, x in zip(every.wanted, limits, strict=True)]
+    return chosen.choose(replace(every, wanted=tuple(wanted)))
+
+
+def _target(cheap: Chosen) -> dict[str, Any]:
+    """Return the target of a choice, with a flying time that is long enough."""
+    return {
+        "minutes": float(np.ceil(cheap.minutes / 5 + 0.2) * 5),
+        "sigma": {one.name: one.limit for one in cheap.wanted},
+    }
 
 
 def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
     return candidates.of(target.from_values(wanted, plan))
-
-
-def _chosen(plan: Plan, wanted: Mapping[str, Any]) -> Chosen:
-    return chosen.choose(_candidates(plan, wanted))
 
 
 def given(case: Case) -> Sequence[str]:
@@ -136,37 +142,48 @@ def given(case: Case) -> Sequence[str]:
 def hand_out(case: Case) -> dict[str, str]:
     """Return the files that the student gets in the place of a flight."""
     return {
-        "plan.toml": text.written(case.truth[PLAN]),
+        "plan.toml": text.written(_values(case)),
         "target.toml": text.written(case.truth[TARGET]),
     }
 
 
+def _values(case: Case) -> dict[str, Any]:
+    return {**case.truth[PLAN], "name": case.flight.name}
+
+
 def solve(case: Case) -> Rights:
-    """Choose the strips, and adjust the flight of these."""
-    found = _chosen(text.from_values(case.truth[PLAN]), case.truth[TARGET])
+    """Predict the strips that were flown, which are the cheapest, and adjust their flight."""
+    plan = text.from_values(_values(case))
+    flown = {*case.block.images.strips}
+    order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
+    cheap = chosen.with_strips(plan, tuple(order))
+    sigma = {p.name: p.sigma for p in unknowns(design.of(cheap).mountings["single_step"].bundle)}
     calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
     estimates = parameters(calibration, case.true_camera)
     return {
-        "strips": Right(value=len(found.strips), truth=len(found.strips), bound=0.5),
-        "minutes": computed(found.minutes, 1),
+        "strips": Right(value=len(flown), truth=len(flown), bound=0.5),
+        "minutes": computed(_minutes(cheap), 1),
         **{
-            name: computed(float(sigma), 4, share=SHARE)
-            for name, sigma in zip(PLANNED, found.given, strict=True)
+            planned: computed(sigma[name], 4, share=SHARE)
+            for planned, name in zip(PLANNED, ASKED, strict=True)
         },
         **{name: estimates[name] for name in FLOWN},
     }
 
 
+def _minutes(plan: Plan) -> float:
+    return flying_time_s(tuple(plan.blocks[BLOCK].strips.values())) / 60
+
+
 def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with plans."""
-    plan = text.from_values(case.truth[PLAN])
+    plan = text.from_values(_values(case))
     every = _candidates(plan, case.truth[TARGET])
-    strips = tuple(plan.blocks[BLOCK].strips.values())
     yield Mistake(
         says="these are the numbers of all strips: leave out what the target does not need",
         gives={
-            "strips": len(strips),
-            "minutes": flying_time_s(strips) / 60,
+            "strips": len(plan.blocks[BLOCK].strips),
+            "minutes": _minutes(plan),
             **named(PLANNED, np.array([one.with_all for one in every.wanted])),
         },
     )

@@ -8,7 +8,7 @@ import re
 from acx4book.typesetting import style
 
 COLOUR = re.compile("|".join(style.NAMES))
-NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")')
+NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")([\w.-]+)')
 """Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
 
 LETTER = re.compile(r'<path id="(D[\w-]+)" [^>]*/>')
@@ -42,8 +42,10 @@ def inline(svg: str, *, alt: str, name: str, known: set[str]) -> str:
     )
     inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
     coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
+    lettered = LETTER.sub(lambda found: _once(found, known), coloured)
+    names: dict[str, str] = {}
     named = NAMED.sub(
-        lambda found: found[0] + name, LETTER.sub(lambda found: _once(found, known), coloured)
+        lambda found: found[1] + names.setdefault(found[2], f"{name}{len(names)}"), lettered
     )
     return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
 

@@ -64,6 +64,10 @@ class Comparison:
         chosen = [self.campaigns[i] for i in which] if which else self.campaigns
         return KNOWN if self.apriori else float(min(c.redundancy for c in chosen))
 
+    def of_camera(self, camera: str) -> Index:
+        """Return the places of a camera's parameters."""
+        return np.flatnonzero([p.camera == camera for p in self.parameters])
+
     def parts(self) -> Iterator[tuple[str, str, Index]]:
         """Yield camera, part and the places of its parameters, for parts with any."""
         for camera in dict.fromkeys(p.camera for p in self.parameters):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,8 @@ from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.results.campaigns.comparison import Comparison
 
 NODES = 15
 """Nodes along each side of the format."""
@@ -103,3 +105,43 @@ def _on_ground(camera: Camera, colrow: Array, height_m: float) -> Array:
     down = np.where(ray[:, 2] < 0, -ray[:, 2], np.nan)
     out: Array = r[:2] + ray[:, :2] * (r[2] / down)[:, None]
     return out
+
+
+# --- of a comparison -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """Effects on the ground of the parameters of a comparison, camera by camera.
+
+    Attributes
+    ----------
+    height_m : float
+    of : dict of str to GroundEffects
+        By camera; the parameters are those of the camera, in their order.
+    """
+
+    height_m: float
+    of: Mapping[str, GroundEffects]
+
+
+def ground_of(comparison: Comparison, *, height_m: float | None = None) -> Ground:
+    """Return what the parameters of a comparison move on the ground.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    height_m : float, optional
+        By default the flying height of the first campaign, rounded to 10 m.
+    """
+    expected.instance("comparison", comparison, Comparison)
+    first = comparison.campaigns[0]
+    height = max(10.0, round(first.height_m, -1)) if height_m is None else height_m
+    sigma = sigmas(comparison.covs[0])
+    of = {}
+    for camera in first.calibration.cameras:
+        own = comparison.of_camera(camera.name)
+        if len(own):
+            names = [comparison.parameters[i].name for i in own]
+            of[camera.name] = ground_effects(camera, names, sigma[own], height_m=height)
+    return Ground(height_m=height, of=of)

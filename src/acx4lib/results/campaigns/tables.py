@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
 
-from acx4lib import expected
 from acx4lib.calibration.trust.rigidity import Rigidity
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.covariance import sigmas
@@ -17,48 +15,7 @@ from acx4lib.least_squares.statistical.many_tests import holm
 from acx4lib.results.campaigns import comparison as compared
 from acx4lib.results.campaigns.comparison import Comparison, Difference, Trend
 from acx4lib.results.campaigns.estimates import JointTest
-from acx4lib.results.campaigns.ground import GroundEffects, ground_effects
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Ground:
-    """Effects on the ground of the parameters of a comparison, camera by camera.
-
-    Attributes
-    ----------
-    height_m : float
-    of : dict of str to GroundEffects
-        By camera; the parameters are those of the camera, in their order.
-    """
-
-    height_m: float
-    of: Mapping[str, GroundEffects]
-
-
-def ground_of(comparison: Comparison, *, height_m: float | None = None) -> Ground:
-    """Return what the parameters of a comparison move on the ground.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    height_m : float, optional
-        By default the flying height of the first campaign, rounded to 10 m.
-    """
-    expected.instance("comparison", comparison, Comparison)
-    first = comparison.campaigns[0]
-    height = max(10.0, round(first.height_m, -1)) if height_m is None else height_m
-    sigma = sigmas(comparison.covs[0])
-    of = {}
-    for camera in first.calibration.cameras:
-        own = _of_camera(comparison, camera.name)
-        if len(own):
-            names = [comparison.parameters[i].name for i in own]
-            of[camera.name] = ground_effects(camera, names, sigma[own], height_m=height)
-    return Ground(height_m=height, of=of)
-
-
-def _of_camera(comparison: Comparison, camera: str) -> Index:
-    return np.flatnonzero([p.camera == camera for p in comparison.parameters])
+from acx4lib.results.campaigns.ground import Ground, GroundEffects
 
 
 def every(
@@ -138,7 +95,7 @@ def _difference_rows(
     names = [c.name for c in comparison.campaigns]
     moved = np.full(len(one.d), np.nan)
     for camera, effects in ground.of.items():
-        own = _of_camera(comparison, camera)
+        own = comparison.of_camera(camera)
         moved[own] = effects.rms(one.d[own])
     for i, parameter in enumerate(comparison.parameters):
         t = one.d[i] / one.sigma[i]
@@ -209,7 +166,7 @@ def _joint_effect(
     comparison: Comparison, one: Difference, effects: GroundEffects, camera: str, own: Index
 ) -> dict[str, float]:
     """Return what the parameters of a part move together, and what chance would move."""
-    part = effects.of(np.flatnonzero(np.isin(_of_camera(comparison, camera), own)))
+    part = effects.of(np.flatnonzero(np.isin(comparison.of_camera(camera), own)))
     moved, sigma = part.moved(one.d[own]), part.sigma(one.cov[np.ix_(own, own)])
     return {
         "ground_rms_m": float(np.sqrt(np.sum(moved**2, axis=1).mean())),

@@ -52,6 +52,15 @@ def test_the_same_book_is_packed_into_the_same_bytes(tmp_path):
         assert held.getinfo("book-1/a.html").date_time == (2023, 11, 14, 22, 13, 20)
 
 
+def test_only_files_of_the_pattern_are_packed(tmp_path):
+    for name in ("code/a.py", "code/part/b.py", "code/part/b.pyc"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    release.pack(tmp_path / "code", tmp_path / "all.zip", 315_532_800, files="*.py")
+    with zipfile.ZipFile(tmp_path / "all.zip") as held:
+        assert held.namelist() == ["all/a.py", "all/part/b.py"]
+
+
 @pytest.fixture
 def clone(tmp_path, monkeypatch):
     """A working copy of a package of one module, committed."""

@@ -130,7 +130,7 @@ def _column(plan: Plan) -> pd.Series:
 
 def written(numbers: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text, with names and units for readers."""
-    shown = numbers.map("{:.2g}".format)
+    shown = numbers.map("{:#.2g}".format)
     counted = ["strips", "images", "minutes"]
     shown.loc[counted] = numbers.loc[counted].map("{:.0f}".format)
     units = {name: name.rpartition("_")[2] for name in WANTED}
@@ -146,17 +146,17 @@ def bought(found: Chosen) -> pd.DataFrame:
     """
     limits = pd.Series({one.name: one.limit for one in found.wanted})
     rows = []
-    for k, (name, strip) in enumerate(found.plan.blocks[BLOCK].strips.items()):
+    for k, one in enumerate(found.plan.blocks[BLOCK].strips.values()):
         excess = pd.Series(found.without[k], index=limits.index) / limits
         after = dict(zip(limits.index, found.after[k], strict=True))
         rows.append(
             {
                 "strip": f"{k + 1}",
-                "height, m": f"{strip.flying_height_m:.0f}",
-                "course": f"{strip.course_deg:.0f}°",
-                "images": f"{strip.n_exposures}",
+                "height, m": f"{one.flying_height_m:.0f}",
+                "course": f"{one.course_deg:.0f}°",
+                "images": f"{one.n_exposures}",
                 "minutes": f"{found.minutes_after[k]:.1f}",
-                **{f"σ of {short}": f"{after[one]:.2g}" for one, short in BRIEF.items()},
+                **{f"σ of {short}": f"{after[sigma]:.2g}" for sigma, short in BRIEF.items()},
                 "left out": Markup(f"{LABELS[str(excess.idxmax())]}: {excess.max():.2g} times"),
             }
         )

@@ -56,8 +56,8 @@ def number(pairs: pd.DataFrame, same_way: pd.DataFrame) -> str:
     few, many = pairs.columns[0], pairs.columns[-1]
     return (
         f"Three times as many strips make σ of {LABELS['boresight_kappa_deg']} "
-        f"{_times(pairs[few], pairs[many], 'boresight_kappa_deg')} times smaller, which is the root of "
-        f"three: every image measures the heading once more. But {4 * many} strips of one "
+        f"{_times(pairs[few], pairs[many], 'boresight_kappa_deg')} times smaller, which is the "
+        f"root of three: every image measures the heading once more. But {4 * many} strips of one "
         f"direction leave the {LABELS['lever_x_m']} at {_cm(same_way[many], 'lever_x_m')}, and "
         f"{4 * few} strips in opposite directions have {_cm(pairs[few], 'lever_x_m')}."
     )
@@ -73,8 +73,8 @@ def control(table: pd.DataFrame) -> str:
     """
     none, four, most = table[0], table[4], table[table.columns[-1]]
     return (
-        f"Without control points the {LABELS['lever_z_m']} has σ = {_cm(none, 'lever_z_m')}: it is a "
-        f"shift of the whole ground in height. Four points make it {_cm(four, 'lever_z_m')}, "
+        f"Without control points the {LABELS['lever_z_m']} has σ = {_cm(none, 'lever_z_m')}: it is "
+        f"a shift of the whole ground in height. Four points make it {_cm(four, 'lever_z_m')}, "
         f"{table.columns[-1]} points {_cm(most, 'lever_z_m')}; {LABELS['f_mm']} follows "
         f"({_um(none, 'f_mm')}, {_um(four, 'f_mm')}, {_um(most, 'f_mm')}). The "
         f"{LABELS['lever_x_m']} and {LABELS['boresight_phi_deg']} change by at most "
@@ -122,9 +122,10 @@ def _times(large: pd.Series, small: pd.Series, name: str) -> str:
 
 
 def _other_gain(one: pd.Series, two: pd.Series, but: tuple[str, ...]) -> float:
-    return float((one / two).drop([*but]).max())
+    return float((one / two).drop([*but]).to_numpy(dtype=float).max())
 
 
 def _spread(table: pd.DataFrame, name: str) -> float:
     """Return by what part of itself a σ changes at most."""
-    return float(table.loc[name].max() / table.loc[name].min() - 1.0)
+    sigma = table.loc[name].to_numpy(dtype=float)
+    return float(sigma.max() / sigma.min() - 1.0)

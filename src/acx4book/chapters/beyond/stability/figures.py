@@ -36,12 +36,13 @@ def hidden(comparison: Comparison, earlier: int, later: int) -> Figure:
     Returns
     -------
     Figure
-        Bands: of each parameter alone. Ellipses: of both together, and of what the other
-        parameters leave of both; a dot for each.
+        Bands: of each parameter alone, at the joint level. Ellipses: of both together, and of what
+        the other parameters leave of both; a dot for each.
     """
     d, cov = pair_of(comparison, earlier, later)
     left, cov_left = without_others(comparison, earlier, later)
-    single = distributions.norm_ppf(1 - LEVEL / 2) * sigmas(cov)
+    n_tests = len(comparison.parameters) * (len(comparison.campaigns) - 1)
+    single = distributions.norm_ppf(1 - LEVEL / n_tests / 2) * sigmas(cov)
     names = [comparison.campaigns[i].name for i in (earlier, later)]
     with style.applied():
         fig, ax = style.subplots(figsize=(0.7 * style.WIDTH, 3.6))
@@ -53,8 +54,8 @@ def hidden(comparison: Comparison, earlier: int, later: int) -> Figure:
         ):
             ax.plot(*_ellipse(own), color=colour)
             ax.plot(*at, "o", ms=6, color=colour, label=words)
-        ax.plot([], [], "s", color=style.SHEET, ms=8, label="chance, singly")
-        ax.plot([], [], color=style.SOFT, label="chance, jointly")
+        ax.plot([], [], "s", color=style.SHEET, ms=8, label="chance, one by one")
+        ax.plot([], [], color=style.SOFT, label="chance, both together")
         ax.set(xlabel="difference of $f$ (µm)", ylabel="difference of lever arm $z$ (mm)")
         style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
     return fig
