@@ -99,7 +99,7 @@ def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
     else:
         names = [style.plain(c.name, longest=10) for c in study.comparison.campaigns]
         ax.set_xticks(at, names, rotation=90 if len(names) > 4 else 0)
-    margin = 0.12 * float(np.ptp(at))
+    margin = 0.2 * float(np.ptp(at))
     ax.set_xlim(at.min() - margin, at.max() + margin)
 
 
@@ -125,7 +125,7 @@ def on_the_ground(study: Study) -> Figure:
         fig, axes = style.subplots(
             rows,
             columns,
-            figsize=(style.WIDTH * (0.62 if n == 1 else 1), 3.6 * rows),
+            figsize=(style.WIDTH * (0.62 if n == 1 else 1), (3.6 if n == 1 else 2.7) * rows),
             squeeze=False,
         )
         for ax in axes.flat[n:]:
@@ -157,6 +157,7 @@ def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) 
         width=0.005,
     )
     ax.quiverkey(arrows, 0.84, 1.04, gap, f"{key:g} m", labelpos="W", fontproperties=style.LETTERS)
+    ax.locator_params(axis="x", nbins=5)
     ax.set(aspect="equal", xlabel="to the right of the flight (m)", ylabel="forward (m)")
     bar = ax.figure.colorbar(arrows, ax=ax, shrink=0.7, aspect=30, extend="max")
     bar.set_label("length over its σ (1)")

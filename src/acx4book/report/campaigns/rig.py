@@ -36,6 +36,9 @@ HOW = (
 """How the numbers were obtained, as Markdown."""
 
 NAMED = 5
+MOST_ROWS = 60
+"""Exposures that a page lists; of more, those that deviate."""
+
 MOST_NAMES = 40
 """Exposures whose names an axis can have."""
 
@@ -71,7 +74,7 @@ def read(folder: str | Path) -> Rigidity:
 
 
 def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
-    """Return the tests by exposure for readers.
+    """Return the tests by exposure for readers; of many exposures, those that deviate.
 
     Parameters
     ----------
@@ -79,6 +82,8 @@ def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
         As `acx4lib.results.campaigns.tables.rigidity` returns it.
     level : float
     """
+    if len(found) > MOST_ROWS:
+        found = found[(found["p_joint"] < level) | (found["exposure"] == "")]
     return pd.DataFrame(
         [
             {

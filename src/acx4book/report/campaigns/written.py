@@ -80,9 +80,7 @@ def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[None]:
 def _parts(study: Study) -> Iterator[str | Drawn]:
     yield f"## Has the camera changed?\n\n{sentences.verdict(study)}"
     yield "## The campaigns"
-    yield myst_table(
-        tables.campaigns(study), "Campaigns in the order of time", name="tab-campaigns"
-    )
+    yield myst_table(tables.campaigns(study), "What is compared", name="tab-campaigns")
     yield sentences.notes(study)
     yield Drawn(
         figure=figures.time_line(study),

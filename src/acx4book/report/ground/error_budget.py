@@ -79,20 +79,19 @@ def _flight(block: Block, calibration: Calibration) -> MappingFlight | None:
     pixel = np.array([camera.pixel_mm for camera in block.cameras])
     points = block.image_points
     sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
-    trajectory = block.trajectory
-    found = {
-        "height": np.median(flying_heights(block)),
-        "position": _rms(trajectory.sigma_position),
-        "attitude": _rms(trajectory.sigma_attitude),
-        "image": _rms(sigma_mm[np.isfinite(sigma_mm)]) / calibration.cameras[0].pixel_mm,
-    }
-    if not all(np.isfinite(value).all() for value in found.values()) or found["height"] <= 0:
+    height_m = float(np.median(flying_heights(block)))
+    position, attitude = (
+        _rms(block.trajectory.sigma_position),
+        _rms(block.trajectory.sigma_attitude),
+    )
+    sigma_px = float(_rms(sigma_mm[np.isfinite(sigma_mm)])) / calibration.cameras[0].pixel_mm
+    if not (np.isfinite([height_m, sigma_px, *position, *attitude]).all() and height_m > 0):
         return None
     return MappingFlight(
-        height_m=float(found["height"]),
-        sigma_position_m=triple(found["position"]),
-        sigma_attitude=triple(found["attitude"]),
-        sigma_px=float(found["image"]),
+        height_m=height_m,
+        sigma_position_m=triple(position),
+        sigma_attitude=triple(attitude),
+        sigma_px=sigma_px,
     )
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from acx4book.chapters.beyond.stability import turned
@@ -36,6 +37,12 @@ def test_the_turned_head_is_named(found):
     assert table.index[-1] == "all at once"
     assert f"these exposures deviate: {turned.EXPOSURE}." in rig.verdict(found, level=0.05)
     assert rig.for_terminal(found, level=0.05)[1].startswith(f"exposure {turned.EXPOSURE} deviates")
+
+
+def test_of_many_exposures_those_that_deviate_are_listed(found):
+    many = pd.concat([tables.rigidity(found)] * 3)
+    shown = rig.table(many, level=0.05)["Exposure"].tolist()
+    assert shown == [turned.EXPOSURE, "all at once"] * 3
 
 
 def test_the_turn_is_that_which_was_planted(found):
