@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-import html
-import re
 from pathlib import Path
 
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from acx4book.typesetting import style
-
-COLOUR = re.compile("|".join(style.NAMES))
-NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")')
-"""Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
-
-LETTER = re.compile(r'<path id="(D[\w-]+)" [^>]*/>')
-SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
-GROUND = re.compile(r'<g id="patch_1"><path [^>]*/></g>')
-"""The sheet that matplotlib puts under a figure."""
-
-POINTS = 72 * style.WIDTH
-"""Width of a figure that takes the whole column."""
+from acx4book.typesetting.drawing.inline import inline
 
 
 def put_in(app: Sphinx, doctree: nodes.document, _page: str) -> None:
@@ -32,46 +18,10 @@ def put_in(app: Sphinx, doctree: nodes.document, _page: str) -> None:
     known: set[str] = set()
     for number, image in enumerate(drawings, 1):
         svg = Path(app.srcdir, image["uri"]).read_text("utf-8")
-        text = drawn(
+        text = inline(
             svg[svg.index("<svg") :], alt=image.get("alt", ""), name=f"f{number}-", known=known
         )
         image.replace_self(nodes.raw("", text, format="html"))
-
-
-def drawn(svg: str, *, alt: str, name: str, known: set[str]) -> str:
-    """Return a drawing as part of a page.
-
-    Parameters
-    ----------
-    svg : str
-        As `acx4book.typesetting.drawing.svg` makes it.
-    alt : str
-        What is seen.
-    name : str
-        Beginning of all names in it, so that they are unique on the page.
-    known : set of str
-        Letters that drawings above it have brought; its own are added.
-    """
-    width, height = SIZE.match(svg).groups()
-    share = min(1.0, float(width) / POINTS)
-    begin = (
-        f'<svg role="img" aria-label="{html.escape(alt)}" viewBox="0 0 {width} {height}" '
-        f'style="width: {100 * share:.4g}%; min-width: {35 * share:.4g}rem">'
-    )
-    inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
-    coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
-    named = NAMED.sub(
-        lambda found: found[0] + name, LETTER.sub(lambda found: _once(found, known), coloured)
-    )
-    return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
-
-
-def _once(letter: re.Match[str], known: set[str]) -> str:
-    """Return the outline of a letter, and nothing where the page has it."""
-    if letter[1] in known:
-        return ""
-    known.add(letter[1])
-    return letter[0]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

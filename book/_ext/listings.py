@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import shutil
 from pathlib import Path
@@ -9,6 +10,9 @@ from typing import Any
 
 from sphinx.application import Sphinx
 from sphinx.config import Config
+from sphinx.environment import BuildEnvironment
+
+import acx4book
 
 COLOURED = re.compile(r'<span class="(?!sd|c1)[\w ]*">([^<]*)</span>')
 """All words of a program but texts that explain it, and comments."""
@@ -30,6 +34,20 @@ def copy_style(app: Sphinx) -> None:
     folder = Path(app.outdir, "_static")
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(STYLE, folder / STYLE.name)
+
+
+def leave_out(_app: Sphinx, env: BuildEnvironment, _changed: list[str]) -> None:
+    """Make no listings of the code that makes this book: it lies there as an archive."""
+    modules = pkgutil.walk_packages(acx4book.__path__, "acx4book.")
+    env._viewcode_modules = {module.name: False for module in modules}  # what viewcode knows
+
+
+def forget(app: Sphinx) -> list[Any]:
+    """Take what was left out from viewcode's list of listings, and add no page."""
+    known = app.env._viewcode_modules
+    for name in [name for name, listing in known.items() if not listing]:
+        del known[name]
+    return []
 
 
 def find_template(_app: Sphinx, config: Config) -> None:
@@ -54,6 +72,8 @@ def shorten(
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Work on a page before it is written."""
+    app.connect("env-before-read-docs", leave_out)
+    app.connect("html-collect-pages", forget, priority=100)
     app.connect("config-inited", find_template)
     app.connect("builder-inited", copy_style)
     app.connect("html-page-context", shorten, priority=950)

@@ -123,7 +123,33 @@ def record(
     if any(options.gnss_strip_drift_m_per_min):
         error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
     turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
-    return replace(track, x_g=track.x_g + error, R_enu_b=track.R_enu_b * turn)
+    there = _later(track, options.gnss_delay_s, options.attitude_delay_s)
+    return replace(track, x_g=there.x_g + error, R_enu_b=there.R_enu_b * turn)
+
+
+def _later(track: Track, position_s: float, attitude_s: float) -> Track:
+    """Return a track whose positions and attitudes are of later times than its exposures.
+
+    Between three exposures of a strip the aircraft is on the parabola through them, at either end
+    on the line through two.
+    """
+    if not position_s and not attitude_s:
+        return track
+    x_g, turns = track.x_g.copy(), np.zeros_like(track.x_g)
+    strips = np.array(track.strip)
+    for i, strip in enumerate(track.strip):
+        near = [j for j in (i - 1, i, i + 1) if 0 <= j < len(strips) and strips[j] == strip]
+        since = track.time_s[near] - track.time_s[i]
+        x_g[i] = _through(since, position_s) @ track.x_g[near]
+        away = (track.R_enu_b[i].inv() * track.R_enu_b[near]).as_rotvec()
+        turns[i] = _through(since, attitude_s) @ away
+    return replace(track, x_g=x_g, R_enu_b=track.R_enu_b * Rotation.from_rotvec(turns))
+
+
+def _through(times: Array, at: float) -> Array:
+    """Return Lagrange's weights of the values at some times for the value at another."""
+    others = [np.delete(times, k) for k in range(len(times))]
+    return np.array([np.prod((at - o) / (t - o)) for t, o in zip(times, others, strict=True)])
 
 
 def gauss_markov(

@@ -100,6 +100,8 @@ class Options:
     gnss_strip_drift_m_per_min : tuple of float
         Standard deviations of an error that grows along every strip, at a different rate in each;
         it is zero in the middle of the strip.
+    gnss_delay_s, attitude_delay_s : float
+        By how much later than the exposure the position and the attitude of its row are.
     slow_errors : SlowErrors, optional
         Correlation of the trajectory's errors in time; none by default.
     refraction : str
@@ -118,6 +120,8 @@ class Options:
     gnss_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gnss_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gnss_strip_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gnss_delay_s: float = 0.0
+    attitude_delay_s: float = 0.0
     slow_errors: SlowErrors | None = None
     refraction: str = "none"
     gross_errors: GrossErrors | None = None
@@ -125,7 +129,9 @@ class Options:
 
     def __post_init__(self) -> None:
         for name in ("image_noise", "control_noise", "gnss_noise", "attitude_noise"):
-            _check_factor(name, getattr(self, name))
+            _check_number(name, getattr(self, name))
+        for name in ("gnss_delay_s", "attitude_delay_s"):
+            _check_number(name, getattr(self, name))
         if self.refraction not in ("none", "standard"):
             msg = f"refraction is 'none' or 'standard', got {self.refraction!r}"
             raise ValueError(msg)
@@ -145,8 +151,8 @@ def stated(factor: float) -> float:
     return abs(factor) or 1.0
 
 
-def _check_factor(name: str, factor: object) -> None:
-    """Raise a ValueError where a factor on noise is no finite number."""
+def _check_number(name: str, factor: object) -> None:
+    """Raise a ValueError where a factor on noise, or a delay, is no finite number."""
     if not isinstance(factor, int | float):
         msg = f"{name} must be a number, got {factor!r}"
         raise ValueError(msg)

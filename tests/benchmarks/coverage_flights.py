@@ -1,10 +1,10 @@
 """Calibrate simulated flights and note every error beside its sigma (``make coverage``).
 
 Mountings and heads of 200 flights, and what is left of the mounting's errors in 250 pairs of
-flights, of noise and its negative. The flights are those of the designs with default options; the
-seeds, from 1 on, were fixed before any of them was flown. Each is written to disk and read as
-any other flight. The results replace those in data/benchmarks when all are there. Needs
-PYTHONPATH=tests.
+flights, of noise and its negative; mountings of 200 flights with slow errors. The flights are
+those of the designs with default options; the seeds, from 1 on, were fixed before any of them was
+flown. Each is written to disk and read as any other flight. The results replace those in
+data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
+from acx4book.chapters.beyond.weights import simulated as weights
+from acx4book.chapters.beyond.weights.simulated import TIES
 from acx4book.command.batch.executors import finished, on_processes
+from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting
@@ -30,6 +33,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.results.rows import RELATIVE
+from acx4sim.plan import SlowErrors
 from benchmarks import machine, stored
 from support.flights import simulated
 
@@ -47,24 +51,33 @@ Row = dict[str, Any]
 Tables = dict[str, list[Row]]
 
 
+SLOW = acx4sim.Options(tie_points=TIES, slow_errors=SlowErrors())
+"""Flights whose trajectory's errors change slowly: those of the chapter on standard deviations."""
+
+
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--flights", type=int, default=N_FLIGHTS, help=f"seeds 1 to {N_FLIGHTS}")
     parser.add_argument("--pairs", type=int, default=N_PAIRS, help=f"seeds 1 to {N_PAIRS}")
     parser.add_argument("--jobs", type=int, default=2, help="seeds at a time")
+    parser.add_argument(
+        "--only", choices=("coverage", "slow_errors"), help="one of the files alone"
+    )
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
-    studies = ((mountings, options.flights), (heads, options.flights), (pair, options.pairs))
-    tables: Tables = {}
+    n, m = options.flights, options.pairs
+    files = {"coverage": ((mountings, n), (heads, n), (pair, m)), "slow_errors": ((slowly, n),)}
     with on_processes(options.jobs) as pool:
-        for study, n in studies:
-            for found in flown(pool, study, n):
-                for name, rows in found.items():
-                    tables.setdefault(name, []).extend(rows)
-    write(options.out, tables, about)
+        for file in [options.only] if options.only else files:
+            tables: Tables = {}
+            for study, number in files[file]:
+                for found in flown(pool, study, number):
+                    for name, rows in found.items():
+                        tables.setdefault(name, []).extend(rows)
+            write(options.out, file, tables, about)
 
 
 def flown(pool: Executor, study: Callable[[int], Tables], n: int) -> list[Tables]:
@@ -159,6 +172,27 @@ def of_points(checked: validation.Validation) -> list[Row]:
     ]
 
 
+# --- errors that change slowly ---------------------------------------------------------------
+
+
+def slowly(seed: int) -> Tables:
+    """Return the errors of the single step of a flight whose trajectory's errors change slowly.
+
+    Once it takes them for independent, and once with the weights of their correlation.
+    """
+    flown = weights.fly(DESIGN, seed, SLOW)
+    assert SLOW.slow_errors is not None
+    blocks = {"white": flown.block, "correlated": weights.modelled(flown.block, SLOW.slow_errors)}
+    rows: list[Row] = []
+    for kind, block in blocks.items():
+        bundle = adjust(mounted_orientation(block, free=flown.flight.estimate_mounting))
+        found = simulated.of_calibration(estimates.from_bundle(bundle))
+        error = found.values - simulated.true_mounting(DESIGN)  # noqa: PD011 no table
+        named = {"seed": seed, "weights": kind}
+        rows += [named | row for row in normalised(simulated.MOUNTING_NAMES, error, found.cov)]
+    return {"": rows}
+
+
 # --- heads -----------------------------------------------------------------------------------
 
 
@@ -227,10 +261,10 @@ def single_step(flown: Flight, *, distortion_at: str) -> estimates.Calibration:
 # --- files -----------------------------------------------------------------------------------
 
 
-def write(folder: Path, tables: Tables, about: dict[str, Any]) -> None:
+def write(folder: Path, name: str, tables: Tables, about: dict[str, Any]) -> None:
     """Write a file for every table and one about them, and only then replace older ones."""
-    frames = {name: pd.DataFrame(rows) for name, rows in tables.items()}
-    stored.write(folder, "coverage", frames, about, digits=DIGITS)
+    frames = {part: pd.DataFrame(rows) for part, rows in tables.items()}
+    stored.write(folder, name, frames, about, digits=DIGITS)
 
 
 if __name__ == "__main__":

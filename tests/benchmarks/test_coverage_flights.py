@@ -106,10 +106,11 @@ def test_seeds_are_in_their_order_and_those_that_fail_are_named_when_all_are_don
 
 def test_files_are_replaced_whole_or_not_at_all(tmp_path, found):
     tables = {name: table.to_dict("records") for name, table in found.items()}
-    coverage_flights.write(tmp_path, tables, {"commit": "old"})
+    coverage_flights.write(tmp_path, "coverage", tables, {"commit": "old"})
     assert json.loads((tmp_path / "coverage.json").read_text())["commit"] == "old"
+    none, about = {"points": []}, {"commit": object()}  # cannot be written
     with pytest.raises(TypeError):
-        coverage_flights.write(tmp_path, {"points": []}, {"commit": object()})  # cannot be written
+        coverage_flights.write(tmp_path, "coverage", none, about)
     read = pd.read_csv(tmp_path / "coverage_points.csv")
     assert read["d_north_m"].to_numpy() == pytest.approx(found["points"]["d_north_m"], rel=1e-4)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
@@ -117,3 +118,11 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, found):
         "coverage_parameters.csv",
         "coverage_points.csv",
     ]
+
+
+def test_slow_errors_are_calibrated_twice_on_the_same_flights():
+    rows = pd.DataFrame(coverage_flights.slowly(1)[""])
+    white, correlated = (rows[rows["weights"] == kind] for kind in ("white", "correlated"))
+    assert white["parameter"].tolist() == correlated["parameter"].tolist()
+    sigma = [own.set_index("parameter")["sigma"] for own in (white, correlated)]
+    assert (sigma[1] / sigma[0]).filter(like="boresight").min() > 2

@@ -77,7 +77,6 @@ def test_no_page_has_a_serious_finding(browser, html, axe, chapters, colours):
     assert complaints(browser, html, axe, chapters, colours) == []
 
 
-@pytest.mark.xfail(reason="formulas of frames-and-notation are wider than a phone", strict=False)
 def test_on_a_phone_nothing_is_cut_off_and_what_scrolls_says_so(browser, html, chapters):
     show = opened(browser, html, width=390)
     page, found = None, []

@@ -9,7 +9,7 @@ import pytest
 
 from support.helpers import ROOT
 
-HEAVY, HEAVY_BOOK = 1.5e6, 48e6
+HEAVY, HEAVY_BOOK = 1.5e6, 25e6
 """Bytes of a page and of the whole book."""
 
 OUTSIDE = re.compile(r"^(https?:)?//", re.IGNORECASE)

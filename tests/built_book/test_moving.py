@@ -5,12 +5,19 @@ import re
 import numpy as np
 import pytest
 
+from acx4book.chapters.beyond.design import explorer as design
+from acx4book.chapters.beyond.error_budget import examined
+from acx4book.chapters.beyond.error_budget import explorer as error_budget
 from acx4book.foundations.explorers import boresight, distortion, two_heights
 from acx4book.typesetting.moving import plane, shown
 from support.helpers import ROOT
 
-MODULES = {
-    module.__name__.rpartition(".")[2]: module for module in (boresight, distortion, two_heights)
+EXPLORERS = {
+    "boresight": boresight.explorer,
+    "distortion": distortion.explorer,
+    "two_heights": two_heights.explorer,
+    "error_budget": lambda: error_budget.explorer(examined.flown(seed=1)),
+    "design": design.explorer,
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
 MOVE = """([figure, values]) => {
@@ -28,9 +35,9 @@ MOVE = """([figure, values]) => {
 }"""
 
 
-@pytest.fixture(scope="module", params=MODULES)
+@pytest.fixture(scope="module", params=EXPLORERS)
 def explorer(request):
-    return MODULES[request.param].explorer()
+    return EXPLORERS[request.param]()
 
 
 @pytest.fixture
@@ -125,7 +132,7 @@ def test_it_is_moved_by_the_keyboard_and_by_buttons(opened, explorer):
 
 def test_every_explorer_of_the_book_has_its_sliders(browser, html, chapters):
     with_one = [name for name, page in chapters.items() if page.select("figure.acx4-explorer")]
-    assert len(with_one) >= len(MODULES)
+    assert len(with_one) >= len(EXPLORERS)
     page = browser.new_page()
     for name in with_one:
         page.goto((html / name).as_uri())

@@ -30,6 +30,8 @@ ROOMS = {
     "12": ["chapters.beyond.synthetic_cost"],
     "13": ["chapters.beyond.bad_starts"],
     "14": ["chapters.beyond.failures"],
+    "15": ["chapters.beyond.design"],
+    "18": ["chapters.beyond.stability", "report.campaigns"],
     "16": ["chapters.beyond.error_budget"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""

@@ -1,5 +1,7 @@
 """Slow errors of a simulated trajectory, beyond white noise."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -71,3 +73,28 @@ def test_a_strips_drift_is_linear_in_time_and_zero_at_its_middle():
     assert_allclose(np.array(rates)[:, 1], 0.0, atol=1e-5)
     assert np.ptp(np.array(rates)[:, [0, 2]], axis=0).min() > 0.05
     assert_allclose(attitude, 0.0, atol=1e-6)
+
+
+def test_a_delay_as_long_as_the_interval_records_the_next_exposures_pose():
+    """Inside a strip the parabola goes through it; positions and attitudes by themselves."""
+    true = acx4(**EXACT).tables["calibration/trajectory.csv"]
+    strip = true["exposure"].str.startswith("C1-").to_numpy()
+    step = float(np.diff(true["time_s"][strip])[0])
+    angles = ["omega_deg", "phi_deg", "kappa_deg"]
+    for option, late, kept in (
+        ("gnss_delay_s", SHIFT, angles),
+        ("attitude_delay_s", angles, SHIFT),
+    ):
+        found = acx4(**EXACT, **{option: step}).tables["calibration/trajectory.csv"]
+        values, expected = (t[late][strip].to_numpy() for t in (found, true))
+        # m and degrees: times are written to 0.1 ms
+        assert_allclose(values[1:-1], expected[2:], atol=5e-3)
+        assert_allclose(values[0], expected[1], atol=5e-3)
+        assert_allclose(found[kept], true[kept], atol=1e-3)  # the grid turns along the way
+
+
+def test_strips_may_be_flown_at_different_speeds():
+    flight = acx4(**EXACT)
+    block = flight.plan.blocks["calibration"]
+    slow = replace(block, strips=tuple(replace(strip, speed_m_s=35.0) for strip in block.strips))
+    assert_allclose(np.diff(fly._times(slow))[:9], 2 * np.diff(fly._times(block))[:9])

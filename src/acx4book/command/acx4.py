@@ -19,7 +19,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import render, run, teaching, terminal
+from acx4book.command import compare, render, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.planning import plan, simulate
 
@@ -157,6 +157,7 @@ def report(
         terminal.show(page.write_pdf(path))
 
 
+app.command(help=compare.HELP)(compare.compare)
 app.command(help=render.HELP)(render.render)
 app.command(help=teaching.LAB_HELP)(teaching.lab)
 app.command(help=teaching.GRADE_HELP)(teaching.grade)

@@ -54,7 +54,9 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = "heads,synthetic,mounting,validation",
     notebooks: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Your own versions of the notebooks, names as ours."),
+        typer.Option(
+            metavar="DIR", help="Your own versions of the notebooks, with the same names."
+        ),
     ] = None,
     numbers_only: Annotated[
         bool | None,
@@ -67,13 +69,15 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     seeds: Annotated[
         str | None,
         typer.Option(
-            metavar="A-B", show_default=False, help="Simulate each FLIGHT, a design, so often."
+            metavar="A-B",
+            show_default=False,
+            help="Simulate each FLIGHT, a design, with these seeds.",
         ),
     ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(
-            metavar="N", min=1, show_default=False, help="Flights at a time, of many; else 1."
+            metavar="N", min=1, show_default=False, help="How many flights run at a time."
         ),
     ] = None,
     cluster: Annotated[

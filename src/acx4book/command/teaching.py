@@ -11,7 +11,7 @@ from acx4book.command import terminal
 
 LAB_HELP = """Write the simulated flight of one student for a lab sheet.
 
-SHEET is 1 to 8. The flight is drawn from the name, the sheet and the key: the same three give the
+SHEET is 1 to 9. The flight is drawn from the name, the sheet and the key: the same three give the
 same flight. Its truth is not written; acx4 grade makes it again. Case and spaces of a name do not
 count. The folder has the flight, README.md with the questions, and answers.csv to fill in.
 

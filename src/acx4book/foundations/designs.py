@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.foundations import example
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import designed
 from acx4lib.bundle.unknowns import free_mount
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.expected import Array, Index
@@ -136,7 +136,7 @@ def covariance(
     keys = [name.split("/")[1] for name in network.column_names()]
     columns = np.array([keys.index(key) for key in SHOWN if key in keys])
     names, units = zip(*(SHOWN[keys[k]] for k in columns), strict=True)
-    inverse = adjust(network).solution.inverse
+    inverse = designed(network).solution.inverse
     cov = inverse.at(columns[:, None], columns) * np.outer(units, units)
     left_open = np.flatnonzero(inverse.undetermined[columns])
     cov[left_open, left_open] = np.inf

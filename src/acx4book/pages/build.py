@@ -20,9 +20,10 @@ from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
-from acx4book.pages.back import changelog, citation, clean, licences
-from acx4book.pages.benchmarks import bias, commands, many, rendering, rendering_goals, sigma, speed
-from acx4book.pages.benchmarks.figure_sigma import normalised_errors
+from acx4book.pages.back import changelog, citation, clean, licences, release
+from acx4book.pages.benchmarks import commands, many, rendering, rendering_goals, speed
+from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
+from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
 from acx4book.teaching.showing import figure_pack, slides
@@ -41,6 +42,9 @@ FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{capti
 
 RUN_PAGES = ("first-flight", "library")
 """Pages whose code is run, and what it prints shown."""
+
+UNDATED = 315_532_800
+"""First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
 OF_RESULTS = ("06-errata", "07-report")
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
@@ -107,6 +111,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
     (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
+    sources = Path(__file__).parents[1]
+    release.pack(sources, generated / f"{sources.name}.zip", UNDATED, files="*.py")
     api.write(book)
 
 
@@ -231,7 +237,9 @@ def texts_of_benchmarks(
     yield "many.md", many.page(many.read(BENCHMARKS))
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
+    yield "coverage-found.md", sigma.found(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
+    yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
 
 
 def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:

@@ -22,8 +22,8 @@ Row = tuple[str, str, str]
 BEFORE = (
     "The noise of attitude and survey, the blocks, their strips and flying heights are the paper's "
     "(sections 3.1, 3.2 and 4.3). {numref}`tab-chosen` has everything else that a number of the "
-    "paper can depend on. What is *chosen for* was set so that printed numbers come out, whose "
-    "agreement is therefore no evidence; the rest are guesses or plain defaults, and not tuned."
+    "paper can depend on. What is marked *chosen* was set so that printed numbers come out. "
+    "Their agreement is therefore no evidence. The rest are guesses or plain defaults, not tuned."
 )
 
 
@@ -38,7 +38,7 @@ def page(flight: Flight, truth: Mapping[str, Any]) -> str:
         Its truth.
     """
     rows = [
-        *(("chosen for", *row) for row in _for_printed_numbers(flight, truth)),
+        *(("chosen", *row) for row in _for_printed_numbers(flight, truth)),
         *(("a guess", *row) for row in _guessed(flight, truth)),
     ]
     columns = ["Kind", "What", "Here", "The paper, and what comes out by it"]

@@ -34,6 +34,8 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
     "13-bad-starts": (),
     "14-failure-clinic": (),
+    "15-which-flight": (),
+    "18-over-the-years": (),
     "16-error-budget": ("data/paper/*.csv",),
 }
 """The notebooks, and what files of the working copy they read; *measured* are the measurements of

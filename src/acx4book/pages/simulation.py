@@ -41,9 +41,10 @@ def page(flight: Flight, truth: Truth | None) -> str:
             "from elsewhere. Nothing is known of it but its tables.\n"
         )
     parts = [
-        f"The flight *{shown(flight.name)}* is simulated, with the seed {truth['seed']}: exact "
-        "geometry on the ellipsoid, over ground with relief, by code that shares nothing with the "
-        "estimator. Its true values lie beside it in a file that no estimation reads.",
+        f"The flight *{shown(flight.name)}* was made by the simulator with the seed "
+        f"{truth['seed']}: exact geometry on the ellipsoid, over ground with relief, by code that "
+        "shares nothing with the estimator. Its true values lie beside it in a file that no "
+        "estimation reads.",
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if printed.applies(flight) else "",
         myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
@@ -69,8 +70,8 @@ def _of_the_paper(flight: Flight, truth: Truth) -> str:
     apart = np.ptp(levers, axis=0).max()
     held, first = flight.cameras["CAM1"].interior.f, truth["cameras"]["CAM1"]["f_mm"]
     return (
-        f"{_synthetic_camera(flight, truth)} Table 1 does not print what the heads are, but what "
-        f"an adjustment makes of them that holds the focal length at {held:g} mm. Their true "
+        f"{_synthetic_camera(flight, truth)} Table 1 does not print the true values of the heads, "
+        f"but the results of adjustments that hold the focal length at {held:g} mm. The true "
         "angles and interior orientation are therefore such that exact data, adjusted in that way, "
         "give Table 1's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ and "
         "$Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "

@@ -164,8 +164,7 @@ def texts(found: Mapping[str, Sequence[str]], *, beside_print: bool) -> dict[str
         Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
     """
     short = [
-        f"{i}. **{one.asked}** {found[one.chapter][0]} "
-        f"[Chapter {one.chapter[:2]}](_executed/{one.chapter})"
+        f"{i}. **{one.asked}** {found[one.chapter][0]} ({{doc}}`_executed/{one.chapter}`)"
         for i, one in enumerate(QUESTIONS, 1)
     ]
     whole = [_section(i, one, found, beside_print) for i, one in enumerate(QUESTIONS, 1)]

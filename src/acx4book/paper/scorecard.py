@@ -279,8 +279,8 @@ def _sharing(entry: Mapping[str, Any], points: pd.DataFrame, axis: int) -> float
 
 HEADS_SIGMA = (
     "a bundle on control points alone, over this block and with this noise, determines it no "
-    "better; less noise does not explain the printed one, since that of $k_1$ is off the other "
-    "way, but exterior orientations that were constrained would"
+    "better; less noise cannot explain the printed one, because that of $k_1$ is larger than ours; "
+    "constrained exterior orientations can"
 )
 REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
     (
@@ -299,8 +299,8 @@ REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
     (
         1,
         ("Xc_mm", "Yc_mm"),
-        "a twentieth of a millimetre is a metre in space, which is no place of a head in its "
-        "mount; what it is, the paper does not say, and the simulation was not given it",
+        "0.05 mm in the image is a metre in space, and no head is so far from the others; the "
+        "paper does not say what the value means, and the simulation was not given it",
     ),
     (
         1,

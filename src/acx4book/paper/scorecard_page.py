@@ -55,14 +55,14 @@ ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of thi
 IDEAL = (
     "Tables 3 and 4 are judged by the flight with an ideal synthetic camera, `acx4-ideal`. The "
     "column *chain* has the number of the closed chain, whose synthetic images are made of four "
-    "heads. But for the single step's $f$, for which the heads were chosen, it follows from these "
-    "and was not tuned; {doc}`_executed/12-synthetic-cost` explains where it differs."
+    "heads. The heads were chosen so that the $f$ of the single step comes out. Everything else in "
+    "the column follows from them; {doc}`_executed/12-synthetic-cost` explains where it differs."
 )
 """Where the numbers of Tables 3 and 4 come from, if there are two flights."""
 
 MORE = (
-    "Every number stands on the {doc}`scorecard`; {doc}`reproducibility` lists what was given and "
-    "what was chosen."
+    "Every number stands on the {doc}`scorecard <scorecard>`; {doc}`reproducibility` lists what "
+    "was given and what was chosen."
 )
 
 WHY = (
@@ -196,7 +196,7 @@ def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
     block = flight.calibration
     gnss = np.nan if block is None else np.median(block.trajectory.sigma_position)
     return (
-        f"**Chosen for.** {len(ratio)} standard deviations of the paper's Table 3 come out "
+        f"**Chosen.** {len(ratio)} standard deviations of the paper's Table 3 come out "
         f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
         f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
         "gives no number, and a larger noise. Their agreement is no evidence; that two choices "

@@ -36,6 +36,10 @@ FORMATS = {
     "RMS (m)": ".3f",
     "Predicted (m)": ".3f",
     "Mean / σ": ".1f",
+    "σ in plan (m)": ".3f",
+    "σ in height (m)": ".3f",
+    "in plan (%)": "z.1f",
+    "in height (%)": "z.1f",
     "p of the drift": ".2g",
     "p of the strips": ".2g",
 }

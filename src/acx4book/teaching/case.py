@@ -143,7 +143,7 @@ class Sheet:
     Attributes
     ----------
     name, title : str
-        ``lab-1`` to ``lab-8``, and what it is on.
+        ``lab-1`` to ``lab-9``, and what it is on.
     fly : callable
         Makes the flight of two seeds, that of the truth and that of the errors.
     questions : tuple of Question
@@ -153,6 +153,8 @@ class Sheet:
         Returns the right answers.
     mistakes : callable
         Yields what the common mistakes would give on this flight.
+    hand_out : callable, optional
+        Returns text files, by their names, that a student gets in the place of the flight.
     """
 
     name: str
@@ -162,6 +164,7 @@ class Sheet:
     given: Callable[[Case], Sequence[str]]
     solve: Callable[[Case], Rights]
     mistakes: Callable[[Case, Rights], Iterable[Mistake]]
+    hand_out: Callable[[Case], Mapping[str, str]] | None = None
 
     def question(self, name: str) -> Question | None:
         """Return the question of a name; None for an unknown one."""

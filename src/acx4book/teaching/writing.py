@@ -29,9 +29,14 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     """
     name = students.shown_name(student)
     flight = flights.flight_of(sheet, name, key)
-    write_files(flight, folder)
-    given = sheet.given(flights.case_of(flight))
-    (folder / README).write_text(readme(sheet, name, given), encoding="utf-8")
+    case = flights.case_of(flight)
+    if sheet.hand_out is None:
+        write_files(flight, folder)
+    else:
+        folder.mkdir(exist_ok=True)
+        for file, content in sheet.hand_out(case).items():
+            (folder / file).write_text(content, encoding="utf-8")
+    (folder / README).write_text(readme(sheet, name, sheet.given(case)), encoding="utf-8")
     (folder / ANSWERS).write_text(answers(sheet, name), encoding="utf-8")
 
 

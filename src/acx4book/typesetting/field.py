@@ -14,6 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
+from acx4lib.georeferencing.budget import CALIBRATION
+from acx4lib.georeferencing.mapping_flight import Format
 
 CELLS = 12
 """Number of cells along the longer side of an image."""
@@ -115,24 +117,30 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
     ax.locator_params(nbins=5)
 
 
-def sigma_figure(colrow: Array, panels: Mapping[str, Array]) -> Figure:
+def sigma_figure(shown: Format) -> Figure:
     """Draw standard deviations of ground points over the format of the image that shows them.
+
+    In plan, in height, and what the calibration makes of the height; NaN is left white.
 
     Parameters
     ----------
-    colrow : ndarray, shape (rows, columns, 2)
-        Grid of pixels, from edge to edge of the format.
-    panels : mapping of str to ndarray, shape (rows, columns)
-        Standard deviations by the title of the panel, m; NaN is left white.
+    shown : Format
     """
-    last = colrow[-1, -1]
+    variance = shown.variance
+    total, calibrated = variance.sum(axis=-1), variance[..., -len(CALIBRATION) :].sum(axis=-1)
+    panels = {
+        "plan": total[..., :2].sum(axis=-1),
+        "height": total[..., 2],
+        "height, calibration": np.maximum(calibrated[..., 2], 0.0),
+    }
+    last = shown.colrow[-1, -1]
     height = min(0.8 * style.WIDTH / len(panels) * float(last[1] / last[0]) + 1.35, 5.2)
     with style.applied():
-        fig, axes = style.subplots(1, len(panels), figsize=(style.WIDTH, height), squeeze=False)
-        for ax, (title, sigma) in zip(axes.flat, panels.items(), strict=True):
-            _draw_sigma(fig, ax, colrow, 100 * sigma)
+        fig, axes = style.subplots(1, len(panels), figsize=(style.WIDTH, height))
+        for ax, (title, square) in zip(axes, panels.items(), strict=True):
+            _draw_sigma(fig, ax, shown.colrow, 100 * np.sqrt(square))
             ax.set_title(title)
-        axes.flat[0].set_ylabel("row (px)")
+        axes[0].set_ylabel("row (px)")
     return fig
 
 

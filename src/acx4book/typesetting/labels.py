@@ -46,6 +46,8 @@ _LABELS = {
     "boresight_phi_deg": "boresight $\\varphi$",
     "boresight_kappa_deg": "boresight $\\kappa$",
     **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in AXES},
+    "gnss_delay_s": "GNSS delay",
+    "attitude_delay_s": "Delay of attitudes",
     "Xc_mm": "$X_c$",
     "Yc_mm": "$Y_c$",
     "Zc_mm": "$Z_c$",
@@ -88,7 +90,7 @@ def group_label(keys: Sequence[str]) -> Markup:
 
 def p_value(p: float) -> str:
     """Return a probability for a table."""
-    return f"{p:.3f}" if p >= 5e-4 else "< 0.0005"
+    return f"{p:.3f}" if p >= 5e-4 else "<\N{NO-BREAK SPACE}0.0005"
 
 
 def inside(title: str) -> str:

@@ -11,7 +11,7 @@ from acx4lib import expected
 from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import whole
+from acx4lib.bundle.observations.points import whole
 from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start

@@ -12,15 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from acx4lib.bundle.observations import (
+from acx4lib.bundle.observations.mountings import mounting_equations
+from acx4lib.bundle.observations.points import control_equations, distance_equations, of_halves
+from acx4lib.bundle.observations.trajectory import (
     PoseObservations,
     attitude_equations,
-    control_equations,
-    distance_equations,
-    mounting_equations,
-    of_halves,
     position_equations,
-    position_errors,
 )
 from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
@@ -35,8 +32,8 @@ from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.least_squares.eliminated_points import of_points
-from acx4lib.least_squares.normal_equations import Equations, PlainNormals
-from acx4lib.least_squares.problem import Normals
+from acx4lib.least_squares.normal_equations import PlainNormals
+from acx4lib.least_squares.problem import Equations, Normals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
@@ -172,6 +169,7 @@ class Network:
             also=self.observed_points,
             pose_of_image=self.pose_idx,
             n_poses=len(self.pose_names),
+            linked=self.observed.linked,
         )
 
     def beginning_at(self, start: State) -> Network:
@@ -197,18 +195,17 @@ class Network:
             observed=observed,
             distances=distances,
         )
-        if COMPILED:  # the order in which rays are processed stays
+        if COMPILED and not observed.linked.size:  # the order in which rays are processed stays
             vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
         return out
 
 
 def _other_equations(network: Network, state: State) -> list[Equations]:
     observed, columns = network.observed, network.layout
-    errors = position_errors(observed, state.shift, state.drift)
     return [
         control_equations(network.control[~network.held_control], state.x_m),
-        position_equations(observed, state.T_m_b, errors, columns),
-        attitude_equations(observed, state.T_m_b, columns.pose[:, 3:]),
+        position_equations(observed, state, columns),
+        attitude_equations(observed, state, columns),
         distance_equations(network.distances, state.x_m, columns.joint),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]

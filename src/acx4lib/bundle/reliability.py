@@ -14,11 +14,13 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, POWER, noncentrality
-from acx4lib.bundle.observations import of_halves
+from acx4lib.bundle.observations.points import of_halves
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import Equations, Group, point_normals, units
+from acx4lib.least_squares.normal_equations import point_normals, units
+from acx4lib.least_squares.problem import Equations
+from acx4lib.least_squares.statistical.residuals import LEAST, Group
 
 WEAK = 0.1
 """Redundancy number below which an observation is poorly controlled."""
@@ -64,16 +66,20 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
     Notes
     -----
     The minimal detectable error is delta_0 sigma / sqrt(r), the external reliability
-    delta_0 sqrt((1 - r) / r), with the redundancy number r.
+    delta_0 sqrt((1 - r) / r), with the redundancy number r. Where errors are correlated,
+    `Group.control` takes the place of r, and `Together.own` that of one.
     """
     expected.instance("group", group, Group)
     delta_0 = noncentrality(critical=critical, power=power)
     known = np.isfinite(group.redundancy)
     r = np.where(known, np.clip(group.redundancy, 0.0, 1.0), np.nan)
-    controlled = r > 1e-6
+    own = np.ones_like(r) if group.together is None else group.together.own
+    control = np.where(known, np.clip(group.control, 0.0, own), np.nan)
+    controlled = control > LEAST
     detectable, external = np.where(known, np.inf, np.nan), np.where(known, np.inf, np.nan)
-    detectable[controlled] = delta_0 * group.sigma[controlled] / np.sqrt(r[controlled])
-    external[controlled] = delta_0 * np.sqrt((1 - r[controlled]) / r[controlled])
+    seen, rest = control[controlled], (own - control)[controlled]
+    detectable[controlled] = delta_0 * group.sigma[controlled] / np.sqrt(seen)
+    external[controlled] = delta_0 * np.sqrt(rest / seen)
     return Reliability(kind=group.kind, redundancy=r, detectable=detectable, external=external)
 
 
@@ -146,11 +152,11 @@ def gains(
                 np.add.at(total, e.point[own], weighted @ part[own])
     cov_with_points = -np.linalg.solve(V, total)
     cov_with_points[~free_points] = 0.0
-    for e, part in zip(equations, directly, strict=True):
+    for k, (e, part) in enumerate(zip(equations, directly, strict=True)):
         if e.B is not None and e.point is not None:
             for own in _pieces(len(part)):
                 part[own] += e.B[own] @ cov_with_points[e.point[own]]
-        np.divide(part, e.sigma[:, :, None] ** 2, out=part)
+        directly[k] = e.weighed(part)
     return directly
 
 

@@ -11,7 +11,7 @@ from acx4lib import expected
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp
-from acx4lib.geometry.parameters import AXES, BORESIGHT, GNSS, LEVER_ARM, MOUNT, POSE
+from acx4lib.geometry.parameters import AXES, BORESIGHT, DELAYS, GNSS, LEVER_ARM, MOUNT, POSE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +30,8 @@ class Layout:
         Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
     drift : ndarray, shape (n_drifts, 3)
         Columns of the drifts of GNSS positions.
+    delay : ndarray, shape (2,)
+        Columns of the delays of positions and of attitudes, -1 where held.
     joint : ndarray, shape (n_distances,)
         Columns that join the two halves of each distance, the last ones.
     """
@@ -39,12 +41,14 @@ class Layout:
     pose: Index
     shift: Index = field(default_factory=lambda: np.full(3, -1))
     drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
+    delay: Index = field(default_factory=lambda: np.full(2, -1))
     joint: Index = field(default_factory=lambda: np.full(0, -1))
 
     @property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
-        parts = (self.interior, self.mount, self.shift, self.drift, self.pose, self.joint)
+        gnss = (self.shift, self.drift, self.delay)
+        parts = (self.interior, self.mount, *gnss, self.pose, self.joint)
         return int(sum(np.sum(part >= 0) for part in parts))
 
 
@@ -66,6 +70,8 @@ class State:
         Common error of all observed positions along the grid's axes, m.
     drift : ndarray, shape (n_drifts, 3)
         Change of their error along each strip, m per unit of `Strips`' time.
+    delay : ndarray, shape (2,)
+        How much later than exposures positions and attitudes are recorded, s.
     """
 
     interiors: tuple[Interior, ...]
@@ -74,6 +80,7 @@ class State:
     x_m: Array
     shift: Array = field(default_factory=lambda: np.zeros(3))
     drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    delay: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def moved(columns: Layout, state: State, dx: Array, dp: Array) -> State:
@@ -99,6 +106,7 @@ def moved(columns: Layout, state: State, dx: Array, dp: Array) -> State:
         x_m=state.x_m + dp,
         shift=state.shift + padded[columns.shift],
         drift=state.drift + padded[columns.drift],
+        delay=state.delay + padded[columns.delay],
     )
 
 
@@ -128,6 +136,7 @@ def named(
         (columns.mount, cameras, MOUNT),
         (columns.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
         (columns.drift, strips, [f"drift_{axis}" for axis in AXES]),
+        (columns.delay[:, None], ["GNSS", "attitude"], ["delay"]),
         (columns.pose, poses, POSE),
         (columns.joint[:, None], distances, ["joint"]),
     ):
@@ -146,6 +155,7 @@ def layout(
     free_mount: Sequence[str] = (),
     free_shift: Sequence[str] = (),
     n_drifts: int = 0,
+    delayed: Sequence[str] = (),
 ) -> Layout:
     """Return the column of every unknown: interior and mounting by camera, GNSS, then poses.
 
@@ -159,6 +169,8 @@ def layout(
     free_shift : sequence of str
         Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
+    delayed : sequence of str
+        Delays to estimate, names of `DELAYS`.
 
     Raises
     ------
@@ -170,18 +182,22 @@ def layout(
     expected.names_of("free", free, INTERIOR)
     expected.names_of("free_mount", free_mount, MOUNT)
     expected.names_of("free_shift", free_shift, AXES)
+    expected.names_of("delayed", delayed, DELAYS)
     is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
     per_camera = np.tile(is_free, (n_cameras, 1))
     columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
     shifted = np.array([name in free_shift for name in AXES])
     first_shift = int(per_camera.sum())
     first_drift = first_shift + int(shifted.sum())
-    first_pose = first_drift + 3 * n_drifts
+    first_delay = first_drift + 3 * n_drifts
+    late = np.array([name in delayed for name in DELAYS])
+    first_pose = first_delay + int(late.sum())
     return Layout(
         interior=columns[:, : len(INTERIOR)],
         mount=columns[:, len(INTERIOR) :],
         shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
         drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
+        delay=np.where(late, first_delay + np.cumsum(late) - 1, -1),
         pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
     )
 
@@ -205,6 +221,7 @@ def holding(columns: Layout, held: Index) -> Layout:
         pose=new[columns.pose],
         shift=new[columns.shift],
         drift=new[columns.drift],
+        delay=new[columns.delay],
         joint=new[columns.joint],
     )
 

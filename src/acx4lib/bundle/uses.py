@@ -15,7 +15,9 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import PoseObservations, Strips, strips_of, unobserved, usable
+from acx4lib.bundle.observations.points import usable
+from acx4lib.bundle.observations.strips import Strips, motion_of, strips_of
+from acx4lib.bundle.observations.trajectory import PoseObservations, slow_errors, unobserved
 from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered, start_points
@@ -25,7 +27,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import GNSS, MOUNT
+from acx4lib.geometry.parameters import DELAYS, GNSS, MOUNT
 from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.least_squares import processors
 
@@ -96,13 +98,14 @@ def mounted_orientation(
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        Errors of GNSS positions to estimate, names of `parameters.GNSS`: a ``"shift"`` of the
-        block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip.
+        Errors of the trajectory to estimate, names of `parameters.GNSS`: a ``"shift"`` of the
+        block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
+        a ``"delay"`` of the positions, an ``"attitude_delay"`` of the attitudes.
 
     Raises
     ------
     AdjustmentError
-        Where drifts are asked for and the block has no strips.
+        Where drifts are asked for and the block has no strips; as `strips.motion_of`, for delays.
     ValueError
         For an unknown name.
     """
@@ -110,6 +113,7 @@ def mounted_orientation(
     expected.names_of("gnss", gnss, GNSS)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
+    delayed = [name for name in DELAYS if name in gnss]
     if "drift" in gnss and not strips.names:
         msg = "no strip has two exposures to drift between: images.csv needs its column strip"
         raise AdjustmentError(msg)
@@ -125,6 +129,7 @@ def mounted_orientation(
             free_mount=free_mount,
             free_shift=free_shift(gnss, free_mount),
             n_drifts=len(strips.names),
+            delayed=delayed,
         ),
         observed=PoseObservations(
             T_m_b=trajectory.T_m_b,
@@ -132,6 +137,9 @@ def mounted_orientation(
             sigma_position=trajectory.sigma_position,
             sigma_attitude=trajectory.sigma_attitude,
             strips=strips,
+            motion=motion_of(block) if delayed else None,
+            slow_positions=slow_errors(trajectory, "position"),
+            slow_attitudes=slow_errors(trajectory, "attitude"),
         ),
         T_b_c=mountings(block.cameras),
         refraction=refraction,

@@ -15,8 +15,9 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.eliminated_points import elimination
-from acx4lib.least_squares.normal_equations import Equations, Group
+from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
+from acx4lib.least_squares.statistical.residuals import Group
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -165,7 +166,7 @@ def components(
     groups = [g for g in _groups(bundle) if len(g["sigma"])]
     shares = _shares(bundle, groups)
     inverse = np.linalg.pinv(shares, rcond=1e-8, hermitian=True)
-    variance = inverse @ np.array([np.sum((g["v"] / g["sigma"]) ** 2) for g in groups])
+    variance = inverse @ np.array([np.sum(g["squares"]) for g in groups])
     effective = 1 / np.maximum(np.diag(inverse), 1e-12)
     out = []
     for k, g in enumerate(groups):
@@ -239,9 +240,9 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     points = bundle.network.observed_points
     network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
-    sigma = np.concatenate([g["sigma"] for g in groups])
-    J = sparse.vstack([_derivatives(equations[g.group.kind], g, points, network) for g in groups])
-    J = sparse.csr_array(J.multiply(1 / sigma[:, None]))
+    J = sparse.csr_array(
+        sparse.vstack([_whitened(equations[g.group.kind], g, points, network) for g in groups])
+    )
     by_columns, by_points = J[:, : network.n_columns], J[:, network.n_columns :]
     gain, own = elimination(network, bundle.state, points)
     by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
@@ -265,6 +266,23 @@ def _seeing(network: Network, points: Index) -> Network:
     """Return a network with the image measurements of some points alone."""
     rows = np.isin(network.image_points.point_idx, points)
     return replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
+
+
+def _whitened(e: Equations, g: _Rows, points: Index, network: Network) -> sparse.csr_array:
+    """Return a group's derivatives, of observations that have the unit matrix for weights."""
+    J = sparse.csr_array(_derivatives(e, g, points, network).multiply(1 / g["sigma"][:, None]))
+    if e.correlation is None:
+        return J
+    used = np.isfinite(g.group.sigma[:, g.columns])
+    place = np.where(used, np.cumsum(used).reshape(used.shape) - 1, -1)
+    parts = []
+    for at, c in zip(place.T, g.columns, strict=True):
+        a, b = np.nonzero(e.correlation.factors[c])
+        there = (at[a] >= 0) & (at[b] >= 0)
+        a, b = a[there], b[there]
+        parts.append((e.correlation.factors[c][a, b], at[a], at[b]))
+    values, rows, columns = map(np.concatenate, zip(*parts, strict=True))
+    return sparse.csr_array((values, (rows, columns)), shape=(len(J.indptr) - 1,) * 2) @ J
 
 
 def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> sparse.csr_array:

@@ -13,6 +13,7 @@ import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations.trajectory import PoseObservations
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings
@@ -90,7 +91,7 @@ def absorption(mountings: Mountings) -> Absorption | None:
     gnss_errors = single.bundle.network.layout
     if np.any(_columns(one.layout) < 0) or np.any(_columns(two.layout) < 0):
         return None
-    if np.any(gnss_errors.shift >= 0) or len(gnss_errors.drift):
+    if np.any(gnss_errors.shift >= 0) or len(gnss_errors.drift) or np.any(gnss_errors.delay >= 0):
         return None
     network, inverse = gnss.bundle.network, _inverse_at(single.bundle, gnss.bundle)
     J, rows = by_lever_arms(network, inverse), _columns(network.layout)
@@ -134,17 +135,28 @@ def by_lever_arms(network: Network, inverse: Inverse) -> Array:
     longer than the one held by l has every position observed short of the camera by R_m_b l.
     """
     observed, block = network.observed, network.block
-    weight = 1 / observed.sigma_position**2
-    P = np.einsum("nai,na,naj->nij", observed.R_g_m, weight, observed.R_g_m)
-    by_image = P @ block.T_m_b_images.R
     rows, positions = _columns(network.layout), network.layout.pose[:, :3]
     Q = inverse.at(rows[:, None, None], positions)
     n_cameras = len(block.cameras)
     J = np.zeros((len(rows), n_cameras, 3))
     for k in range(n_cameras):
         own = block.images.camera_idx == k
-        J[:, k] = -np.einsum("rna,nab->rb", Q[:, own], by_image[own])
+        seen = own if observed.of_positions is None else np.ones_like(own)
+        by_image = _weighed(observed, block.T_m_b_images.R * own[:, None, None])
+        J[:, k] = -np.einsum("rna,nab->rb", Q[:, seen], by_image[seen])
     return J.reshape(len(rows), -1)
+
+
+def _weighed(observed: PoseObservations, off: Array) -> Array:
+    """Return the weights of observed positions times what these are off by, (n, 3, k)."""
+    if observed.of_positions is None:
+        weight = 1 / observed.sigma_position**2
+        P = np.einsum("nai,na,naj->nij", observed.R_g_m, weight, observed.R_g_m)
+        return np.asarray(P @ off)
+    sigma = observed.sigma_position[:, :, None]
+    along_grid = observed.of_positions.times(observed.R_g_m @ off / sigma) / sigma
+    weighed: Array = np.swapaxes(observed.R_g_m, -1, -2) @ along_grid
+    return weighed
 
 
 def effective_heights(calibration: Calibration, by_lever: Array) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +12,8 @@ from acx4lib import expected
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.trust.needs import needed
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.camera import INTERIOR, Camera
-from acx4lib.geometry.frames import opk_jacobian
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
@@ -136,7 +136,7 @@ def parameters(calibration: Calibration) -> list[Parameter]:
     open_columns = _open_reported(calibration)
     out = []
     for k, camera in enumerate(calibration.cameras):
-        values = _reported_values(camera)
+        values = reported_values(camera)
         for key, column in zip((*INTERIOR, *MOUNT), _columns(calibration, k), strict=True):
             if column >= 0:
                 name, unit = REPORTED[key]
@@ -146,7 +146,7 @@ def parameters(calibration: Calibration) -> list[Parameter]:
                         name=name,
                         key=key,
                         unit=unit,
-                        value=values[key],
+                        value=values[name],
                         sigma=np.inf if open_columns[column] else float(sigma[column]),
                     )
                 )
@@ -163,11 +163,23 @@ def _columns(calibration: Calibration, k: int) -> Index:
     return np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
 
 
-def _reported_values(camera: Camera) -> dict[str, float]:
-    values = dict(zip(INTERIOR, camera.interior.to_array(), strict=True))
+def reported_values(camera: Camera) -> dict[str, float]:
+    """Return all parameters of a camera by their names in results, in their units."""
     mounting = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
-    values |= dict(zip(MOUNT, mounting, strict=True))
-    return {key: float(value) for key, value in values.items()}
+    values = np.concatenate([camera.interior.to_array(), mounting]).tolist()
+    return {REPORTED[key][0]: v for key, v in zip((*INTERIOR, *MOUNT), values, strict=True)}
+
+
+def with_reported(camera: Camera, values: Mapping[str, float]) -> Camera:
+    """Return a camera with other values of some parameters, by their names in results."""
+    own = reported_values(camera)
+    said = np.array([values.get(name, own[name]) for name in own])
+    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
+    return replace(
+        camera,
+        interior=Interior.from_array(interior),
+        T_b_c=Pose(R=rotation_from_opk(np.radians(angles)), r=lever),
+    )
 
 
 def to_reported(calibration: Calibration) -> Array:

@@ -1,67 +1,143 @@
-"""The shift and the drifts of GNSS positions that a bundle estimated with its cameras."""
+"""The errors of the trajectory that a bundle estimated with its cameras.
+
+A shift and drifts of GNSS positions, and the delays of positions and of attitudes.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.estimates import Parameter, from_bundle, to_reported
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations.strips import Motion
+from acx4lib.calibration.estimates import (
+    LIMIT_BORESIGHT_DEG,
+    LIMIT_LEVER_M,
+    Parameter,
+    from_bundle,
+    to_reported,
+)
 from acx4lib.calibration.estimates import parameters as camera_parameters
 from acx4lib.calibration.trust.needs import features, needed
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
-LIMIT_M = 1.0
-"""Standard deviation above which a shift counts as not determined; for a drift, that of the
-error at the end of its strip."""
+DELAY = "gnss_delay_s"
+ATTITUDE_DELAY = "attitude_delay_s"
+
+
+LIMIT_DELAY_S = 1.0
+"""Standard deviation above which a delay counts as not determined, also where it does nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Unknown:
+    """One unknown error of the trajectory.
+
+    Attributes
+    ----------
+    key, name, unit : str
+        As in `Parameter`.
+    value : float
+        In this unit.
+    column : int
+    scale : float
+        The library's units in this unit.
+    reach : float
+        By how much of its limit one unit puts the trajectory off at most. An error that may put
+        it off by more than a lever arm or a boresight may be uncertain is not determined.
+    """
+
+    key: str
+    name: str
+    unit: str
+    value: float
+    column: int
+    scale: float = 1.0
+    reach: float = 1 / LIMIT_LEVER_M
+
+
+def _unknowns(bundle: Bundle) -> list[_Unknown]:
+    """Return the estimated errors of the trajectory, in the order of their columns."""
+    network, layout, state = bundle.network, bundle.network.layout, bundle.state
+    shift = [
+        _Unknown(key="shift", name=f"gnss_shift_{axis}_m", unit="m", value=value, column=column)
+        for axis, value, column in zip(AXES, state.shift, layout.shift, strict=True)
+    ]
+    found = [*shift, *_drifts(bundle), *_delays(network.observed.motion, bundle)]
+    return [one for one in found if one.column >= 0]
+
+
+def _drifts(bundle: Bundle) -> list[_Unknown]:
+    """Return the drifts, in m per minute, or per exposure where there are no times."""
+    strips, drift = bundle.network.observed.strips, bundle.network.layout.drift
+    per, scale = ("min", 60.0) if strips.unit == "s" else ("exposure", 1.0)
+    at_end = [
+        float(np.abs(strips.elapsed[strips.idx == k]).max()) for k in range(len(strips.names))
+    ]
+    return [
+        _Unknown(
+            key="drift",
+            name=f"gnss_drift_{strip}_{axis}_m_per_{per}",
+            unit=f"m/{per}",
+            value=scale * float(bundle.state.drift[k, a]),
+            column=int(drift[k, a]),
+            scale=scale,
+            reach=at_end[k] / scale / LIMIT_LEVER_M,
+        )
+        for k, strip in enumerate(strips.names)
+        for a, axis in enumerate(AXES)
+    ]
+
+
+def _delays(motion: Motion | None, bundle: Bundle) -> list[_Unknown]:
+    if motion is None:
+        return []
+    speed = float(np.linalg.norm(motion.velocity, axis=1).max())
+    rate = float(np.degrees(np.linalg.norm(motion.rate, axis=1).max()))
+    reaches = np.maximum([speed / LIMIT_LEVER_M, rate / LIMIT_BORESIGHT_DEG], 1 / LIMIT_DELAY_S)
+    return [
+        _Unknown(
+            key=key, name=name, unit="s", value=float(value), column=int(column), reach=float(reach)
+        )
+        for key, name, value, column, reach in zip(
+            ("delay", "attitude_delay"),
+            (DELAY, ATTITUDE_DELAY),
+            bundle.state.delay,
+            bundle.network.layout.delay,
+            reaches,
+            strict=True,
+        )
+    ]
 
 
 def parameters(bundle: Bundle) -> list[Parameter]:
-    """Return the estimated shift and drifts with their a posteriori standard deviations.
+    """Return the estimated errors of the trajectory with a posteriori standard deviations.
 
     They belong to no camera, so their camera's name is empty. A drift is in m per minute, or per
-    exposure where the trajectory has no times.
+    exposure where the trajectory has no times; a delay in s, positive where what is recorded for
+    an exposure is of a later time.
     """
-    strips, layout, state = bundle.network.observed.strips, bundle.network.layout, bundle.state
-    per = "min" if strips.unit == "s" else "exposure"
-    listed = [("shift", f"gnss_shift_{axis}_m", "m") for axis in AXES]
-    listed += [
-        ("drift", f"gnss_drift_{strip}_{axis}_m_per_{per}", f"m/{per}")
-        for strip in strips.names
-        for axis in AXES
-    ]
-    values = np.concatenate([state.shift, _drift_scale(bundle) * state.drift.ravel()])
-    columns = np.concatenate([layout.shift, layout.drift.ravel()])
     sigma = sigmas(reported_covariance(bundle))
     return [
         Parameter(
             camera="",
-            name=name,
-            key=key,
-            unit=unit,
-            value=float(value),
-            sigma=np.inf if bundle.solution.undetermined[column] else float(sigma[column]),
+            name=one.name,
+            key=one.key,
+            unit=one.unit,
+            value=float(one.value),
+            sigma=np.inf if bundle.solution.undetermined[one.column] else float(sigma[one.column]),
         )
-        for (key, name, unit), value, column in zip(listed, values, columns, strict=True)
-        if column >= 0
+        for one in _unknowns(bundle)
     ]
 
 
-def _columns(bundle: Bundle) -> Index:
-    layout = bundle.network.layout
-    columns = np.concatenate([layout.shift, layout.drift.ravel()])
-    return columns[columns >= 0]
-
-
-def _drift_scale(bundle: Bundle) -> float:
-    """Return the number of the strips' units of time in the unit of the report."""
-    return 60.0 if bundle.network.observed.strips.unit == "s" else 1.0
-
-
 def reported_covariance(bundle: Bundle) -> Array:
-    """Return the joint a posteriori covariance of the cameras' parameters, shift and drifts.
+    """Return the joint a posteriori covariance of the cameras' and the trajectory's parameters.
 
     Returns
     -------
@@ -69,9 +145,7 @@ def reported_covariance(bundle: Bundle) -> Array:
         First those of `estimates.parameters`, then those of `parameters`, in their units.
     """
     calibration, solution = from_bundle(bundle), bundle.solution
-    n_drifts = bundle.network.layout.drift.size
-    scale = np.ones(len(_columns(bundle)))
-    scale[len(scale) - n_drifts :] = _drift_scale(bundle)
+    scale = [one.scale for one in _unknowns(bundle)]
     J = block_diag(to_reported(calibration), np.diag(scale))
     first = np.arange(len(J))
     cov: Array = solution.sigma0_sq * propagate(J, solution.inverse.at(first[:, None], first))
@@ -79,21 +153,13 @@ def reported_covariance(bundle: Bundle) -> Array:
 
 
 def is_determined(bundle: Bundle) -> Mask:
-    """Tell for the shift and every drift whether the data determine it, shape (n,)."""
-    observed = bundle.network.observed
-    at_end = [
-        float(np.abs(observed.strips.elapsed[observed.strips.idx == k]).max())
-        for k in range(len(observed.strips.names))
-    ]
-    sigma = np.array([p.sigma for p in parameters(bundle)])
-    n_drifts = bundle.network.layout.drift.size
-    reach = np.ones(len(sigma))
-    reach[len(sigma) - n_drifts :] = np.repeat(at_end, 3) / _drift_scale(bundle)
-    return sigma * reach <= LIMIT_M
+    """Tell for every error of the trajectory whether the data determine it, shape (n,)."""
+    listed = zip(parameters(bundle), _unknowns(bundle), strict=True)
+    return np.array([p.sigma * one.reach <= 1 for p, one in listed], dtype=bool)
 
 
 def not_determined(bundle: Bundle) -> list[str]:
-    """Return one sentence per shift or drift that the data do not determine."""
+    """Return one sentence per error of the trajectory that the data do not determine."""
     listed = parameters(bundle)
     if not listed:
         return []
@@ -115,7 +181,7 @@ def not_determined(bundle: Bundle) -> list[str]:
 
 
 def notes(bundle: Bundle) -> list[str]:
-    """Return sentences on the errors of GNSS positions: what was estimated, what was held."""
+    """Return sentences on the errors of the trajectory: what was estimated, what was held."""
     layout = bundle.network.layout
     listed = [p for p, told in zip(parameters(bundle), is_determined(bundle), strict=True) if told]
     found = [
@@ -128,14 +194,38 @@ def notes(bundle: Bundle) -> list[str]:
     if drifts := [p for p in listed if p.key == "drift"]:
         top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
         out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
+    for p in listed:
+        if p.name in (DELAY, ATTITUDE_DELAY):
+            late, what = "late" if p.value > 0 else "early", p.name.split("_")[0]
+            whose = "GNSS positions" if what == "gnss" else "attitudes"
+            value, sigma = 1000 * abs(p.value), 1000 * p.sigma
+            out.append(f"{whose} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
+    out += _correlated(bundle.network)
     if np.any(layout.shift >= 0):
         held, free = "the lever arm's z", "the height of the GNSS shift"
         if layout.shift[2] < 0:
             held, free = free, held
         out.append(f"{held} is held, since it and {free} are one unknown")
-    if len(_columns(bundle)):
+    if _unknowns(bundle):
+        gnss = "the shift and drift of GNSS positions"
+        which = "delays" if np.any(layout.delay >= 0) else gnss
+        if which != gnss and (np.any(layout.shift >= 0) or len(layout.drift)):
+            which = f"{gnss} and delays"
         out.append(
-            "the shift and drift of GNSS positions are this block's own: none is applied "
-            "to another block, nor in the validation"
+            f"{which} are this block's own: none is applied to another block, nor in the validation"
         )
     return out
+
+
+def _correlated(network: Network) -> list[str]:
+    """Say what share of the trajectory's sigma the weights take to change slowly."""
+    observed, trajectory = network.observed, network.block.trajectory
+    return [
+        f"errors of {what} are taken to be correlated: {process.share:g} of their sigma, with a "
+        f"time constant of {process.time_constant_s:g} s"
+        for what, process, slow in (
+            ("positions", trajectory.slow_positions, observed.slow_positions),
+            ("attitudes", trajectory.slow_attitudes, observed.slow_attitudes),
+        )
+        if slow is not None
+    ]

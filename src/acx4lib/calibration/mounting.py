@@ -11,7 +11,7 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
-from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.observations.trajectory import PoseObservations, slow_errors
 from acx4lib.bundle.unknowns import free_mount
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.averaged_mountings import averaged
@@ -216,6 +216,7 @@ def two_step_gnss(
         R_g_m=cleaned.trajectory.R_g_m[exposure],
         sigma_position=cleaned.trajectory.sigma_position[exposure],
         sigma_attitude=np.full((len(T_m_b), 3), np.inf),
+        slow_positions=slow_errors(cleaned.trajectory, "position", exposure),
     )
     network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
     bundle = replace(adjust(network), rejected=tuple(rejected))

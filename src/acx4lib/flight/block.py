@@ -21,6 +21,7 @@ from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.local_frame import LocalFrame
+from acx4lib.least_squares.statistical.gauss_markov import WHITE, GaussMarkov
 
 SMALLEST_ANGLE = float(np.radians(2.0))
 """A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
@@ -152,6 +153,8 @@ class Trajectory:
         About the body's x, y, z axes, radians; infinite, the default, where not known.
     time_s : ndarray, shape (n_exposures,), or (1,) where no time is known
         Time from any origin, s; NaN where it is not known.
+    slow_positions, slow_attitudes : GaussMarkov
+        How the errors of each component are correlated in time; independent by default.
     """
 
     exposures: tuple[str, ...]
@@ -160,6 +163,8 @@ class Trajectory:
     sigma_position: Array = NOT_GIVEN
     sigma_attitude: Array = NOT_GIVEN
     time_s: Array = field(default_factory=lambda: np.full(1, np.nan))
+    slow_positions: GaussMarkov = WHITE
+    slow_attitudes: GaussMarkov = WHITE
 
     def __post_init__(self) -> None:
         expected.names("exposures", self.exposures)
@@ -282,11 +287,6 @@ def _check_surveyed(block: Block) -> None:
         name = block.points[both[0]]
         msg = f"control and check: expected different points, got point {name!r} in both"
         raise ValueError(msg)
-
-
-def select_camera(block: Block, name: str) -> Block:
-    """Return the part of a block that one camera took, as `select_cameras` does."""
-    return select_cameras(block, [name])
 
 
 def select_cameras(block: Block, names: Sequence[str]) -> Block:

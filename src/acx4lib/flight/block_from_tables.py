@@ -200,6 +200,8 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
         sigma_position=_sigma(table, SIGMA_POSITION, gnss)[used],
         sigma_attitude=np.radians(_sigma(table, SIGMA_ATTITUDE, ins)[used]),
         time_s=table.numbers.get("time_s", np.full(len(table), np.nan))[used],
+        slow_positions=apriori.slow_positions,
+        slow_attitudes=apriori.slow_attitudes,
     )
 
 

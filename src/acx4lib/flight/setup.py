@@ -17,6 +17,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.prior import Prior
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
@@ -48,13 +49,47 @@ class Synthetic:
 
 @dataclass(frozen=True, kw_only=True)
 class Apriori:
-    """Standard deviations for observations without their own; the names have the units."""
+    """Standard deviations for observations without their own; the names have the units.
+
+    The others say how the trajectory's errors are correlated in time: see `GaussMarkov`.
+    """
 
     image_point_px: float = 0.5
     gnss_horizontal_m: float = 0.05
     gnss_vertical_m: float = 0.10
     roll_pitch_deg: float = 0.005
     heading_deg: float = 0.008
+    gnss_correlation_s: float = 1.0
+    gnss_correlated_share: float = 0.0
+    attitude_correlation_s: float = 1.0
+    attitude_correlated_share: float = 0.0
+
+    @property
+    def slow_positions(self) -> GaussMarkov:
+        """How the errors of GNSS positions are correlated."""
+        share, constant = self.gnss_correlated_share, self.gnss_correlation_s
+        return GaussMarkov(share=share, time_constant_s=constant)
+
+    @property
+    def slow_attitudes(self) -> GaussMarkov:
+        """How the errors of attitudes are correlated."""
+        share, constant = self.attitude_correlated_share, self.attitude_correlation_s
+        return GaussMarkov(share=share, time_constant_s=constant)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """When a flight was flown, and what may have changed its cameras.
+
+    Attributes
+    ----------
+    date : datetime.date or None
+    temperature_c : float
+        Of the cameras, degrees Celsius; NaN where not known.
+    """
+
+    date: dt.date | None = None
+    temperature_c: float = np.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,10 +152,11 @@ class Setup:
     fix : tuple of str
         Parts that the mounting stage holds: ``lever_arm``, ``boresight``.
     gnss : tuple of str
-        Errors of GNSS positions that the mounting stage estimates: ``shift``, ``drift``.
+        Errors of the trajectory that the mounting stage estimates, names of `parameters.GNSS`.
     weights : str
         Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
     certificate : Certificate
+    session : Session
     """
 
     name: str
@@ -136,6 +172,7 @@ class Setup:
     gnss: tuple[str, ...]
     weights: str
     certificate: Certificate
+    session: Session
 
     @property
     def measured_in_heads(self) -> bool:
@@ -163,6 +200,14 @@ def setup_of(toml: Toml) -> Setup:
         gnss=tuple(mounting.get("gnss", ())),
         weights=mounting.get("weights", "given"),
         certificate=_certificate_of(toml.table("certificate")),
+        session=_session_of(toml.table("session")),
+    )
+
+
+def _session_of(table: dict[str, Any]) -> Session:
+    date, celsius = table.get("date"), float(table.get("temperature_c", np.nan))
+    return Session(
+        date=date.date() if isinstance(date, dt.datetime) else date, temperature_c=celsius
     )
 
 

@@ -13,6 +13,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights, forward_overlaps
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.setup import Session
 from acx4lib.geometry.geodesy import SHOWN
 
 
@@ -28,6 +29,7 @@ def summary(flight: Flight) -> str:
         _row("CRS", _system(flight.grid.crs)),
         _row("heights", Path(flight.grid.heights).name),
         _row("refraction", flight.refraction),
+        *(_row("session", said) for said in _session(flight.session)),
     ]
     for block in flight.blocks.values():
         lines += ["", f"block {block.name}", *(_row(*row) for row in _block_rows(block))]
@@ -38,6 +40,14 @@ def summary(flight: Flight) -> str:
     if flight.notes:
         lines += ["", "notes", *(f"  {note}" for note in flight.notes)]
     return "\n".join(lines)
+
+
+def _session(session: Session) -> Iterator[str]:
+    celsius = session.temperature_c
+    degrees = [f"{celsius:g} °C"] if np.isfinite(celsius) else []
+    dates = [f"{session.date}"] if session.date else []
+    if degrees or dates:
+        yield ", ".join([*dates, *degrees])
 
 
 def _system(crs: str) -> str:

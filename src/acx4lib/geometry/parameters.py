@@ -7,8 +7,12 @@ LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
 
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 
-GNSS = ("shift", "drift")
-"""Systematic errors of GNSS positions: a shift of the whole block, a drift along each strip."""
+DELAYS = ("delay", "attitude_delay")
+"""Delays of the trajectory: of its positions, and of its attitudes."""
+
+GNSS = ("shift", "drift", *DELAYS)
+"""Systematic errors of a trajectory: of positions a shift of the whole block and a drift along each
+strip; the delays."""
 
 AXES = ("east", "north", "height")
 """Axes of the grid, along which errors of GNSS positions are counted."""

@@ -17,8 +17,8 @@ from acx4lib import expected
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import inside
-from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.camera import Camera, correct, inside, xy_from_colrow
+from acx4lib.geometry.collinearity import pinhole, project, to_camera
 from acx4lib.geometry.intersection import largest_angles
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.georeferencing import direct
@@ -91,8 +91,8 @@ class Budget:
 def of(sources: ErrorSources, layout: Layout) -> Budget:
     """Split the variances of points by their sources.
 
-    Valid where positions and attitudes are independent, and the three angles, as `Trajectory` has
-    them.
+    Valid where exposures are independent of each other, positions of attitudes, and the three
+    angles of one another, as `ErrorSources` and `Trajectory.cov` have them.
 
     Parameters
     ----------
@@ -234,14 +234,30 @@ def shown(
     colrow : ndarray, shape (k, 2)
     """
     image_idx, point_idx, colrow = [], [], []
+    limits = [_limits(camera) for camera in georeferenced.cameras]
     for i, k in enumerate(block.images.camera_idx):
         camera, T_m_c = georeferenced.cameras[k], georeferenced.T_m_c[i : i + 1]
-        at = project(camera, T_m_c, as_seen(T_m_c.r, x_m, refraction=refraction))
-        points = np.flatnonzero(inside(camera, at))
-        image_idx.append(np.full(len(points), i))
-        point_idx.append(points)
-        colrow.append(at[points])
+        seen_at = as_seen(T_m_c.r, x_m, refraction=refraction)
+        ideal = pinhole(camera.interior.f, to_camera(T_m_c, seen_at))
+        near = np.flatnonzero(np.all(np.abs(ideal) <= limits[k], axis=1))
+        at = project(camera, T_m_c, seen_at[near])
+        within = inside(camera, at)
+        image_idx.append(np.full(int(within.sum()), i))
+        point_idx.append(near[within])
+        colrow.append(at[within])
     point = np.concatenate([*point_idx, np.zeros(0, dtype=np.intp)])
     order = np.argsort(point, kind="stable")
     image = np.concatenate([*image_idx, np.zeros(0, dtype=np.intp)])
     return image[order], point[order], np.concatenate([*colrow, np.zeros((0, 2))])[order]
+
+
+def _limits(camera: Camera) -> Array:
+    """Return how far from the principal point ideal image points of the format lie, mm, and more.
+
+    Points beyond need no search for their distorted place.
+    """
+    col, row = (np.array([0.0, 0.5, 1.0]) * n - 0.5 for n in (camera.width_px, camera.height_px))
+    border = np.stack(np.meshgrid(col, row), axis=-1).reshape(-1, 2)
+    ideal = correct(camera.interior, xy_from_colrow(camera, border))
+    limits: Array = 1.05 * np.abs(ideal).max(axis=0)
+    return limits

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index
@@ -112,6 +111,9 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
     part of the parameters, has few columns. Hence C^-1 = S^-1 - S^-1 K (I + K^T S^-1 K)^-1 K^T S^-1
     (Woodbury).
     """
+    # predictions, which solve nothing, are made without what takes long to load
+    from scipy.sparse.linalg import splu  # noqa: PLC0415
+
     d = expected.numbers("d", d, (len(sources), 3)).ravel()
     if len(d) == 0:
         return 0.0

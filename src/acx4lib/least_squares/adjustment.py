@@ -19,9 +19,10 @@ from acx4lib.expected import Array, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import Group, PlainNormals, Precision
-from acx4lib.least_squares.problem import Normals, Problem
+from acx4lib.least_squares.normal_equations import PlainNormals
+from acx4lib.least_squares.problem import Normals, Precision, Problem
 from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
+from acx4lib.least_squares.statistical.residuals import Group
 
 S = TypeVar("S")
 

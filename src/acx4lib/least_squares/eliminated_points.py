@@ -9,8 +9,8 @@ import numpy as np
 
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.adjustment import Solution, require_own_datum
-from acx4lib.least_squares.normal_equations import Equations, point_normals, strips
-from acx4lib.least_squares.problem import Problem
+from acx4lib.least_squares.normal_equations import point_normals, strips
+from acx4lib.least_squares.problem import Equations, Problem
 
 S = TypeVar("S")
 

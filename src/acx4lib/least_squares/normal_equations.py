@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.least_squares.dense import Dense, Inverse
+from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero
+from acx4lib.least_squares.problem import Equations, Precision
 
 CHUNK = 256
 """Points eliminated at a time; bounds the memory of the dense strips."""
@@ -21,104 +22,10 @@ ROUNDING = 1e-14
 """Singular value, as a share of the largest, below which there are only rounding errors."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Equations:
-    """One group of linearised observations, v = estimated - observed.
-
-    Attributes
-    ----------
-    kind : str
-        Name for reports.
-    v, sigma : ndarray, shape (m, d)
-        An infinite sigma takes a component out.
-    A : ndarray, shape (m, d, k)
-        dv / d(unknowns of the observation's unit); k may be zero.
-    columns : ndarray, shape (n_units, k)
-        Where these unknowns stand in the reduced system; -1 for one that is held.
-    unit : ndarray, shape (m,)
-        Observations of one unit share their columns.
-    B : ndarray, shape (m, d, 3), optional
-        dv / d(point).
-    point : ndarray, shape (m,), optional
-    """
-
-    kind: str
-    v: Array
-    sigma: Array
-    A: Array
-    columns: Index
-    unit: Index
-    B: Array | None = None
-    point: Index | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Group:
-    """Residuals of one group after the adjustment.
-
-    Attributes
-    ----------
-    kind : str
-    v, sigma, redundancy : ndarray, shape (m, d)
-        The redundancy number is the share of an error that shows in its own residual; NaN
-        where the component takes no part.
-    """
-
-    kind: str
-    v: Array
-    sigma: Array
-    redundancy: Array
-
-    @property
-    def used(self) -> Mask:
-        """Which components took part."""
-        return np.isfinite(self.sigma)
-
-    @cached_property
-    def w(self) -> Array:
-        """Baarda's normalised residuals, a priori sigma; NaN where no observation controls them."""
-        w = np.full_like(self.v, np.nan)
-        controlled = self.used & (self.redundancy > 1e-6)
-        sigma, redundancy = self.sigma[controlled], self.redundancy[controlled]
-        w[controlled] = self.v[controlled] / (sigma * np.sqrt(redundancy))
-        return w
-
-    @classmethod
-    def of(cls, e: Equations, explained: Array) -> Group:
-        """Return the residuals of a group of equations.
-
-        Parameters
-        ----------
-        e : Equations
-        explained : ndarray, shape (m, d)
-            Variance of the adjusted observations.
-        """
-        redundancy = np.where(np.isfinite(e.sigma), 1 - explained / e.sigma**2, np.nan)
-        return cls(kind=e.kind, v=e.v, sigma=e.sigma, redundancy=redundancy)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Precision:
-    """Covariances, residuals and redundancy numbers from the normal equations.
-
-    Attributes
-    ----------
-    inverse : Inverse
-        Covariance of the reduced unknowns.
-    cov_points : ndarray, shape (n_points, 3, 3)
-        Zero for points that are held.
-    groups : tuple of Group
-    """
-
-    inverse: Inverse
-    cov_points: Array
-    groups: tuple[Group, ...]
-
-
-def cost_of(groups: Iterable[tuple[Array, Array]]) -> float:
-    """Return the weighted sum of squares of (v, sigma); infinite where it is not finite."""
+def cost_of(equations: Iterable[Equations]) -> float:
+    """Return the weighted sum of squared residuals; infinite where it is not finite."""
     with np.errstate(over="ignore"):  # after a very large step
-        cost = sum(float(np.sum(np.square(v / sigma))) for v, sigma in groups)
+        cost = sum(e.cost for e in equations)
     return cost if np.isfinite(cost) else np.inf
 
 
@@ -126,6 +33,11 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
     """Return A^T P A and A^T P v over all groups, unit by unit."""
     N, g = np.zeros((n, n)), np.zeros(n)
     for e in equations:
+        if e.correlation is not None:
+            A, v = dense_rows(n, [e])
+            N += A.T @ A
+            g += A.T @ v
+            continue
         for rows, columns, held in units(e):
             P = 1 / e.sigma[rows] ** 2
             A = e.A[rows].reshape(-1, e.A.shape[2])[:, ~held]
@@ -136,13 +48,17 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
 
 
 def dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return A, shape (n_rows, n), and v over all groups, divided by their standard deviations."""
-    A, v = [np.zeros((0, n))], [np.zeros(0)]
+    """Return A, shape (n_rows, n), and v over all groups, each with the unit matrix for weights."""
+    A: list[Array] = [np.zeros((0, n))]
+    v: list[Array] = [np.zeros(0)]
     for e in equations:
         rows = np.zeros((*e.v.shape, n + 1))
         np.put_along_axis(rows, np.broadcast_to(e.columns[e.unit][:, None], e.A.shape), e.A, axis=2)
-        A.append((rows[:, :, :n] / e.sigma[:, :, None]).reshape(-1, n))
-        v.append((e.v / e.sigma).ravel())
+        both: tuple[Array, Array] = (rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma)
+        if e.correlation is not None:
+            both = (e.correlation.whitened(both[0]), e.correlation.whitened(both[1]))
+        A.append(both[0].reshape(-1, n))
+        v.append(both[1].ravel())
     return np.concatenate(A), np.concatenate(v)
 
 
@@ -246,7 +162,7 @@ class PlainNormals:
     @cached_property
     def cost(self) -> float:
         """Weighted sum of squared residuals."""
-        return cost_of((e.v, e.sigma) for e in self.equations)
+        return cost_of(self.equations)
 
     @cached_property
     def n_observations(self) -> int:
@@ -312,7 +228,10 @@ class PlainNormals:
             Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
             N -= Z.T @ Z
         inverse = Dense(N=N, diagonal=diagonal).inverse()
-        explained = [np.zeros_like(e.v) for e in self.equations]
+        explained = [
+            np.zeros_like(e.v if e.correlation is None else e.correlation.weight)
+            for e in self.equations
+        ]
         cov_points = V_inv
         cov_points[~free_points] = 0.0
         for points, strip in strips(n, free_points, self.equations):
@@ -321,12 +240,33 @@ class PlainNormals:
             cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
             for e, part in zip(self.equations, explained, strict=True):
                 _add_explained_by_points(part, e, points, cross, cov_points)
-        for e, part in zip(self.equations, explained, strict=True):
-            for rows, columns, held in units(e):
-                A = e.A[rows][:, :, ~held]
-                part[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
-        groups = tuple(map(Group.of, self.equations, explained))
+        groups = tuple(
+            e.tested(part + _of_columns(e, inverse))
+            for e, part in zip(self.equations, explained, strict=True)
+        )
         return Precision(inverse=inverse, cov_points=cov_points, groups=groups)
+
+
+def _of_columns(e: Equations, inverse: Inverse) -> Array:
+    """Return the columns' part of the covariances of adjusted observations, as `Equations.tested`.
+
+    Where they are correlated, those of every pair.
+    """
+    if e.correlation is not None:
+        return of_pairs(e, inverse)
+    explained = np.zeros_like(e.v)
+    for rows, columns, held in units(e):
+        A = e.A[rows][:, :, ~held]
+        explained[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
+    return explained
+
+
+def of_pairs(e: Equations, inverse: Inverse) -> Array:
+    """Return the covariances of the adjusted observations of every correlated pair, (p, d)."""
+    assert e.correlation is not None
+    i, j = e.correlation.first, e.correlation.second
+    cov = held_at_zero(inverse, e.columns[i][:, :, None], e.columns[j][:, None, :])
+    return np.sum((e.A[i] @ cov) * e.A[j], axis=2)
 
 
 def _add_explained_by_points(

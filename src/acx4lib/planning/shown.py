@@ -8,6 +8,7 @@ import pandas as pd
 
 from acx4lib.calibration.trust import determination
 from acx4lib.flight.block import Block
+from acx4lib.georeferencing import budget
 from acx4lib.planning import tables
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
@@ -100,13 +101,15 @@ def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _validation_lines(design: Design) -> Iterator[str]:
+    """Yield the RMS of check points in metres, and what share of its square each source has."""
     for method, validation in design.validations.items():
         yield ""
         yield f"validation/{method}: predicted RMS of differences at check points, m"
         rows = []
-        for what, found in (("points", validation.points), ("pairs", validation.pairs)):
-            rms = tables.predicted_rms(found)
-            rows.append((f"{len(found)} {what}", *(f"{value:.3f}" for value in rms)))
+        for what, found in tables.predicted(validation).items():
+            rows.append((f"{len(found)} {what}", *(f"{value:.3f}" for value in found.rms)))
+            for group, share in budget.shares(found.mean).items():
+                rows.append((f"  of its square, {group}", *(f"{x:.0%}" for x in share)))
         yield from _aligned(("", "east", "north", "height"), rows)
 
 
@@ -125,7 +128,7 @@ def _aligned(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterat
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.removesuffix(" !"))
+        float(cell.removesuffix(" !").removesuffix("%"))
     except ValueError:
         return False
     return True

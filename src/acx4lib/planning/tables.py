@@ -22,7 +22,9 @@ from acx4lib.calibration.trust.detectable import detectable
 from acx4lib.calibration.trust.needs import features
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing.differences import Differences
+from acx4lib.georeferencing import budget
+from acx4lib.georeferencing.budget import Budget
+from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
@@ -157,12 +159,17 @@ def check_point_table(design: Design) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def predicted_rms(differences: Differences) -> Array:
-    """Return the RMS of differences that is expected, east, north, height, m; NaN for none."""
-    if len(differences) == 0:
-        return np.full(3, np.nan)
-    rms: Array = np.sqrt(np.mean(differences.sigma**2, axis=0))
-    return rms
+def predicted(validation: Validation) -> dict[str, Budget]:
+    """Return the error budgets of differences at check points: of all rays, and of pairs of rays.
+
+    Returns
+    -------
+    dict of str to Budget
+        ``points`` and ``pairs``; the `rms` of each is what is expected.
+    """
+    layout = validation.georeferenced.layout
+    parts = {"points": validation.points, "pairs": validation.pairs}
+    return {name: budget.of(found.sources, layout) for name, found in parts.items()}
 
 
 def sentences(design: Design) -> list[str]:
@@ -186,15 +193,20 @@ def summary(design: Design) -> dict[str, Any]:
         },
         **{f"mounting/{name}": _adjusted(m.bundle) for name, m in design.mountings.items()},
         **{
-            f"validation/{name}": {
-                "n_points": len(v.points),
-                "n_pairs": len(v.pairs),
-                "rms": [float(x) for x in predicted_rms(v.pairs)],
-                "points": {"rms": [float(x) for x in predicted_rms(v.points)]},
-            }
+            f"validation/{name}": {part: _predicted(b) for part, b in predicted(v).items()}
             for name, v in design.validations.items()
         },
         "not_determined": sentences(design),
+    }
+
+
+def _predicted(found: Budget) -> dict[str, Any]:
+    """Return the entries of a budget: number, RMS and shares of its groups, by axis."""
+    parts = budget.shares(found.mean)
+    return {
+        "n": len(found),
+        "rms": found.rms.tolist(),
+        "shares": {group: share.tolist() for group, share in parts.items()},
     }
 
 

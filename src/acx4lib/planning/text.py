@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import FlightError
@@ -29,7 +32,8 @@ from acx4lib.planning.plan import (
 MOST_PROJECTED = 20_000_000
 """Largest product of a block's images and points: what is more takes too long and too much."""
 
-MOST_EXPOSURES = 5_000
+MOST_EXPOSURES = 1_000
+"""Largest number of exposures of a block: all may overlap, and the normal matrix is then full."""
 
 ROW = 5
 """Number of points that a line of a written plan has."""
@@ -141,6 +145,12 @@ def _strips(
 
 def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
     for name, block in plan.blocks.items():
+        middle = np.array([[block.area.east_m, block.area.north_m]])
+        if not np.isfinite(plan.setup.grid.lonlat_from_grid(middle)).all():
+            found = f"{block.area.east_m:g} east, {block.area.north_m:g} north"
+            where = f"must lie where {plan.setup.grid.crs} maps the earth; easting first"
+            key = name if "east_m" in toml.table(name) else "field"
+            yield toml.problem((key, "east_m"), found, where)
         n = sum(strip.n_exposures for strip in block.strips.values())
         if n > MOST_EXPOSURES:
             found = f"{n} exposures"
@@ -160,7 +170,7 @@ def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
 def written(values: Mapping[str, Any]) -> str:
     """Return the TOML text of nested tables: those of a plan, or of flight.toml.
 
-    A strip is one line. Values are text, numbers, truth values, and lists of them.
+    A strip is one line. Values are text, numbers, truth values, dates, and lists of them.
     """
     return "\n".join(_lines(values, ())).strip("\n") + "\n"
 
@@ -195,4 +205,6 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):
         return _text(value)
+    if isinstance(value, dt.date | dt.time):
+        return value.isoformat()
     return json.dumps(value)

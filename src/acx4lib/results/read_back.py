@@ -9,10 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib.bundle.unknowns import Layout
-from acx4lib.calibration.estimates import METHODS, RIGS, Calibration, given, to_reported
+from acx4lib.calibration.estimates import (
+    METHODS,
+    RIGS,
+    Calibration,
+    given,
+    to_reported,
+    with_reported,
+)
 from acx4lib.flight.reader import Flight
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior
-from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results import folder
@@ -64,22 +70,7 @@ def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Came
     """Return a declared camera with the parameters that a method estimated."""
     listed = folder.rows(found, "parameters", stage_method)
     mine = listed[listed["camera"] == camera.name]
-    values = dict(zip(mine["parameter"], mine["value"], strict=True))
-    declared = np.concatenate(
-        [camera.interior.to_array(), camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]
-    )
-    said = np.array(
-        [
-            values.get(REPORTED[key][0], old)
-            for key, old in zip((*INTERIOR, *MOUNT), declared, strict=True)
-        ]
-    )
-    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
-    return replace(
-        camera,
-        interior=Interior.from_array(interior),
-        T_b_c=Pose(R=rotation_from_opk(np.radians(angles)), r=lever),
-    )
+    return with_reported(camera, dict(zip(mine["parameter"], mine["value"], strict=True)))
 
 
 def read_calibration(

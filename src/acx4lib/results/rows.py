@@ -11,7 +11,7 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_mountings
+from acx4lib.bundle.observations.mountings import observed_mountings
 from acx4lib.calibration import gnss_shift
 from acx4lib.calibration.estimates import (
     Calibration,

@@ -26,7 +26,7 @@ from acx4lib.geometry.frames import exp, opk_from_rotation, opk_jacobian, rotati
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
-from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.problem import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.tie_points.differences import PER_HEAD, by_pair, normals, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties

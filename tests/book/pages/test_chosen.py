@@ -18,10 +18,10 @@ def page():
 @pytest.mark.parametrize(
     "row",
     [
-        "chosen for | tie points of the calibration block | 700 |",
-        "chosen for | noise of GNSS positions, plan and height | 2 and 1.5 cm |",
-        "chosen for | places of the natural targets | 36 over",
-        "chosen for | focal length of the first head | 74.",
+        "chosen | tie points of the calibration block | 700 |",
+        "chosen | noise of GNSS positions, plan and height | 2 and 1.5 cm |",
+        "chosen | places of the natural targets | 36 over",
+        "chosen | focal length of the first head | 74.",
         "a guess | noise of image points | 0.5 px |",
         "a guess | noise of natural targets | 1 to 2 px |",
         "a guess | tie points of every head | 500 |",

@@ -11,7 +11,8 @@ from acx4lib.bundle.gross_errors.rejections import noncentrality
 from acx4lib.bundle.reliability import gains, parameter_effects, reliability
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.least_squares.dense import Dense
-from acx4lib.least_squares.normal_equations import Equations, Group
+from acx4lib.least_squares.problem import Equations
+from acx4lib.least_squares.statistical.residuals import Group
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")

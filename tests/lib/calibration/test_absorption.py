@@ -11,6 +11,7 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.absorption import absorption, by_lever_arms, effective_heights
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support import blocks
 from support.flights.simulated import fly
 
@@ -56,12 +57,16 @@ def taken_up(block, axis):
     return np.array([*interior, *log(true.T_b_c.R.T @ found.T_b_c.R)]) / LEVER_M
 
 
+@pytest.mark.parametrize("share", [0.0, 0.9])
 @pytest.mark.parametrize("axis", range(3))
-def test_by_lever_arms_is_what_an_adjustment_with_a_wrong_lever_arm_does(exact, axis):
-    two = held_off(exact, axis).bundle
+def test_by_lever_arms_is_what_an_adjustment_with_a_wrong_lever_arm_does(exact, axis, share):
+    """With independent errors of the positions, and with those that change slowly."""
+    process = GaussMarkov(share=share, time_constant_s=600.0)
+    block = replace(exact, trajectory=replace(exact.trajectory, slow_positions=process))
+    two = held_off(block, axis).bundle
     by_lever = by_lever_arms(two.network, two.solution.inverse) @ exact.cameras[0].T_b_c.R
     # linear: of a lever arm of 1 cm the second order is 1e-5
-    assert_allclose(by_lever[:, axis], taken_up(exact, axis)[:3], rtol=1e-3, atol=2e-5)
+    assert_allclose(by_lever[:, axis], taken_up(block, axis)[:3], rtol=1e-3, atol=2e-5)
 
 
 def test_exact_data_differ_by_what_the_lever_arm_says(exact):

@@ -174,3 +174,13 @@ def test_the_largest_correlations_are_named():
     cov[0, 3] = cov[3, 0] = 0.95 * np.sqrt(cov[0, 0] * cov[3, 3])  # f and lever_z
     (line,) = not_determined(replace(tight, cov=cov))
     assert "correlation +0.95 with lever_z_m" in line
+
+
+def test_a_camera_with_other_reported_values_has_these_and_keeps_the_others(found):
+    camera = found.cameras[0]
+    values = estimates.reported_values(camera)
+    assert list(values) == [name for name, _ in estimates.REPORTED.values()]
+    new = {"f_mm": 51.0, "lever_y_m": 0.5, "boresight_kappa_deg": 7.0, "no such name": 1.0}
+    changed = estimates.reported_values(estimates.with_reported(camera, new))
+    for name, value in values.items():
+        assert_allclose(changed[name], new.get(name, value), rtol=1e-12, atol=1e-15)

@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4book.report.words import parameter_title
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.observations import position_errors
+from acx4lib.bundle.observations.trajectory import position_errors
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import gnss_shift, mounting
 from acx4lib.calibration.estimates import not_determined, parameters
-from acx4lib.geometry.parameters import GNSS, MOUNT
+from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks
@@ -21,6 +22,7 @@ from support.flights import simulated as flown
 from support.helpers import dense_covariance
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+GNSS = ("shift", "drift")
 SHIFT = np.array([0.30, -0.20, 0.15])
 DRIFT = 0.01 * np.array([[1.0, -0.5, 0.3], [-0.2, 0.4, 0.6], [0.0, 0.7, -0.8]])  # m/s
 
@@ -28,7 +30,9 @@ DRIFT = 0.01 * np.array([[1.0, -0.5, 0.3], [-0.2, 0.4, 0.6], [0.0, 0.7, -0.8]]) 
 def off(block, shift, drift):
     """The block with positions that are shifted and drift."""
     net = mounted_orientation(block, free=(), gnss=("drift",))
-    return blocks.changed(block, "gnss", position_errors(net.observed, shift, drift))
+    return blocks.changed(
+        block, "gnss", position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
+    )
 
 
 def single_step(block, **options):
@@ -302,6 +306,16 @@ def test_with_the_lever_arm_held_the_summary_says_that(noisy):
     found, held, _ = gnss_shift.notes(bundle)
     assert "(height)" in found
     assert held.startswith("the lever arm's z is held")
+
+
+def test_weights_that_know_of_slow_errors_are_said(striped):
+    process = GaussMarkov(share=0.9, time_constant_s=600.0)
+    timed = replace(striped.trajectory, time_s=np.arange(12.0), slow_positions=process)
+    bundle = single_step(replace(striped, trajectory=timed))
+    assert gnss_shift.notes(bundle) == [
+        "errors of positions are taken to be correlated: 0.9 of their sigma, with a time constant "
+        "of 600 s"
+    ]
 
 
 def test_by_default_nothing_is_estimated_and_nothing_said(noisy):

@@ -114,6 +114,20 @@ REPLACED = [
         "E0,0,0,0,0,0,0\nE1,",
         ":3: exposure: 'E0' stands in line 2 already; every exposure once",
     ),
+    (
+        TRAJECTORY,
+        "0.3,-0.1",
+        "0.3,-0°06'00.0\"",
+        ":2: phi_deg: '-0°06\\'00.0\"' (degrees, minutes and seconds?); must be a finite number, "
+        "decimal point",
+    ),
+    (
+        TRAJECTORY,
+        "0.3,-0.1",
+        "0.3,-0 06 00.0",
+        ":2: phi_deg: '-0 06 00.0' (degrees, minutes and seconds?); must be a finite number, "
+        "decimal point",
+    ),
     (TRAJECTORY, "0.3,-0.1", "0.3,-361", ":2: phi_deg: -361; must lie between -360 and 360"),
     (
         TRAJECTORY,
@@ -177,7 +191,8 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, adjustment, stages, certificate, format",
+        "heights, refraction, cameras, synthetic, apriori, adjustment, session, stages, "
+        "certificate, format",
     ),
     (
         TOML,
@@ -287,7 +302,8 @@ REPLACED = [
         TOML,
         "lever_z_m = 0.2",
         '[stages.mounting]\ngnss = ["drifts"]',
-        ":15: stages.mounting.gnss: 'drifts' (did you mean 'drift'?); must be of shift, drift",
+        ":15: stages.mounting.gnss: 'drifts' (did you mean 'drift'?); must be of shift, drift, "
+        "delay, attitude_delay",
     ),
     (
         TOML,
@@ -354,6 +370,36 @@ def test_drifts_along_strips_need_strips(tmp_path):
     change(tmp_path, IMAGES, lambda t: t.drop(columns="strip"))
     assert problems(tmp_path) == [
         f"{TOML}:15: stages.mounting.gnss: 'drift'; needs strips in {IMAGES}, column strip"
+    ]
+
+
+@pytest.mark.parametrize("name", ["delay", "attitude_delay"])
+def test_delays_need_strips_and_times(tmp_path, name):
+    write_flight(tmp_path)
+    replace(tmp_path, TOML, "lever_z_m = 0.2", f'[stages.mounting]\ngnss = ["{name}"]')
+    change(tmp_path, TRAJECTORY, lambda t: t.assign(time_s=range(len(t))))
+    assert flight.read(tmp_path).gnss == (name,)
+    change(tmp_path, TRAJECTORY, lambda t: t.drop(columns="time_s"))
+    where = f"{TOML}:15: stages.mounting.gnss: '{name}'; needs "
+    assert problems(tmp_path) == [f"{where}times in {TRAJECTORY}, column time_s"]
+    change(tmp_path, IMAGES, lambda t: t.drop(columns="strip"))
+    assert problems(tmp_path)[0] == f"{where}strips in {IMAGES}, column strip"
+
+
+def test_correlated_errors_need_times_and_both_their_keys(tmp_path):
+    write_flight(tmp_path)
+    both = "[apriori]\ngnss_correlation_s = 600\ngnss_correlated_share = 0.9"
+    replace(tmp_path, TOML, "lever_z_m = 0.2", both)
+    assert problems(tmp_path) == [
+        f"{TOML}:15: apriori.gnss_correlation_s: 600; needs times in {TRAJECTORY}, column time_s"
+    ]
+    change(tmp_path, TRAJECTORY, lambda t: t.assign(time_s=range(len(t))))
+    process = flight.read(tmp_path).calibration.trajectory.slow_positions
+    assert (process.share, process.time_constant_s) == (0.9, 600.0)
+    assert flight.read(tmp_path).calibration.trajectory.slow_attitudes.share == 0
+    replace(tmp_path, TOML, "gnss_correlation_s = 600\n", "")
+    assert problems(tmp_path) == [
+        f"{TOML}:15: apriori.gnss_correlated_share: stands alone; needs gnss_correlation_s as well"
     ]
 
 

@@ -376,3 +376,29 @@ def test_the_simulated_flight_has_the_images_of_section_3_2(tmp_path):
     assert len(read.validation.check) == 36
     assert len(read.validation.control) == 0
     assert [note.split(":")[0] for note in read.notes] == ["calibration", "validation"]
+
+
+def test_a_session_has_a_date_and_a_temperature_where_they_are_written(tmp_path):
+    write_flight(tmp_path)
+    found = flight.read(tmp_path).session
+    assert found.date is None
+    assert np.isnan(found.temperature_c)
+    append(tmp_path / "flight.toml", "[session]\ndate = 2026-05-02\ntemperature_c = -4\n")
+    known = flight.read(tmp_path)
+    assert (str(known.session.date), known.session.temperature_c) == ("2026-05-02", -4.0)
+    assert "session        2026-05-02, -4 °C" in summary(known)
+    text = (tmp_path / "flight.toml").read_text()
+    (tmp_path / "flight.toml").write_text(
+        text.replace("= 2026-05-02\n", "= 2026-05-02T09:30:00Z\n")
+    )
+    assert str(flight.read(tmp_path).session.date) == "2026-05-02"
+
+
+def test_what_is_wrong_with_a_session_is_said(tmp_path):
+    write_flight(tmp_path)
+    wrong = '[session]\ndate = "2026-05-02"\ntemperature_c = 300\ntime = 3\n'
+    append(tmp_path / "flight.toml", wrong)
+    said = " ".join(flight_problems(tmp_path))
+    assert "session.date: '2026-05-02'; must be a date without quotes" in said
+    assert "session.temperature_c: 300; must lie between -100 and 100" in said
+    assert "session.time: unknown key" in said

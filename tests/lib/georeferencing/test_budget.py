@@ -250,3 +250,16 @@ def test_prediction_is_that_of_the_measured_points(rig, calibration):
     expected = np.diagonal(axes @ cov @ np.swapaxes(axes, 1, 2), axis1=1, axis2=2)
     found = budget.predict(rig, g, blocks.SEEN, sigma_px=0.5)
     assert_allclose(found.sigma**2, expected, rtol=1e-9)
+
+
+def test_refraction_changes_where_images_show_points_and_hardly_the_budget(rig, calibration):
+    g = direct.georeference(rig, calibration)
+    _, _, straight = budget.shown(rig, g, blocks.SEEN)
+    _, _, bent = budget.shown(rig, g, blocks.SEEN, refraction="standard")
+    moved = np.hypot(*(bent - straight).T)
+    assert 0.01 < moved.max() < 0.1  # px of 10 um: some microradians at 50 mm
+    found, other = (
+        budget.predict(rig, g, blocks.SEEN, sigma_px=0.5, refraction=refraction).sigma
+        for refraction in ("none", "standard")
+    )
+    assert_allclose(other, found, rtol=1e-3)

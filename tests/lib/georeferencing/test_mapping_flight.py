@@ -55,7 +55,7 @@ def test_overlaps_of_60_and_30_percent_show_a_point_in_two_to_six_images():
     assert among.mean() == pytest.approx(1 / 0.4 / 0.7, rel=0.05)
 
 
-def test_strips_are_flown_to_and_fro():
+def test_strips_are_flown_there_and_back():
     R = mapping_flight.fly(CAMERA, FLIGHT).trajectory.T_m_b.R
     strips = mapping_flight.fly(CAMERA, FLIGHT).images.strips
     forward = {strip: R[i, 0, 0] for i, strip in enumerate(strips)}
@@ -88,8 +88,14 @@ def test_sigma_scales_its_own_part_alone():
     assert_allclose(twice, factor * once, rtol=1e-9, atol=1e-18)
 
 
+def test_many_points_stand_for_all_the_ground():
+    """The mean over the grid is within one percent of that over a grid three times as fine."""
+    found, fine = (mapping_flight.over_ground(given([CAMERA]), FLIGHT, n=n).rms for n in (32, 96))
+    assert found == pytest.approx(fine, rel=0.01)
+
+
 def test_the_format_is_symmetric_for_a_symmetric_flight():
-    """A camera without lever arm and boresight, strips to and fro: left is as good as right."""
+    """A camera without lever arm and boresight, strips there and back: left is as good as right."""
     format_ = mapping_flight.over_format(given([CAMERA]), FLIGHT, n=15)
     sigma = format_.sigma
     assert sigma.shape == (15, 11, 3)
@@ -124,5 +130,7 @@ def test_wrong_flights_are_refused():
     oblique = replace(
         CAMERA, T_b_c=Pose(R=rotation_from_opk(np.radians([80.0, 0.0, 0.0])), r=np.zeros(3))
     )
+    assert mapping_flight.looks_down(CAMERA)
+    assert not mapping_flight.looks_down(oblique)
     with pytest.raises(ValueError, match="looks down"):
         mapping_flight.over_ground(given([oblique]), FLIGHT)

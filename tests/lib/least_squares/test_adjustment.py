@@ -11,7 +11,8 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import solve
 from acx4lib.least_squares.eliminated_points import cross_covariance
-from acx4lib.least_squares.normal_equations import CHUNK, Equations
+from acx4lib.least_squares.normal_equations import CHUNK
+from acx4lib.least_squares.problem import Equations
 from support.helpers import dense_covariance, dense_jacobian, weighted_residuals
 
 EXACT = 1e-12  # relative; a handful of operations in double precision

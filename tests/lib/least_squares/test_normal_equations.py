@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.least_squares.normal_equations import Equations, PlainNormals
+from acx4lib.least_squares.normal_equations import PlainNormals
+from acx4lib.least_squares.problem import Equations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -112,12 +112,17 @@ def test_the_rms_of_check_points_falls_with_the_height_of_the_mapping_flight():
         design.of(text.from_values(values(validation={**VALIDATION, "strips": strips})))
         for strips in (VALIDATION["strips"], low)
     )
-    rms = [tables.predicted_rms(found.validations["single_step"].pairs) for found in (high, lower)]
+    rms = [
+        tables.predicted(found.validations["single_step"])["pairs"].rms for found in (high, lower)
+    ]
     assert np.all(rms[1] < rms[0])
     points = high.validations["single_step"].points
     assert np.abs(points.d).max() < 1e-6
     table = tables.check_point_table(high)
-    assert len(table) == len(points) == tables.summary(high)["validation/single_step"]["n_points"]
+    told = tables.summary(high)["validation/single_step"]["points"]
+    assert len(table) == len(points) == told["n"]
+    squares = (table.filter(like="sigma_") ** 2).mean()
+    assert told["rms"] == pytest.approx(np.sqrt(squares.to_numpy()))
 
 
 def test_a_mapping_flight_alone_has_the_cameras_as_they_are_given():

@@ -1,5 +1,7 @@
 """Plans from TOML: what is read, what is wrong and where, what is written."""
 
+import datetime as dt
+import re
 import tomllib
 
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from acx4lib.errors import FlightError
 from acx4lib.planning import text
 from support.flights.planned import values
+from support.helpers import ROOT
 
 PLAN = text.written(values())
 
@@ -30,7 +33,12 @@ def test_what_is_written_is_read_again(tmp_path):
 
 
 def test_text_that_toml_escapes_is_written_so_that_it_is_read():
-    odd = {"name": 'a "b" \\ é\x7f', "t": {"a b": 1.5, "on": True, "at": [[1, 2], [3.5, 4]]}}
+    day = dt.date(2026, 5, 2)
+    odd = {
+        "name": 'a "b" \\ é\x7f',
+        "on": day,
+        "t": {"a b": 1.5, "on": True, "at": [[1, 2], [3.5, 4]]},
+    }
     assert tomllib.loads(text.written(odd)) == odd
 
 
@@ -104,6 +112,10 @@ WRONG = {
         changed("[calibration.strips]\n", "[calibration.strips]\nx = 3\n"),
         [f":{LOW}: calibration.strips.x: 3; must be a table, as {{flying_height_m = 600"],
     ),
+    "a field where there is no map": (
+        changed("east_m = 385000.0", "east_m = 99999999.0"),
+        [f":{FIELD + 1}: field.east_m: 1e+08 east, 5.518e+06 north; must lie where EPSG:32633"],
+    ),
     "a layout that is unknown": (
         changed("number = [3, 3]", 'layout = "grdi"\nnumber = [3, 3]'),
         [": control.layout: 'grdi' (did you mean 'grid'?); must be one of grid, corners"],
@@ -163,3 +175,15 @@ def test_a_validation_needs_check_points_and_heads_need_more_than_one_camera():
         text.from_values(values(validation={"strips": strips}))
     with pytest.raises(FlightError, match="heads: one camera; heads are several"):
         text.from_values(values(heads={"strips": strips}))
+
+
+def test_the_plans_in_the_book_can_be_read(tmp_path):
+    page = (ROOT / "book" / "your-own-flight.md").read_text("utf-8")
+    shown = [
+        part for part in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[field]" in part
+    ]
+    for part in shown:
+        (tmp_path / "p.toml").write_text(part)
+        assert "calibration" in text.read(tmp_path / "p.toml").blocks
+    plan = text.from_values(tomllib.loads(shown[0]))
+    assert [*plan.blocks["calibration"].strips] == ["low-1", "low-2", "high", "back"]

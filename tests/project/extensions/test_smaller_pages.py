@@ -6,30 +6,8 @@ import pytest
 
 from support.helpers import book_extension
 
-figures, listings, offline = map(book_extension, ("figures", "listings", "offline"))
+listings, offline = map(book_extension, ("listings", "offline"))
 foot_and_downloads = book_extension("foot_and_downloads")
-
-LETTER = '<defs><path id="D47" d="m0 0h9"/></defs><use href="#D47"/>'
-DRAWING = (
-    '<svg viewBox="0 0 252 90" width="252pt"><g><g id="patch_1"><path d="m0 0h9"/></g>'
-    f'<g clip-path="url(#p1)" style="fill: #1f2933">{LETTER}</g>'
-    '<clipPath id="p1"><rect/></clipPath></g></svg>'
-)
-
-
-def test_a_page_has_every_letter_once_and_the_names_of_each_drawing_apart():
-    known = set()
-    first, second = (
-        figures.drawn(DRAWING, alt='"a"', name=name, known=known) for name in ("f1-", "f2-")
-    )
-    assert 'aria-label="&quot;a&quot;"' in first
-    assert "width: 50%" in first  # of a column of 504 points
-    assert 'id="D47"' in first
-    assert 'id="D47"' not in second
-    assert 'href="#D47"' in second
-    assert 'clip-path="url(#f2-p1)" style="fill: var(--figure-ink)"' in second
-    assert 'clipPath id="f2-p1"' in second
-    assert "patch_1" not in first + second
 
 
 def page(name, body):
@@ -61,6 +39,16 @@ def test_a_page_of_the_interface_says_nothing_twice():
         "</a></dd>"
     )
     assert page("intro", body) == (None, body)
+
+
+def test_listings_that_are_left_out_are_not_listed():
+    kept = ("code", {}, {}, "")
+    env = SimpleNamespace()
+    listings.leave_out(None, env, [])
+    assert env._viewcode_modules["acx4book.pages.build"] is False
+    env._viewcode_modules["acx4lib.errors"] = kept
+    assert listings.forget(SimpleNamespace(env=env)) == []
+    assert env._viewcode_modules == {"acx4lib.errors": kept}
 
 
 @pytest.fixture

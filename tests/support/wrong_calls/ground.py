@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.pages.benchmarks import sigma_tests
+from acx4book.pages.benchmarks.coverage import sigma_tests
 from acx4book.paper import printed
 from acx4lib.bundle import reliability
 from acx4lib.bundle.gross_errors import rejections

@@ -1,5 +1,6 @@
 """Chapters beyond the paper: one folder for every notebook.
 
-`rig`, `weights`, `image_quality`, `synthetic_cost`, `bad_starts` and `failures` ask what the paper
-leaves open. Begin with `failures`: it needs no other chapter.
+`rig`, `weights`, `image_quality`, `synthetic_cost`, `bad_starts`, `failures`, `design`,
+`error_budget` and `stability` ask what the paper leaves open. Begin with `failures`: it needs no
+other chapter.
 """

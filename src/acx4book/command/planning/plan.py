@@ -92,7 +92,7 @@ def plan(
 
 def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
-    from acx4book.typesetting.drawing import vector  # noqa: PLC0415 quick help
+    from acx4book.typesetting.drawing.svg import vector  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4lib.planning import tables  # noqa: PLC0415 quick help
     from acx4lib.planning.choosing import tables as choices  # noqa: PLC0415 quick help
@@ -107,7 +107,8 @@ def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) 
     )
     content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
     content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
-    content["plan.svg"] = vector(block_maps(*design.blocks.values())) + "\n"
+    drawing = vector(block_maps(*design.blocks.values()))
+    content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
     if chosen is not None:
         content["target.csv"] = _csv(choices.wanted(chosen))

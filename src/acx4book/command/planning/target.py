@@ -20,7 +20,12 @@ MISSED = 1
 
 
 def choose(plan: Plan, target: Path) -> Chosen:
-    """Return the strips chosen for a target, and show them; end where no choice can meet it."""
+    """Return the strips chosen for a target, and show them.
+
+    Where no choice can meet it, this is said; what comes nearest in a limited time is still chosen.
+    """
+    import numpy as np  # noqa: PLC0415 quick help
+
     from acx4lib.planning.choosing import candidates, chosen  # noqa: PLC0415 quick help
     from acx4lib.planning.choosing import target as targets  # noqa: PLC0415 quick help
 
@@ -28,10 +33,11 @@ def choose(plan: Plan, target: Path) -> Chosen:
     all_strips = candidates.of(wanted)
     if all_strips.failing:
         terminal.say(*(unreachable(one, len(all_strips.seconds)) for one in all_strips.failing))
-        raise typer.Exit(MISSED)
+        if not np.isfinite(wanted.minutes):
+            raise typer.Exit(MISSED)
     found = chosen.choose(all_strips, minutes=wanted.minutes)
     terminal.show("\n".join(lines(found, len(all_strips.seconds))))
-    if not found.met:
+    if not found.met and not all_strips.failing:
         enough = chosen.choose(all_strips)
         terminal.say(
             *(missed(one, float(x), wanted.minutes) for one, x in _missing(found)),

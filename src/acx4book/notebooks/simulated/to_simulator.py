@@ -20,7 +20,7 @@ from acx4lib.planning.plan import Plan as FlightPlan
 from acx4lib.planning.plan import PlannedBlock
 from acx4sim.files.flights import SimulatedFlight, simulate_plan
 from acx4sim.optics.lens import Camera
-from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip
+from acx4sim.plan import BlockPlan, Noise, Options, Plan, SlowErrors, Strip
 
 START_S = {"heads": 221_400.0, "calibration": 224_700.0, "validation": 307_800.0}
 """Time of the first exposure, seconds of the week."""
@@ -34,14 +34,15 @@ def simulate(plan: FlightPlan, *, seed: int, options: Options) -> SimulatedFligh
     plan : planning.plan.Plan
     seed : int
     options : Options
-        Its refraction is replaced by the plan's.
+        Its refraction is replaced by the plan's, as are its slow errors where the plan has any.
 
     Raises
     ------
     FlightError
         Where the simulator does not have what the plan asks for.
     """
-    options = replace(options, refraction=plan.setup.refraction)
+    slow = _slow(plan.values.get("apriori", {})) or options.slow_errors
+    options = replace(options, refraction=plan.setup.refraction, slow_errors=slow)
     flight = simulate_plan(simulated(plan), seed, options)
     return replace(flight, toml=text.written(settings(plan.values)))
 
@@ -86,11 +87,37 @@ def _beyond(plan: FlightPlan) -> list[str]:
     if plan.setup.grid.heights != "ellipsoidal":
         out.append("heights: a simulated flight has ellipsoidal heights; plan it with those")
     flown_with = {**plan.setup.cameras, **plan.truth}
+    constants = {one.time_constant_s for one in _parts(plan.values.get("apriori", {}))}
+    if len(constants) > 1:
+        out.append("apriori: a simulated flight has one time constant, of GNSS and attitude alike")
     out += [
         f"cameras.{name}.b1: the simulator has no b1; leave it out, or zero"
         for name, camera in flown_with.items()
         if camera.interior.b1 != 0
     ]
+    return out
+
+
+def _slow(apriori: Mapping[str, float]) -> SlowErrors | None:
+    """Return the errors that change slowly, as a plan has them; None where all are white."""
+    parts = _parts(apriori)
+    if not parts:
+        return None
+    return SlowErrors(
+        gnss=max(one.gnss for one in parts),
+        attitude=max(one.attitude for one in parts),
+        time_constant_s=parts[0].time_constant_s,
+    )
+
+
+def _parts(apriori: Mapping[str, float]) -> list[SlowErrors]:
+    """Return the slow errors of positions and of attitudes, each by itself, that a plan has."""
+    out = []
+    for of in ("gnss", "attitude"):
+        share = float(apriori.get(f"{of}_correlated_share", 0.0))
+        if share > 0:
+            shares = {"gnss": 0.0, "attitude": 0.0, of: share}
+            out.append(SlowErrors(**shares, time_constant_s=float(apriori[f"{of}_correlation_s"])))
     return out
 
 

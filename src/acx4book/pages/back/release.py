@@ -100,22 +100,24 @@ def wheel(folder: Path, seconds: int) -> None:
         raise ReleaseError(done.stderr.strip())
 
 
-def pack(html: Path, archive: Path, seconds: int) -> None:
+def pack(content: Path, archive: Path, seconds: int, *, files: str = "*") -> None:
     """Pack a folder into an archive that has one folder, of the archive's name.
 
     Parameters
     ----------
-    html : Path
+    content : Path
         The folder.
     archive : Path
         The ZIP file to write.
     seconds : int
         The date of its files, since 1970.
+    files : str
+        Pattern of the names of those that are packed.
     """
     date = time.gmtime(seconds)[:6]
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
-        for path in sorted(path for path in html.rglob("*") if path.is_file()):
-            name = Path(archive.stem, path.relative_to(html)).as_posix()
+        for path in sorted(path for path in content.rglob(files) if path.is_file()):
+            name = Path(archive.stem, path.relative_to(content)).as_posix()
             entry = zipfile.ZipInfo(name, date)
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             packed.writestr(entry, path.read_bytes())

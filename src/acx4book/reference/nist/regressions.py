@@ -18,7 +18,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
-from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.problem import Equations
 
 State = NDArray[Any]
 """Parameters, as floats or as decimal numbers."""

@@ -33,7 +33,8 @@ def fit(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
     overlaps, refinements : DataFrame
         As `comparisons.overlaps` and `comparisons.refinements` return them.
     """
-    published, best = _before_and_after(refinements)
+    rows = _before_and_after(refinements)
+    published, best = rows[AS_PUBLISHED], rows[BEST]
     return (
         f"With the published calibration {overlaps['corners'].sum()} corners of the target are "
         f"seen {published['misfit_cm']:.1f} cm apart (rms), the worst by "
@@ -86,7 +87,8 @@ def answer(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
     overlaps, refinements : DataFrame
         As `comparisons.overlaps` and `comparisons.refinements` return them.
     """
-    published, best = _before_and_after(refinements)
+    rows = _before_and_after(refinements)
+    published, best = rows[AS_PUBLISHED], rows[BEST]
     return (
         "It works: the renderer, the equalisation and the refinement of the heads need no change "
         f"for four fisheye cameras. The published calibration fits to {published['misfit_cm']:.1f} "
@@ -96,7 +98,6 @@ def answer(overlaps: pd.DataFrame, refinements: pd.DataFrame) -> str:
     )
 
 
-def _before_and_after(refinements: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Return the rows of the published calibration and of the best refinement."""
-    rows = refinements.set_index("refinement")
-    return rows.loc[AS_PUBLISHED], rows.loc[BEST]
+def _before_and_after(refinements: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the published calibration and of the best refinement, a column each."""
+    return refinements.set_index("refinement").loc[[AS_PUBLISHED, BEST]].T

@@ -18,6 +18,7 @@ from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4lib.results.folder import STAGES
 
 ITEM, VALUE = "Item", "Statement"
@@ -150,7 +151,8 @@ def method(material: Material) -> str:
     if flight.fix:
         parts[-1] += f" Held: {listed([name.replace('_', ' ') for name in flight.fix])}."
     if flight.gnss and chosen == "single_step":
-        parts[-1] += f" Estimated of the GNSS positions: {listed(flight.gnss)}."
+        named = [name.replace("_", " ") for name in flight.gnss]
+        parts[-1] += f" Estimated errors of the trajectory: {listed(named)}."
     if material.adjustments:
         parts.append(ESTIMATION)
     if flight.validation is not None:
@@ -215,6 +217,18 @@ def _apriori(block: Block) -> dict[str, str]:
         "σ GNSS, height (m)": _range(position[:, 2]),
         "σ roll and pitch (°)": _range(attitude[:, :2]),
         "σ heading (°)": _range(attitude[:, 2]),
+        **_slow("GNSS", block.trajectory.slow_positions),
+        **_slow("attitudes", block.trajectory.slow_attitudes),
+    }
+
+
+def _slow(of: str, process: GaussMarkov) -> dict[str, str]:
+    """Return how errors are correlated in time; nothing where they are independent."""
+    if process.share == 0:
+        return {}
+    return {
+        f"{of}: correlated share of σ": f"{process.share:g}",
+        f"{of}: time constant of the correlation (s)": f"{process.time_constant_s:g}",
     }
 
 

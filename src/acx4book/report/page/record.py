@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.adjustment.groups import decisive_qualities
+from acx4book.report.ground import error_budget
 from acx4book.report.material import Material, validated
 from acx4book.report.parameters.estimates import correlations
 from acx4book.report.parameters.image import corners, profile
@@ -66,6 +67,7 @@ def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         },
         "groups": [asdict(quality) for quality in decisive_qualities(material)],
         "check_points": _checked(summary.get(validated(material), {})),
+        "error_budget": error_budget.recorded(error_budget.mapped(material)),
     }
 
 

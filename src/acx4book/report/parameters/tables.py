@@ -52,9 +52,12 @@ def correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
     if not material.calibration:
         return {}
     related = correlations(material, material.calibration)
-    camera = {str(label): str(label).rpartition("/")[0] for label in related.index}
-    names = [name for name in dict.fromkeys(camera.values()) if name]
-    return {name: _matrix(related, [k for k in camera if camera[k] == name]) for name in names}
+    rows = folder.rows(material.found, "parameters", material.calibration)
+    of_cameras = rows[rows["camera"] != ""].groupby("camera", sort=False)["parameter"]
+    return {
+        str(camera): _matrix(related, [f"{camera}/{name}" for name in names])
+        for camera, names in of_cameras
+    }
 
 
 def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:

@@ -8,11 +8,12 @@ from acx4book.teaching.sheets import (
     lens,
     mounting,
     pixels,
+    planning,
     proof,
     rotations,
 )
 
-_ORDER = (pixels, rotations, intersection, lens, gross_errors, mounting, proof, design)
+_ORDER = (pixels, rotations, intersection, lens, gross_errors, mounting, proof, design, planning)
 
 SHEETS: dict[str, Sheet] = {module.SHEET.name: module.SHEET for module in _ORDER}
 """By name, in the order of the course."""

@@ -16,29 +16,27 @@ from acx4sim.files.flights import SimulatedFlight
 XY = ("x_mm", "y_mm")
 OF_HEIGHT = ("height_above_ground_m", "scale_number", "gsd_m", "sigma_ground_m")
 
-QUESTIONS = (
-    Question(name="x_mm", unit="mm", asks="x of the measured point in the image", digits=4),
-    Question(name="y_mm", unit="mm", asks="y of the measured point in the image", digits=4),
-    Question(
-        name="off_axis_deg",
-        unit="deg",
-        asks="angle between the ray and the optical axis; principal point and distortion are zero",
-        digits=3,
-    ),
-    Question(
-        name="height_above_ground_m",
-        unit="m",
-        asks="height of the IMU above the control point",
-        digits=2,
-    ),
-    Question(name="scale_number", unit="", asks="flying height over focal length", digits=0),
-    Question(name="gsd_m", unit="m", asks="side of a pixel on the ground", digits=4),
-    Question(
-        name="sigma_ground_m",
-        unit="m",
-        asks="σ of the point on the ground along one axis, from the σ of the measurement alone",
-        digits=4,
-    ),
+QUESTIONS = tuple(
+    Question(name=name, unit=unit, asks=asks, digits=digits)
+    for name, unit, asks, digits in (
+        ("x_mm", "mm", "x of the measured point in the image", 4),
+        ("y_mm", "mm", "y of the measured point in the image", 4),
+        (
+            "off_axis_deg",
+            "deg",
+            "angle between the ray and the optical axis; principal point and distortion are zero",
+            3,
+        ),
+        ("height_above_ground_m", "m", "height of the IMU above the control point", 2),
+        ("scale_number", "", "flying height over focal length", 0),
+        ("gsd_m", "m", "side of a pixel on the ground", 4),
+        (
+            "sigma_ground_m",
+            "m",
+            "σ of the point on the ground along one axis, from the σ of the measurement alone",
+            4,
+        ),
+    )
 )
 
 

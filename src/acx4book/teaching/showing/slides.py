@@ -40,6 +40,8 @@ LECTURE = (
             "GNSS and INS say where the IMU is, and how it is turned.",
             "What else must be known, so that a pixel is a place?",
         ),
+        chapter="00-flight",
+        figure="fig-system",
     ),
     Slide(
         title="A pixel is a direction",

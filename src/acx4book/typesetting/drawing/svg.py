@@ -1,7 +1,7 @@
 """Figures as vector drawings: the same bytes every time, small, with no text of a flight in them.
 
-Letters are outlines, so that they look alike on every machine. Colours are those of `style`; the
-book's extension `figures` gives each of these a name, by which a page changes them in the dark.
+Letters are outlines, so that they look alike on every machine. Colours are those of `style`;
+`inline` names each of these, so that a page can change them in the dark.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ MARGIN = 0.04
 """Free space above and below a drawing, inches."""
 
 LOSSY = 60_000
-"""Bytes from which a picture inside a drawing is stored with the loss of WebP at `QUALITY`."""
+"""Bytes from which a picture inside a drawing is stored with the loss of WebP."""
 
-QUALITY = 82
+QUALITY, EDGES = 75, 50
+"""Of its colours, and of where it is transparent, of 100."""
 
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
@@ -86,5 +87,6 @@ def _stored(png: str) -> str:
     """Return a picture, PNG in text, as WebP in text."""
     picture, buffer = Image.open(io.BytesIO(base64.b64decode(png))), io.BytesIO()
     plain = len(png) < LOSSY
-    picture.save(buffer, "WEBP", lossless=plain, quality=100 if plain else QUALITY, method=6)
+    quality = {"quality": 100} if plain else {"quality": QUALITY, "alpha_quality": EDGES}
+    picture.save(buffer, "WEBP", lossless=plain, method=6, **quality)
     return f"webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

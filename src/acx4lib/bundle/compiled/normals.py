@@ -38,7 +38,10 @@ from acx4lib.least_squares.banded import (
     too_large,
 )
 from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
-from acx4lib.least_squares.normal_equations import Equations, Group, Precision, cost_of, gather
+from acx4lib.least_squares.normal_equations import cost_of, gather, of_pairs
+from acx4lib.least_squares.problem import Equations, Precision
+from acx4lib.least_squares.statistical.correlated import Correlation
+from acx4lib.least_squares.statistical.residuals import Group
 
 R = TypeVar("R")
 
@@ -120,7 +123,7 @@ class NetworkNormals:
     @cached_property
     def cost(self) -> float:
         """Weighted sum of squared residuals; infinite with a point behind a camera."""
-        return self._images[1] + cost_of((e.v, e.sigma) for e in self.others)
+        return self._images[1] + cost_of(self.others)
 
     @cached_property
     def n_observations(self) -> int:
@@ -153,7 +156,9 @@ class NetworkNormals:
         for out, source in ((g, full.g), (diagonal, full.diagonal)):
             out[columns[free]] = source[:n_full][free]
             out[m:] = source[n_full:]
-        system = Bordered(P=full.P, C=C, D=D, g=g, diagonal=diagonal)
+        more = 6 * self.packed.band - full.P.shape[1]
+        P = np.pad(full.P, ((0, 0), (0, more))) if more > 0 else full.P
+        system = Bordered(P=P, C=C, D=D, g=g, diagonal=diagonal)
         place = np.append(places(order), -1)
         for e in self.others:
             if e.A.shape[2]:
@@ -258,14 +263,35 @@ class NetworkNormals:
 
 def _add(system: Bordered, e: Equations, place: Index) -> None:
     """Add observations without points; a unit depends on one pose at most."""
-    m = len(system.D)
+    if e.correlation is not None:
+        _add_pairs(system, e, e.correlation, place)
+        return
     weighted = e.A / e.sigma[:, :, None] ** 2
     columns = place[e.columns][e.unit]
-    at = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
-    N, row, column = np.swapaxes(e.A, 1, 2) @ weighted, at, np.swapaxes(at, 1, 2)
     used = columns >= 0
     np.add.at(system.g, columns[used], np.einsum("mdk,md->mk", weighted, e.v)[used])
     np.add.at(system.diagonal, columns[used], np.sum(e.A * weighted, axis=1)[used])
+    _scatter(system, np.swapaxes(e.A, 1, 2) @ weighted, columns, columns)
+
+
+def _add_pairs(system: Bordered, e: Equations, correlation: Correlation, place: Index) -> None:
+    """Add correlated observations, which link the poses of every pair."""
+    columns, A = place[e.columns], e.A / e.sigma[:, :, None]
+    by_row, used = np.swapaxes(A, 1, 2), columns >= 0
+    weighted = correlation.times(e.v / e.sigma)
+    np.add.at(system.g, columns[used], (by_row @ weighted[:, :, None])[:, :, 0][used])
+    own, m = np.sum(A * (correlation.own[:, :, None] * A), axis=1), len(system.D)
+    np.add.at(system.diagonal, columns[columns >= m], own[columns >= m])
+    i, j = correlation.first, correlation.second
+    N, before = by_row[i] @ (correlation.weight[:, :, None] * A[j]), system.D.diagonal().copy()
+    _scatter(system, N, columns[i], columns[j])
+    system.diagonal[:m] += system.D.diagonal() - before
+
+
+def _scatter(system: Bordered, N: Array, rows: Index, columns: Index) -> None:
+    """Add normal matrices of rows and columns, those of poses from the diagonal on."""
+    m = len(system.D)
+    row, column = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     both = (row >= 0) & (column >= 0)
     corner, side = both & (row < m) & (column < m), both & (row < m) & (column >= m)
     pose = both & (row >= m) & (column >= row)
@@ -286,6 +312,8 @@ def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
 
 def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -> Group:
     """Return the group of observations of points or columns; if of both, with their coupling."""
+    if e.correlation is not None:
+        return e.tested(of_pairs(e, inverse))
     explained = np.zeros_like(e.v)
     if e.B is not None and e.point is not None:
         explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
@@ -294,4 +322,4 @@ def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
     if e.B is not None and e.A.shape[2]:
         explained += coupled
-    return Group.of(e, explained)
+    return e.tested(explained)

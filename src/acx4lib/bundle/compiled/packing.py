@@ -39,6 +39,8 @@ class Packed:
         The block's poses in the order of the bands.
     dense : bool
         Whether the reduced system is a dense matrix.
+    band : int
+        Number of neighbouring poses to which a pose is linked at most, itself included.
     parts : tuple of tuple of int
         First and last point of each part; a thread processes one part at a time.
     """
@@ -47,6 +49,7 @@ class Packed:
     image: Index
     pose: Index
     dense: bool
+    band: int
     parts: tuple[tuple[int, int], ...]
 
     @property
@@ -97,7 +100,13 @@ def weights(block: Block, points: ImagePoints) -> Array:
 
 
 def pack(
-    rows: Measured, *, free_points: Mask, also: Index, pose_of_image: Index, n_poses: int
+    rows: Measured,
+    *,
+    free_points: Mask,
+    also: Index,
+    pose_of_image: Index,
+    n_poses: int,
+    linked: Index,
 ) -> Packed:
     """Return the measurements in the order in which they are processed.
 
@@ -112,11 +121,13 @@ def pack(
         Points that have other observations too.
     pose_of_image : ndarray, shape (n_images,)
     n_poses : int
+    linked : ndarray, shape (k, 2)
+        Pairs of poses that other observations link.
     """
     pose: Index = np.arange(n_poses)
     dense = 6 * n_poses <= DENSE_COLUMNS
     if not dense:
-        pose = ordered(rows.point, pose_of_image[rows.image], n_poses)
+        pose = ordered(rows.point, pose_of_image[rows.image], n_poses, linked)
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
@@ -139,11 +150,18 @@ def pack(
         weight=rows.weight[row],
         pair=_numbered_pairs(starts, image, len(images)),
     )
-    band = rays.pair.shape[1]
-    of_pose = place[pose_of_image[images]]
-    dense = dense or pose_band(of_pose, band) > DENSE_SHARE * n_poses
-    most = 2 if len(images) * band > WIDE else MOST_PARTS
-    return Packed(rays=rays, image=images, pose=pose, dense=dense, parts=_parts(starts, most))
+    n_neighbours = rays.pair.shape[1]
+    reach = 1 + int(np.max(np.abs(np.diff(place[linked])), initial=0))
+    band = max(pose_band(place[pose_of_image[images]], n_neighbours), reach)
+    most = 2 if len(images) * n_neighbours > WIDE else MOST_PARTS
+    return Packed(
+        rays=rays,
+        image=images,
+        pose=pose,
+        dense=dense or band > DENSE_SHARE * n_poses,
+        band=band,
+        parts=_parts(starts, most),
+    )
 
 
 def _sorted(point: Index, image: Index, n_points: int, n_images: int) -> tuple[Index, Index, Index]:
@@ -204,12 +222,16 @@ def _sort(
     return int(n_measured)
 
 
-def ordered(point: Index, pose: Index, n_poses: int) -> Index:
-    """Return the poses in reverse Cuthill-McKee order; poses that share points are linked."""
+def ordered(point: Index, pose: Index, n_poses: int, also: Index) -> Index:
+    """Return the poses in reverse Cuthill-McKee order; poses that share points are linked.
+
+    So are the pairs in `also`, shape (k, 2).
+    """
     order = np.argsort(point, kind="stable")
     starts = np.append(np.flatnonzero(np.diff(point[order], prepend=-1)), len(order))
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
     _link(starts, pose[order], linked)
+    linked[also[:, 0], also[:, 1]] = True
     graph = scipy.sparse.csr_matrix(linked)
     new = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
     return new.astype(np.int64)

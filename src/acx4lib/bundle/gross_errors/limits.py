@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.bundle.gross_errors.rejections import Rejection
-from acx4lib.bundle.observations import usable
+from acx4lib.bundle.observations.points import usable
 from acx4lib.expected import Index
 from acx4lib.flight.block import Block
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import usable
+from acx4lib.bundle.observations.points import usable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.least_squares.normal_equations import Group
 from acx4lib.least_squares.statistical import distributions
+from acx4lib.least_squares.statistical.residuals import Group
 from acx4lib.least_squares.statistical.w_test import CONTROLLED, statistics
 
 T = TypeVar("T", bound=np.generic)

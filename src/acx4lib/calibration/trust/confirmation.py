@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.observations import strips_of
+from acx4lib.bundle.observations.strips import strips_of
 from acx4lib.calibration.estimates import Calibration, from_bundle, is_determined, parameters
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block

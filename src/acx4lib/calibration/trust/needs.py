@@ -8,12 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.bundle.observations.strips import motion_of, strips_of
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
 
 ALONG, ACROSS = 0.9, 0.3
 """Cosines of flying directions that are opposite, and of those that are crosswise."""
+
+SAME_SPEED = 0.1
+"""Strips whose ground speeds differ by less than this share count as flown at one speed."""
 
 OUTER = 0.85
 """Share of half the image diagonal from which a measurement lies in a corner."""
@@ -89,6 +93,13 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
         ),
     ),
     "drift": (Need(text="control points along the strip", features=()),),
+    "delay": (
+        Need(text="strips flown at different speeds, or the lever arm held", features=("speeds",)),
+        _TIED,
+    ),
+    "attitude_delay": (
+        Need(text="attitudes that change from one exposure to the next", features=()),
+    ),
 }
 """What determines each parameter, by the library's name of it."""
 
@@ -110,8 +121,8 @@ def needed(key: str, features: frozenset[str] = frozenset()) -> str:
 def features(block: Block) -> frozenset[str]:
     """Return what a block has of what determines parameters.
 
-    Any of ``heights``, ``control``, ``opposite``, ``crosswise``, ``corners``, ``sides`` and
-    ``overlap``.
+    Any of ``heights``, ``control``, ``opposite``, ``crosswise``, ``speeds``, ``corners``,
+    ``sides`` and ``overlap``.
     """
     way, height = directions(block), flying_heights(block)
     turns = way @ way.T
@@ -121,6 +132,7 @@ def features(block: Block) -> frozenset[str]:
         "opposite": bool(np.any(turns < -ALONG)),
         "crosswise": bool(np.any(np.abs(turns) < ACROSS)),
         "overlap": _has_overlap(block),
+        "speeds": _has_speeds(block),
         **_places(block),
     }
     return frozenset(name for name, there in found.items() if there)
@@ -157,6 +169,17 @@ def require_control(block: Block) -> None:
         needed = "three that do not lie on one line are needed"
         msg = f"{len(x_m)} control points in images do not orient the block: {needed}"
         raise AdjustmentError(msg)
+
+
+def _has_speeds(block: Block) -> bool:
+    """Tell whether strips are flown at different ground speeds; not where there are no times."""
+    try:
+        speed = np.linalg.norm(motion_of(block).velocity, axis=1)
+    except AdjustmentError:
+        return False
+    strip = strips_of(block).idx
+    usual = [float(np.median(speed[strip == k])) for k in range(strip.max() + 1)]
+    return min(usual) < (1 - SAME_SPEED) * max(usual)
 
 
 def _has_overlap(block: Block) -> bool:

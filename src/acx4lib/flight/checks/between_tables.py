@@ -24,6 +24,7 @@ from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.table import Table
 from acx4lib.geometry.camera import Camera, inside
 from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.parameters import DELAYS
 
 
 def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
@@ -66,12 +67,31 @@ def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield a problem where drifts along strips are asked for and there are no strips."""
+    """Yield a problem where drifts or delays are asked for and there are no strips or times."""
     keys = ("stages", "mounting", "gnss")
     asked = toml.get(*keys) if tables.name == "calibration" else None
+    asked = asked if isinstance(asked, list) else []
     has_strips = any(tables.images.text.get("strip", ()))
-    if isinstance(asked, list) and "drift" in asked and not has_strips:
-        yield toml.problem(keys, "'drift'", f"needs strips in {tables.images.file}, column strip")
+    for name in asked:
+        if name in ("drift", *DELAYS) and not has_strips:
+            yield toml.problem(
+                keys, repr(name), f"needs strips in {tables.images.file}, column strip"
+            )
+    yield from _timeless(tables, toml, keys, [name for name in asked if name in DELAYS])
+
+
+def _timeless(
+    tables: BlockTables, toml: Toml, keys: tuple[str, ...], delays: Sequence[str]
+) -> Iterator[Problem]:
+    """Yield a problem for each delay and correlation where the trajectory has no times."""
+    if len(tables.trajectory) == 0 or tables.trajectory.has("time_s"):
+        return
+    expected = f"needs times in {tables.trajectory.file}, column time_s"
+    for name in delays:
+        yield toml.problem(keys, repr(name), expected)
+    for key in ("gnss_correlation_s", "attitude_correlation_s"):
+        if key in toml.table("apriori"):
+            yield toml.problem(("apriori", key), quoted(toml.get("apriori", key)), expected)
 
 
 def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:

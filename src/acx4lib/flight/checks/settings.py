@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 from collections.abc import Iterator
 
@@ -49,12 +50,15 @@ TOP = (
     "synthetic",
     "apriori",
     "adjustment",
+    "session",
     "stages",
     "certificate",
     "format",
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
+SHARES = dict.fromkeys(("gnss_correlated_share", "attitude_correlated_share"), Range(0.0, 1.0))
+TEMPERATURE = {"temperature_c": Range(-100.0, 100.0)}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
@@ -83,11 +87,23 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _synthetic_problems(toml)
     apriori = tuple(Apriori.__dataclass_fields__)
     yield from key_problems(toml, ("apriori",), apriori)
-    yield from number_problems(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE))
+    yield from number_problems(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE) | SHARES)
+    yield from _halves(toml)
     yield from key_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
+    yield from _session_problems(toml)
     yield from _stage_problems(toml)
     yield from certificate_problems(toml)
+
+
+def _session_problems(toml: Toml) -> Iterator[Problem]:
+    yield from key_problems(toml, ("session",), ("date", *TEMPERATURE))
+    yield from number_problems(toml, ("session",), TEMPERATURE)
+    date = toml.get("session", "date")
+    if date is not None and not isinstance(date, dt.date):
+        yield toml.problem(
+            ("session", "date"), quoted(date), "must be a date without quotes, as 2026-05-02"
+        )
 
 
 def _is_name(value: object) -> bool:
@@ -107,6 +123,16 @@ def _text_problems(toml: Toml, key: str) -> Iterator[Problem]:
         fault = name_fault(value)
         if fault:
             yield toml.problem((key,), *fault)
+
+
+def _halves(toml: Toml) -> Iterator[Problem]:
+    """Yield a share of correlated errors without its time constant, and the reverse."""
+    table = toml.table("apriori")
+    for of in ("gnss", "attitude"):
+        both = (f"{of}_correlation_s", f"{of}_correlated_share")
+        for key, other in (both, both[::-1]):
+            if key in table and other not in table:
+                yield toml.problem(("apriori", key), "stands alone", f"needs {other} as well")
 
 
 def _grid_problems(toml: Toml) -> Iterator[Problem]:

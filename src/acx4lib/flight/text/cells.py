@@ -16,6 +16,12 @@ from acx4lib.flight.text.table import Table
 LONGEST_NUMBER = 100
 """Largest number of characters of a number."""
 
+FORMS = (
+    (r"\s*-?\d+,\d+\s*", "a decimal comma"),
+    (r"\s*[-+]?\d+[°:d\s]\s*\d+['\u2032:m\s].*", "degrees, minutes and seconds"),
+)
+"""Forms that are taken for numbers elsewhere, and what each seems to be."""
+
 _OF_NUMBERS = b"0123456789+-.eE, \t\n\r\f\v"
 """If cells have only these characters, Python's own reading of numbers is right."""
 
@@ -61,7 +67,7 @@ def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> It
 
     def none(row: int) -> Problem:
         cell = cells[row]
-        hint = " (a decimal comma?)" if re.fullmatch(r"\s*-?\d+,\d+\s*", cell) else ""
+        hint = next((f" ({what}?)" for form, what in FORMS if re.fullmatch(form, cell)), "")
         found = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
         point = "" if table.in_memory else ", decimal point"
         return table.problem(row, name, found, f"must be a finite number{point}")

@@ -8,8 +8,8 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.expected import Array, Mask
-from acx4lib.least_squares.normal_equations import Group
 from acx4lib.least_squares.statistical import distributions
+from acx4lib.least_squares.statistical.residuals import Group
 
 OUT = 1e4
 """Factor on the sigma of a rejected observation: no effect, but its residual is computed."""
@@ -42,11 +42,11 @@ def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
     controlled : ndarray, shape (m, d)
         Components that the other observations control.
     """
-    explained = np.maximum(1 - group.redundancy, 0.0) * group.sigma**2
+    explained = group.explained
     sigma_sq = np.square(np.where(out, group.sigma / OUT, group.sigma))
-    predicted = np.abs(group.v) / np.sqrt(sigma_sq + explained)
+    predicted = np.abs(group.error) / np.sqrt(sigma_sq + explained)
     w = np.nan_to_num(np.where(out, predicted, np.abs(group.w)))
-    share = np.where(out, sigma_sq / (sigma_sq + explained), group.redundancy)
+    share = np.where(out, sigma_sq / (sigma_sq + explained), group.control)
     return w, np.nan_to_num(share) > CONTROLLED
 
 
@@ -86,7 +86,7 @@ def tau_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -
     cost = redundancy = 0.0
     for group, out in zip(groups, outs, strict=True):
         part = group.used & ~out
-        cost += float(np.sum(np.square(group.v[part] / group.sigma[part])))
+        cost += float(np.sum(group.squares[part]))
         redundancy += float(np.sum(group.redundancy[part]))
     sigma0 = np.sqrt(cost / redundancy) if redundancy > 0 else 1.0
     return [sigma0 * critical_tau(critical, redundancy)] * len(groups)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -12,14 +13,14 @@ from acx4lib.planning.choosing.search import Choice, cheapest, in_order
 from acx4lib.planning.choosing.target import BLOCK
 from acx4lib.planning.plan import TURN_S, Plan
 
-TRIALS = 4
-"""Number of searches, each for limits that are narrower by what the last choice missed."""
+TRIALS = 5
+"""Largest number of searches."""
 
 PLACE = ("forward_m", "left_m")
 """Keys of a strip that are zero by default."""
 
-NARROWER = 0.998
-"""Factor on the limits, besides what they were missed by."""
+SAFE = 0.999
+"""Factor on the limits of a repeated search, so that rounding does not miss them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,16 +60,22 @@ class Chosen:
         return float(self.minutes_after[-1])
 
     @property
+    def excess(self) -> float:
+        """How many times its limit the worst is of what is wanted."""
+        return float(np.max(self.given / np.array([one.limit for one in self.wanted])))
+
+    @property
     def met(self) -> bool:
         """Whether the target is met."""
-        return all(x <= one.limit for x, one in zip(self.given, self.wanted, strict=True))
+        return self.excess <= 1.0
 
 
 def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
     """Return cheap strips that give what is wanted, or come near to it in so many minutes.
 
-    The search sees a part of the tie points. The strips that it finds are computed with all of
-    them, and where these miss the target by a little, it is repeated for narrower limits.
+    The search sees a part of the tie points, at places that all candidates share. A plan of fewer
+    strips has its tie points where these see them. So the strips that are found are computed as
+    such a plan, and the search is repeated for limits that allow for the difference.
 
     Parameters
     ----------
@@ -76,25 +83,38 @@ def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
     minutes : float
         Longest flying time.
     """
-    limits = narrower = candidates.limits
+    limits = wanted = candidates.limits
+    tried: dict[Choice, Array] = {}
     for _ in range(TRIALS):
-        order = searched(candidates, narrower, minutes)
-        plan = with_strips(candidates.target.plan, order)
-        given, near = candidates.planned(plan), candidates.given(order)
-        if np.all(given <= limits) or np.any(near > narrower):
+        order = searched(candidates, limits, minutes)
+        if order in tried:
             break
-        narrower = narrower * np.where(given > limits, NARROWER * limits / given, 1.0)
-    scale = given / near
+        tried[order] = candidates.planned(with_strips(candidates.target.plan, order))
+        limits = wanted * SAFE * candidates.given(order) / tried[order]
+
+    def rank(order: Choice) -> tuple[float, float]:
+        return lack_of(tried[order], wanted), candidates.minutes(order)
+
+    return _of(candidates, min(tried, key=rank), tried)
+
+
+def _of(candidates: Candidates, order: Choice, tried: Mapping[Choice, Array]) -> Chosen:
+    scale = tried[order] / candidates.given(order)
     firsts = [order[: k + 1] for k in range(len(order))]
     others = [order[:k] + order[k + 1 :] for k in range(len(order))]
     return Chosen(
         wanted=candidates.wanted,
-        plan=plan,
-        given=given,
+        plan=with_strips(candidates.target.plan, order),
+        given=tried[order],
         after=scale * [candidates.given(one) for one in firsts],
         without=scale * [candidates.given(one) for one in others],
         minutes_after=np.array([candidates.minutes(one) for one in firsts]),
     )
+
+
+def lack_of(given: Array, limits: Array) -> float:
+    """Return how far from its limits is what is given: zero, or the sum of logarithmic excesses."""
+    return float(np.log(np.maximum(given / limits, 1.0)).sum())
 
 
 def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
@@ -114,7 +134,7 @@ def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
     """
 
     def lack(chosen: Choice) -> float:
-        return float(np.log(np.maximum(candidates.given(chosen) / limits, 1.0)).sum())
+        return lack_of(candidates.given(chosen), limits)
 
     seconds = candidates.seconds
     found = cheapest(lack, seconds, most=60.0 * minutes + TURN_S)  # no turn after the last strip

@@ -24,7 +24,7 @@ def test_covariance_and_nested_adjustment_agree(table):
 
 def test_the_printed_values_are_the_truth_and_zero_is_not(table):
     of = table.groupby("against", sort=False)["p"].agg(list)
-    assert set(of["zero"]) == set(of["declared"]) == {"< 0.0005"}
+    assert set(of["zero"]) == set(of["declared"]) == {"<\N{NO-BREAK SPACE}0.0005"}
     assert len(of["printed"]) == 4
     assert min(map(float, of["printed"])) > 0.001
 

@@ -1,5 +1,7 @@
 """A plan and the flight that the simulator flies of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -141,6 +143,21 @@ def test_the_same_seed_flies_the_same_and_the_truth_of_a_plan_is_flown():
     assert one.truth["cameras"]["CAM"]["f_mm"] == 50.2
     assert one.truth["cameras"]["CAM"]["lever_x_m"] == 0.3
     assert "50.2" not in one.toml
+
+
+def correlated(**apriori):
+    plan = text.from_values(values())
+    return replace(plan, values={**plan.values, "apriori": {**plan.values["apriori"], **apriori}})
+
+
+def test_correlated_errors_of_a_plan_are_flown_and_two_time_constants_are_refused():
+    gnss = {"gnss_correlated_share": 0.9, "gnss_correlation_s": 60.0}
+    flight = to_simulator.simulate(correlated(**gnss), seed=1, options=Options())
+    slow = {"gnss": 0.9, "attitude": 0.0, "time_constant_s": 60.0}
+    assert flight.truth["options"]["slow_errors"] == slow
+    attitude = {"attitude_correlated_share": 0.5, "attitude_correlation_s": 90.0}
+    with pytest.raises(FlightError, match="apriori: a simulated flight has one time constant"):
+        to_simulator.simulated(correlated(**gnss, **attitude))
 
 
 def test_what_the_simulator_does_not_have_is_named():

@@ -6,10 +6,13 @@ import zipfile
 import pytest
 
 from acx4book.pages.back import release
+from acx4lib.flight.checks import settings
+from acx4lib.results.own_folder import marks
 
+FLIGHTS, RESULTS = f"flights is {settings.FORMAT}", f"results is {marks.FORMAT}"
 SAID = (
-    "# Changelog\n\n## 1.2.0, 2026-01-02\n\n- The format of flights is 3.\n- The format of\n"
-    "  results is 1; all older ones are read.\n\n## 1.1.0\n\n- x\n"
+    f"# Changelog\n\n## 1.2.0, 2026-01-02\n\n- The format of {FLIGHTS}.\n- The format of\n"
+    f"  {RESULTS}; all older ones are read.\n\n## 1.1.0\n\n- x\n"
 )
 
 
@@ -22,8 +25,8 @@ def test_a_changelog_that_says_it_all_has_no_problems():
     [
         (SAID.replace("## 1.2.0", "## 1.1.9"), "begins with '1.1.9, 2026-01-02'; the version is 1"),
         (SAID.replace("2026-01-02", "unreleased"), "calls 1.2.0 unreleased"),
-        (SAID.replace("flights is 3", "flights is 2"), '"The format of flights is 3"'),
-        (SAID.replace("results is 1", "results is x"), '"The format of results is 1"'),
+        (SAID.replace(FLIGHTS, "flights is 2"), f'"The format of {FLIGHTS}"'),
+        (SAID.replace(RESULTS, "results is x"), f'"The format of {RESULTS}"'),
     ],
 )
 def test_what_it_does_not_say_is_named(said, expected):
@@ -47,6 +50,15 @@ def test_the_same_book_is_packed_into_the_same_bytes(tmp_path):
     with zipfile.ZipFile(archive) as held:
         assert held.namelist() == ["book-1/a.html", "book-1/b/x.html"]
         assert held.getinfo("book-1/a.html").date_time == (2023, 11, 14, 22, 13, 20)
+
+
+def test_only_files_of_the_pattern_are_packed(tmp_path):
+    for name in ("code/a.py", "code/part/b.py", "code/part/b.pyc"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    release.pack(tmp_path / "code", tmp_path / "all.zip", 315_532_800, files="*.py")
+    with zipfile.ZipFile(tmp_path / "all.zip") as held:
+        assert held.namelist() == ["all/a.py", "all/part/b.py"]
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acx4book.typesetting.moving import explorer
-from acx4book.typesetting.moving.explorer import Linear, Mark, Slider, Stops
+from acx4book.typesetting.moving.explorer import Linear, Mark, Roots, Slider, Stops
 
 SLIDER = Slider(name="a", unit="m", low=-0.5, high=0.5, step=0.25)
 
@@ -62,3 +62,15 @@ def test_a_reading_of_two_numbers_is_their_length():
 def test_data_are_plain_and_short():
     response = Linear(matrix=np.array([[1 / 3, 0.0]]), constant=-0.0)
     assert json.dumps(response.data()) == '{"constant": [0.0], "matrix": [[0.333333, 0.0]]}'
+
+
+def test_roots_add_squares_at_the_stop_of_the_first_slider():
+    """The root of 0.3^2 + (2 x 0.2)^2, and the same twice as large at the next stop."""
+    other = Slider(name="b", unit="", low=0.0, high=1.0, step=0.1)
+    table = np.array([[[0.3, 2.0]]]) * np.arange(1.0, 6.0)[:, None, None]
+    response = Roots(sliders=[SLIDER, other], table=table)
+    assert response.at([-0.5, 0.2]) == pytest.approx([0.5])
+    assert response.at([-0.25, 0.2]) == pytest.approx([1.0])
+    assert response.data()["roots"][1] == [[0.6, 4.0]]
+    with pytest.raises(ValueError, match=r"expected \(5, n, 2\)"):
+        Roots(sliders=[SLIDER, other], table=table[:3])

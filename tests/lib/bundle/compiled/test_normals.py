@@ -9,12 +9,13 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
-from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.observations.trajectory import PoseObservations
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.geometry.prior import Prior
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.banded import BandedInverse
 from acx4lib.least_squares.normal_equations import PlainNormals
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support.flights.simulated import read_back
 
 ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
@@ -49,6 +50,19 @@ def with_declared_mountings(block):
         replace(camera, prior=prior) for camera, prior in zip(block.cameras, priors, strict=True)
     )
     return uses.mounted_orientation(replace(block, cameras=cameras), free=ALL[:4])
+
+
+def slowly(block, gnss=()):
+    """Errors of positions and attitudes are correlated; one position takes no part."""
+    sigma = block.trajectory.sigma_position.copy()
+    sigma[4] = np.inf
+    trajectory = replace(
+        block.trajectory,
+        sigma_position=sigma,
+        slow_positions=GaussMarkov(share=0.9, time_constant_s=120.0),
+        slow_attitudes=GaussMarkov(share=0.6, time_constant_s=30.0),
+    )
+    return uses.mounted_orientation(replace(block, trajectory=trajectory), free=ALL[:4], gnss=gnss)
 
 
 def with_held_control(block):
@@ -89,6 +103,11 @@ NETWORKS = {
     "a shift and drifts of GNSS positions": lambda f: uses.mounted_orientation(
         f.calibration, free=ALL[:3], gnss=("shift", "drift")
     ),
+    "errors that change slowly": lambda f: slowly(f.calibration),
+    "slow errors, delays, shift and drifts of a rig": lambda f: slowly(
+        f.heads, gnss=("shift", "drift", "delay", "attitude_delay")
+    ),
+    "slow errors beside held poses": lambda f: with_held_poses(slowly(f.calibration)),
     "held poses": lambda f: with_held_poses(uses.mounted_orientation(f.calibration, free=ALL[:5])),
     "held poses of free exteriors": lambda f: with_held_poses(
         uses.free_orientation(f.calibration, free=("f",)), every=8
@@ -209,7 +228,7 @@ def test_poses_along_a_strip_make_a_narrow_band(rng):
     along = rng.permutation(20)
     point = np.repeat(np.arange(19), 2)
     pose = along[np.stack([np.arange(19), np.arange(1, 20)], axis=1).ravel()]
-    order = packing.ordered(point, pose, 20)
+    order = packing.ordered(point, pose, 20, np.zeros((0, 2), dtype=int))
     place = np.argsort(order)
     assert np.abs(np.diff(place[along])).max() == 1
 

@@ -53,7 +53,7 @@ def test_measurements_in_the_middle_are_neither_in_corners_nor_on_all_sides():
     assert not {"corners", "sides"} & features(block)
 
 
-@pytest.mark.parametrize("key", [*REPORTED, "shift"])
+@pytest.mark.parametrize("key", [*REPORTED, "shift", "delay"])
 def test_every_need_can_be_met(key):
     have = frozenset(need.features[0] for need in NEEDS[key])
     assert needed(key, have) == ENOUGH

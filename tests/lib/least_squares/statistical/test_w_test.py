@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4lib.least_squares.normal_equations import Group
+from acx4lib.least_squares.statistical.residuals import Group
 from acx4lib.least_squares.statistical.w_test import (
     OUT,
     critical_tau,

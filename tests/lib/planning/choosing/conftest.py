@@ -44,7 +44,8 @@ layout = "grid"
 number = [3, 3]
 area_m = [500.0, 500.0]
 [validation.strips]
-map = {flying_height_m = 700, course_deg = 0, length_m = 600, overlap = 0.6, parallel = 2, side_overlap = 0.3}
+a = {flying_height_m = 700, course_deg = 0, length_m = 600, overlap = 0.6, left_m = 250}
+b = {flying_height_m = 700, course_deg = 180, length_m = 600, overlap = 0.6, left_m = -250}
 """
 
 CANDIDATES = {

@@ -44,6 +44,23 @@ def test_no_choice_of_a_small_set_is_cheaper_by_more_than_a_twentieth(plan, shar
     assert easy.seconds[list(order)].sum() <= 1.05 * best
 
 
+def test_no_plan_of_a_small_set_is_cheaper_by_more_than_a_twentieth(plan):
+    """All 31 choices, each as a plan of its own with all of its tie points."""
+    strips = {"c": {**CANDIDATES["c"], "course_deg": [0, 180]}}
+    wanted = {"f_mm": 0.004, "lever_x_m": 0.05, "boresight_kappa_deg": 0.005}
+    few = candidates.of(target.from_values({"sigma": wanted, "candidates": strips}, plan))
+    found = chosen.choose(few)
+    assert found.met
+    every = [one for n in range(1, 6) for one in combinations(range(5), n)]
+    reaching = [
+        few.minutes(one)
+        for one in every
+        if np.all(few.planned(chosen.with_strips(few.target.plan, one)) <= few.limits)
+    ]
+    assert 0 < len(reaching) < len(every)
+    assert found.minutes <= 1.05 * min(reaching)
+
+
 def test_what_a_strip_buys_ends_with_what_the_plan_gives(some):
     found = chosen.choose(some)
     assert found.after[-1] == pytest.approx(found.given)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,8 +62,6 @@ def test_a_mistake_is_named_with_its_line_and_a_cure(plan, tmp_path, written, me
 
 
 def test_check_points_need_a_mapping_flight(plan):
-    from dataclasses import replace
-
     without = replace(plan, blocks={"calibration": plan.blocks["calibration"]})
     with pytest.raises(FlightError, match="a plan without block validation; the plan needs"):
         target.from_values({"check_points": {"height_m": 0.1}}, without)

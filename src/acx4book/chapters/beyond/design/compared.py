@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from acx4book.chapters.beyond.design.curves import sigmas
@@ -38,9 +39,6 @@ WANTED = (
 BRIEF = {"f_mm": "f, mm", "lever_z_m": "z, m", "lever_x_m": "x, m", "boresight_kappa_deg": "κ, °"}
 """What is shown after every strip, with its name there."""
 
-ALLOWED = 1.25
-"""What is wanted of the chosen flight: so many times the paper's σ, of every parameter."""
-
 CANDIDATES = {
     "strip": {
         "flying_height_m": [LOW_M, HIGH_M],
@@ -52,11 +50,45 @@ CANDIDATES = {
 """Strips over the middle of the field that may be chosen, besides the paper's own."""
 
 
-def choice(plan: Plan) -> Chosen:
-    """Return the cheapest strips that are found to be nearly as good as those of a plan."""
-    sigma = ALLOWED * sigmas(plan)[[*WANTED]]
+def choice(plan: Plan, allowed: float, minutes: float = np.inf) -> Chosen:
+    """Return cheap strips that are nearly as good as those of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    allowed : float
+        What is wanted: so many times the plan's σ, of every parameter of `WANTED`.
+    minutes : float
+        Longest flying time.
+    """
+    sigma = allowed * sigmas(plan)[[*WANTED]]
     wanted = {"sigma": sigma.to_dict(), "candidates": CANDIDATES}
-    return chosen.choose(candidates.of(target.from_values(wanted, plan)))
+    return chosen.choose(candidates.of(target.from_values(wanted, plan)), minutes=minutes)
+
+
+def left_out(plan: Plan) -> pd.DataFrame:
+    """Return σ over the plan's where one strip is left out: a column for every strip."""
+    strips = plan.blocks[BLOCK].strips
+    fewer = {
+        name: flown(plan, {other: one for other, one in strips.items() if other != name})
+        for name in strips
+    }
+    return pd.DataFrame({n: sigmas(one) / sigmas(plan) for n, one in fewer.items()}).loc[[*WANTED]]
+
+
+def left_out_by_search(plan: Plan) -> pd.DataFrame:
+    """Return the same from the sums of what the strips tell, by a part of the tie points."""
+    wanted = dict.fromkeys(WANTED, 1.0)
+    found = candidates.of(target.from_values({"sigma": wanted}, plan))
+    strips = [*plan.blocks[BLOCK].strips]
+    every = range(len(strips))
+    return pd.DataFrame(
+        {
+            name: found.given(tuple(k for k in every if strips[k] != name)) / found.given((*every,))
+            for name in strips
+        },
+        index=[*WANTED],
+    )
 
 
 def flights(plan: Plan, cheap: Chosen) -> dict[str, Plan]:
@@ -98,7 +130,7 @@ def _column(plan: Plan) -> pd.Series:
 
 def written(numbers: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text, with names and units for readers."""
-    shown = numbers.map("{:.2g}".format)
+    shown = numbers.map("{:#.2g}".format)
     counted = ["strips", "images", "minutes"]
     shown.loc[counted] = numbers.loc[counted].map("{:.0f}".format)
     units = {name: name.rpartition("_")[2] for name in WANTED}
@@ -114,17 +146,17 @@ def bought(found: Chosen) -> pd.DataFrame:
     """
     limits = pd.Series({one.name: one.limit for one in found.wanted})
     rows = []
-    for k, (name, strip) in enumerate(found.plan.blocks[BLOCK].strips.items()):
+    for k, one in enumerate(found.plan.blocks[BLOCK].strips.values()):
         excess = pd.Series(found.without[k], index=limits.index) / limits
         after = dict(zip(limits.index, found.after[k], strict=True))
         rows.append(
             {
                 "strip": f"{k + 1}",
-                "height, m": f"{strip.flying_height_m:.0f}",
-                "course": f"{strip.course_deg:.0f}°",
-                "images": f"{strip.n_exposures}",
+                "height, m": f"{one.flying_height_m:.0f}",
+                "course": f"{one.course_deg:.0f}°",
+                "images": f"{one.n_exposures}",
                 "minutes": f"{found.minutes_after[k]:.1f}",
-                **{f"σ of {short}": f"{after[one]:.2g}" for one, short in BRIEF.items()},
+                **{f"σ of {short}": f"{after[sigma]:.2g}" for sigma, short in BRIEF.items()},
                 "left out": Markup(f"{LABELS[str(excess.idxmax())]}: {excess.max():.2g} times"),
             }
         )

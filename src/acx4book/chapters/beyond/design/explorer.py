@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from acx4book.chapters.beyond.design.curves import sigmas
 from acx4book.chapters.beyond.design.plans import COURSE_DEG, LOW_M, flown, papers, several, strip
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Slider, Stops
 from acx4book.typesetting.moving.plane import Plane
-from acx4lib.calibration.estimates import to_reported
 from acx4lib.expected import Array
-from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.planning import design, ground
-from acx4lib.planning.choosing.strip_information import FAR_M, StripInformation, of_strips
+from acx4lib.planning import ground
 from acx4lib.planning.choosing.target import BLOCK
 from acx4lib.planning.plan import Plan, Strip, image_length_m
 
-RATIO = Slider(name="second height over first", unit="", low=1.0, high=2.0, step=0.1)
-TURN = Slider(name="second course against first", unit="°", low=0.0, high=180.0, step=30.0)
-CONTROL = Slider(name="control points", unit="", low=0.0, high=8.0, step=2.0)
+RATIO = Slider(name="second height over first", unit="", low=1.0, high=2.0, step=0.25)
+TURN = Slider(name="second course against first", unit="°", low=0.0, high=180.0, step=45.0)
+CONTROL = Slider(name="control points", unit="", low=2.0, high=8.0, step=3.0)
 SLIDERS = (RATIO, TURN, CONTROL)
 
 SHOWN = {
-    "f": ("f, µm", 1000.0),
-    "lever_z": ("lever arm z, cm", 100.0),
-    "lever_x": ("lever arm x, cm", 100.0),
-    "lever_y": ("lever arm y, cm", 100.0),
-    "boresight_y": ("φ, 0.001°", 1000.0),
-    "boresight_z": ("κ, 0.001°", 1000.0),
+    "f_mm": ("f, µm", 1000.0),
+    "lever_z_m": ("lever arm z, cm", 100.0),
+    "lever_x_m": ("lever arm x, cm", 100.0),
+    "lever_y_m": ("lever arm y, cm", 100.0),
+    "boresight_phi_deg": ("φ, 0.001°", 1000.0),
+    "boresight_kappa_deg": ("κ, 0.001°", 1000.0),
 }
-"""Unknowns by the library's names: as they are shown, with the factor to the unit there."""
+"""Parameters by their names in results: as they are shown, with the factor to the unit there."""
 
 LEAST, MOST = 0.3, 300.0
 """Ends of the bars' axis."""
@@ -45,47 +41,26 @@ def sigma() -> Array:
     Two strips at the lower height and two at the upper one; the second of each is turned.
     """
     plan = papers()
-    heights = LOW_M * RATIO.stops
+    found = [
+        [[_shown(plan, ratio, turn, int(n)) for n in CONTROL.stops] for turn in TURN.stops]
+        for ratio in RATIO.stops
+    ]
+    return np.array(found)
+
+
+def _shown(plan: Plan, ratio: float, turn_deg: float, control: int) -> Array:
     strips = several(
-        [{f"{turn:.0f}": _strip(plan, h, turn) for turn in TURN.stops} for h in heights]
+        [
+            {f"{k}": _strip(plan, height, turn) for k, turn in enumerate((0.0, turn_deg))}
+            for height in (LOW_M, LOW_M * ratio)
+        ]
     )
-    all_of_them = flown(plan, strips, control=int(CONTROL.high))
-    mounting = design.of(all_of_them).mountings["single_step"]
-    information = of_strips(mounting.bundle.network)
-    keys = [name.rpartition("/")[2] for name in information.names]
-    n = mounting.calibration.n_columns
-    J = to_reported(mounting.calibration)[[keys.index(key) for key in SHOWN]]
-    J = J * np.array([factor for _, factor in SHOWN.values()])[:, None]
-    n_turns = len(TURN.stops)
-    out = np.empty((len(heights), n_turns, len(CONTROL.stops), len(SHOWN)))
-    for c, control in enumerate(CONTROL.stops):
-        known = with_control(information, int(control))
-        for r in range(len(heights)):
-            for t in range(n_turns):
-                chosen = (0, t, n_turns * r, n_turns * r + t)
-                out[r, t, c] = sigmas(propagate(J, known.covariance(chosen)[:n, :n]))
-    return out
+    found = sigmas(flown(plan, strips, control=control))
+    return np.array([factor * found[name] for name, (_, factor) in SHOWN.items()])
 
 
 def _strip(plan: Plan, height_m: float, turn_deg: float) -> Strip:
     return strip(plan, height_m, COURSE_DEG + turn_deg, N_IMAGES)
-
-
-def with_control(information: StripInformation, n: int) -> StripInformation:
-    """Return what strips tell where only the first control points are surveyed.
-
-    The others are measured in the images as before. Points of control come first in the matrices.
-
-    Parameters
-    ----------
-    information : StripInformation
-    n : int
-    """
-    given = information.given.copy()
-    place = np.arange(3 * n, 3 * int(CONTROL.high))
-    given[place] = given[:, place] = 0.0
-    given[place, place] = FAR_M**-2
-    return replace(information, given=given)
 
 
 def explorer() -> Explorer:
@@ -100,17 +75,17 @@ def explorer() -> Explorer:
         caption=(
             f"Two strips at {LOW_M:.0f} m and two at a second height, five images each, by the "
             "paper's camera; unknown are its interior orientation, the mounting, and a shift of "
-            "GNSS. Left, the flight in plan: the strips of the first course are blue, those of the "
-            "second orange, with the footprint of a middle image; squares are control points. "
-            "Right, standard deviations on a logarithmic axis."
+            "GNSS. Left, the lower strip of the first course, blue, and the upper one of the "
+            "second, orange, each with the footprint of its middle image; squares are control "
+            "points. Right, standard deviations on a logarithmic axis."
         ),
         sliders=SLIDERS,
         presets={
-            "two heights, opposite": [1.5, 180.0, 4.0],
-            "one height": [1.0, 180.0, 4.0],
-            "one direction": [1.5, 0.0, 4.0],
-            "crossing": [1.5, 90.0, 4.0],
-            "no control": [1.5, 180.0, 0.0],
+            "two heights, opposite": [1.5, 180.0, 5.0],
+            "one height": [1.0, 180.0, 5.0],
+            "one direction": [1.5, 0.0, 5.0],
+            "crossing": [1.5, 90.0, 5.0],
+            "two control points": [1.5, 180.0, 2.0],
         },
         panels=[_map(), _bars(found)],
         columns=[Column(title="value", digits=2)],
@@ -132,7 +107,7 @@ def _map() -> Panel:
         alt="A blue strip upwards and an orange one downwards with their footprints, and squares.",
         size=size,
         fixed=plane.text((0.0, -reach * 0.84), "3.4 km across, first course up"),
-        marks=[low, high, *squares],
+        marks=[high, low, *squares],
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from acx4book.typesetting import style
 from acx4lib.expected import Array
@@ -16,7 +17,7 @@ from acx4lib.planning.choosing.target import BLOCK
 from acx4lib.planning.plan import Plan, Strip, image_length_m
 
 PANELS = {
-    "image (µm)": (1000.0, {"f_mm": "f", "xp_mm": "$x_p$", "yp_mm": "$y_p$"}),
+    "interior (µm)": (1000.0, {"f_mm": "f", "xp_mm": "$x_p$", "yp_mm": "$y_p$"}),
     "lever arm (cm)": (100.0, {"lever_z_m": "z", "lever_x_m": "x", "lever_y_m": "y"}),
     "boresight (0.001°)": (
         1000.0,
@@ -28,6 +29,9 @@ PANELS = {
     ),
 }
 """Panels with their unit: the factor to it, and curves by the parameter's name in results."""
+
+LEAST_RANGE = 4.0
+"""Smallest ratio of the ends of a logarithmic axis."""
 
 COLOURS = (style.BLUE, style.ORANGE, style.TEAL)
 
@@ -53,18 +57,26 @@ def curves(table: pd.DataFrame, label: str, *, beside: pd.DataFrame | None = Non
                     ax.plot(
                         beside.columns, factor * beside.loc[name], "o--", color=colour, mfc="none"
                     )
-            ax.set(title=f"σ of {title}", yscale="log", xlabel=label)
-            _widened(ax)
+            ax.set(title=title, yscale="log", xlabel=label)
+            ax.xaxis.set_major_locator(MaxNLocator(5, integer=table.columns.dtype.kind == "i"))
+            _ticked(ax)
             ax.legend(loc="best")
+        axes[0].set_ylabel("σ")
     return fig
 
 
-def _widened(ax: Axes) -> None:
-    """Let an axis have at least a factor of four, so that noise does not look like a slope."""
+def _ticked(ax: Axes) -> None:
+    """Write plain numbers on a logarithmic axis of at least a factor of four.
+
+    A smaller axis would make a slope of what is nearly constant.
+    """
     low, high = ax.get_ylim()
-    spread = max(1.0, 4.0 / (high / low)) ** 0.5
-    ax.set_ylim(low / spread, high * spread)
-    style.plain_log(ax) if hasattr(style, "plain_log") else None
+    wider = max(1.0, LEAST_RANGE * low / high) ** 0.5
+    low, high = low / wider, high * wider
+    ticks = [d * 10.0**k for k in range(-3, 4) for d in (1, 2, 5) if low <= d * 10.0**k <= high]
+    ax.set_ylim(low, high)
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.set_yticks([], minor=True)
 
 
 def maps(flights: Mapping[str, Plan]) -> Figure:
@@ -77,6 +89,7 @@ def maps(flights: Mapping[str, Plan]) -> Figure:
             style.bare(ax)
             ax.set(title=name, aspect="equal", xticks=[], yticks=[])
             _map(ax, plan)
+        style.scale_bar(axes[0], per_axis_unit=1.0, unit="km", at=(0.04, 0.05))
     return fig
 
 
@@ -91,7 +104,7 @@ def _map(ax: Axes, plan: Plan) -> None:
         ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
         ax.plot(*corners.T, color=colour, lw=0.6)
     at = ground.on_map(block.area, ground.places(block.points)) - _middle(plan)
-    ax.plot(*at.T / 1000.0, "D", color=style.INK, mfc="none", ms=3)
+    ax.plot(*at.T / 1000.0, "D", color=style.INK, mfc="none", ms=2)
 
 
 def _middle(plan: Plan) -> Array:

@@ -21,23 +21,21 @@ N_IMAGES = 7
 COURSE_DEG = 28.0
 """Course of the first strip, the paper's."""
 
+AREA_M = (1300.0, 1000.0)
+"""Length and width of the rectangle with control points, where they are not the paper's."""
+
 Strips = Mapping[str, Strip]
 
 
 def papers() -> Plan:
-    """Return the plan of the paper's calibration block; a shift of GNSS is unknown as well.
-
-    The block's control points lie on a grid of five by four.
-    """
+    """Return the plan of the paper's calibration block; a shift of GNSS is unknown as well."""
     values = of_design.values(acx4_ideal_plan())
     values["stages"]["mounting"]["gnss"] = ["shift"]
-    values["control"] = {
-        "layout": "grid",
-        "number": [5, 4],
-        "area_m": [1800.0, 1800.0],
-        "sigma_m": values["control"]["sigma_m"],
-    }
-    return text.from_values({k: v for k, v in values.items() if k not in ("heads", "validation")})
+    plan = text.from_values({k: v for k, v in values.items() if k not in ("heads", "validation")})
+    block = plan.blocks[BLOCK]
+    return replace(
+        plan, blocks={BLOCK: replace(block, points=replace(block.points, area_m=AREA_M))}
+    )
 
 
 def flown(plan: Plan, strips: Strips, *, control: int | None = None) -> Plan:
@@ -74,6 +72,11 @@ def pair(plan: Plan, height_m: float, turned_deg: float = 0.0) -> dict[str, Stri
         f"{height_m:.0f} m, {course % 360:.0f}°": strip(plan, height_m, course)
         for course in (COURSE_DEG + turned_deg, COURSE_DEG + turned_deg + 180.0)
     }
+
+
+def holding_lever_arm(plan: Plan) -> Plan:
+    """Return a plan in which the lever arm is held at its surveyed value."""
+    return replace(plan, setup=replace(plan.setup, fix=("lever_arm",)))
 
 
 def several(strips: Sequence[Strips]) -> dict[str, Strip]:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from acx4book.chapters.beyond.design.compared import ALLOWED
 from acx4book.typesetting.labels import LABELS
-
-LENGTHS = {"f_mm": (1000.0, "µm"), "xp_mm": (1000.0, "µm"), "lever": (100.0, "cm")}
 
 
 def two_heights(table: pd.DataFrame) -> str:
@@ -43,8 +40,8 @@ def opposite(table: pd.DataFrame) -> str:
         f"{_cm(back, 'lever_x_m')}), that of {LABELS['boresight_phi_deg']} "
         f"{_times(same, back, 'boresight_phi_deg')} times and that of {LABELS['xp_mm']} "
         f"{_times(same, back, 'xp_mm')} times. A crossing strip, turned by 90°, reaches "
-        f"{_cm(across, 'lever_x_m')}: most of this. σ of {LABELS['boresight_kappa_deg']} does not "
-        f"care about the direction: it stays within {_spread(table, 'boresight_kappa_deg'):.0%}."
+        f"{_cm(across, 'lever_x_m')}: most of this. σ of {LABELS['boresight_kappa_deg']} hardly "
+        f"depends on the direction: it changes by {_spread(table, 'boresight_kappa_deg'):.1%}."
     )
 
 
@@ -59,8 +56,8 @@ def number(pairs: pd.DataFrame, same_way: pd.DataFrame) -> str:
     few, many = pairs.columns[0], pairs.columns[-1]
     return (
         f"Three times as many strips make σ of {LABELS['boresight_kappa_deg']} "
-        f"{_times(pairs[few], pairs[many], 'boresight_kappa_deg')} times smaller, which is the root of "
-        f"three: every image measures the heading once more. But {4 * many} strips of one "
+        f"{_times(pairs[few], pairs[many], 'boresight_kappa_deg')} times smaller, which is the "
+        f"root of three: every image measures the heading once more. But {4 * many} strips of one "
         f"direction leave the {LABELS['lever_x_m']} at {_cm(same_way[many], 'lever_x_m')}, and "
         f"{4 * few} strips in opposite directions have {_cm(pairs[few], 'lever_x_m')}."
     )
@@ -76,17 +73,17 @@ def control(table: pd.DataFrame) -> str:
     """
     none, four, most = table[0], table[4], table[table.columns[-1]]
     return (
-        f"Without control points the {LABELS['lever_z_m']} has σ = {_cm(none, 'lever_z_m')}: it is a "
-        f"shift of the whole ground in height. Four points make it {_cm(four, 'lever_z_m')}, "
+        f"Without control points the {LABELS['lever_z_m']} has σ = {_cm(none, 'lever_z_m')}: it is "
+        f"a shift of the whole ground in height. Four points make it {_cm(four, 'lever_z_m')}, "
         f"{table.columns[-1]} points {_cm(most, 'lever_z_m')}; {LABELS['f_mm']} follows "
-        f"({_um(none, 'f_mm')}, {_um(four, 'f_mm')}, {_um(most, 'f_mm')}). Boresight "
-        f"{LABELS['boresight_phi_deg'].removeprefix('boresight ')} and the {LABELS['lever_x_m']} change by less than "
-        f"{max(_spread(table, 'boresight_phi_deg'), _spread(table, 'lever_x_m')):.1%}: the "
-        "images and the trajectory know them without any point on the ground."
+        f"({_um(none, 'f_mm')}, {_um(four, 'f_mm')}, {_um(most, 'f_mm')}). The "
+        f"{LABELS['lever_x_m']} and {LABELS['boresight_phi_deg']} change by at most "
+        f"{max(_spread(table, 'boresight_phi_deg'), _spread(table, 'lever_x_m')):.1%}: images in "
+        "opposite directions and the trajectory tell them without any point on the ground."
     )
 
 
-def answer(ratio: pd.DataFrame, turn: pd.DataFrame, compared: pd.DataFrame) -> str:
+def answer(ratio: pd.DataFrame, turn: pd.DataFrame, compared: pd.DataFrame, allowed: float) -> str:
     """Answer the chapter's question.
 
     Parameters
@@ -95,6 +92,8 @@ def answer(ratio: pd.DataFrame, turn: pd.DataFrame, compared: pd.DataFrame) -> s
         Of `curves.over_ratio` and `curves.over_turn`.
     compared : DataFrame
         Of `compared.table`.
+    allowed : float
+        What was wanted of the chosen flight, in the paper's σ.
     """
     paper, cheap, least = (compared[name] for name in ("the paper's", "chosen", "there and back"))
     return (
@@ -102,9 +101,9 @@ def answer(ratio: pd.DataFrame, turn: pd.DataFrame, compared: pd.DataFrame) -> s
         f"(σ {_times(ratio[1.0], ratio[1.5], 'f_mm')} times smaller), opposite directions the "
         f"lever arm's x and y from the boresight and from a shift of GNSS "
         f"({_times(turn[0.0], turn[180.0], 'lever_x_m')} times), control points the height. "
-        f"{LABELS['boresight_kappa_deg'].capitalize()} needs no direction, only images. "
+        f"The {LABELS['boresight_kappa_deg']} needs no direction, only images. "
         f"The paper's block takes {paper['minutes']:.0f} minutes; {cheap['strips']:.0f} chosen "
-        f"strips need {cheap['minutes']:.0f} for σ of at most {ALLOWED:g} times the paper's. Two "
+        f"strips need {cheap['minutes']:.0f} for σ of at most {allowed:g} times the paper's. Two "
         f"strips, one low and one back at the greater height, take {least['minutes']:.0f} minutes, "
         f"and no σ is more than {(least / paper).iloc[3:].max():.1f} times the paper's."
     )
@@ -123,9 +122,10 @@ def _times(large: pd.Series, small: pd.Series, name: str) -> str:
 
 
 def _other_gain(one: pd.Series, two: pd.Series, but: tuple[str, ...]) -> float:
-    return float((one / two).drop([*but]).max())
+    return float((one / two).drop([*but]).to_numpy(dtype=float).max())
 
 
 def _spread(table: pd.DataFrame, name: str) -> float:
     """Return by what part of itself a σ changes at most."""
-    return float(table.loc[name].max() / table.loc[name].min() - 1.0)
+    sigma = table.loc[name].to_numpy(dtype=float)
+    return float(sigma.max() / sigma.min() - 1.0)

@@ -10,7 +10,6 @@ from acx4book.chapters.beyond.error_budget.examined import (
     Examined,
     plan_and_height,
 )
-from acx4book.chapters.beyond.error_budget.heights import GRID
 from acx4book.chapters.beyond.error_budget.tables import COORDINATES
 from acx4book.typesetting.moving import shown as html
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
@@ -23,7 +22,7 @@ from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
 
 HEIGHT = Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0)
 IMAGE = Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1)
-GNSS = Slider(name="GNSS, each coordinate", unit="cm", low=0.0, high=30.0, step=1.0)
+GNSS = Slider(name="GNSS", unit="cm", low=0.0, high=30.0, step=1.0)
 TILT = Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005)
 HEADING = Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001)
 SLIDERS = (HEIGHT, IMAGE, GNSS, TILT, HEADING)
@@ -67,7 +66,7 @@ def effects(calibration: Calibration) -> Array:
     """
     found = []
     for height_m in HEIGHT.stops:
-        mean = plan_and_height(over_ground(calibration, unit_flight(height_m), n=GRID).mean)
+        mean = plan_and_height(over_ground(calibration, unit_flight(height_m)).mean)
         own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
         found.append([[part[columns].sum() for columns in own] for part in mean])
     return 100 * np.sqrt(np.maximum(np.array(found), 0.0))

@@ -10,12 +10,10 @@ from acx4book.chapters.beyond.error_budget.examined import BARE, PAPERS, Examine
 from acx4book.chapters.beyond.error_budget.heights import Heights
 from acx4book.chapters.beyond.error_budget.tables import COORDINATES
 from acx4book.typesetting import style
-from acx4book.typesetting.field import sigma_figure
 from acx4book.typesetting.labels import TITLES, inside
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import budget
-from acx4lib.georeferencing.mapping_flight import Format
 
 STACKED = {
     "image points": ("image points",),
@@ -123,25 +121,4 @@ def _draw_heights(ax: Axes, flown: Heights, k: int) -> None:
         *(flown.height_m, np.sqrt(np.maximum(bare.sum(axis=-1), 0.0)), "--"),
         color=style.colour(2),
         label=f"calibration, {inside(TITLES[BARE])}",
-    )
-
-
-def over_format(shown: Format) -> Figure:
-    """Draw the predicted errors over the format: all of plan and height, and the calibration's.
-
-    Parameters
-    ----------
-    shown : Format
-    """
-    size = shown.colrow.shape[:2]
-    variance = shown.budget.variance.reshape(*size, 3, len(budget.SOURCES))
-    calibrated = variance[..., -len(budget.CALIBRATION) :].sum(axis=-1)
-    total = variance.sum(axis=-1)
-    return sigma_figure(
-        shown.colrow,
-        {
-            "plan": np.sqrt(total[..., :2].sum(axis=-1)),
-            "height": np.sqrt(total[..., 2]),
-            "height, calibration": np.sqrt(np.maximum(calibrated[..., 2], 0.0)),
-        },
     )

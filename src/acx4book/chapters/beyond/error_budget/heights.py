@@ -13,9 +13,6 @@ from acx4lib.georeferencing.mapping_flight import over_ground
 HEIGHTS_M = np.arange(500.0, 3001.0, 250.0)
 """Flying heights over ground."""
 
-GRID = 8
-"""Points on the ground in each direction; their mean is within one percent of that of many."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Heights:
@@ -44,10 +41,7 @@ def of(found: Examined, height_m: Array = HEIGHTS_M) -> Heights:
         height_m=height_m,
         variance={
             method: np.array(
-                [
-                    plan_and_height(over_ground(calibration, found.mapping(h), n=GRID).mean)
-                    for h in height_m
-                ]
+                [plan_and_height(over_ground(calibration, found.mapping(h)).mean) for h in height_m]
             )
             for method, calibration in found.calibrations.items()
         },

@@ -7,6 +7,7 @@ import numpy as np
 from acx4book.chapters.beyond.error_budget import as_printed
 from acx4book.chapters.beyond.error_budget.examined import BARE, PAPERS, Examined, plan_and_height
 from acx4book.chapters.beyond.error_budget.heights import Heights
+from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES, inside
 from acx4lib.expected import Array
 from acx4lib.georeferencing import budget
@@ -76,7 +77,10 @@ def unexplained(found: Examined) -> str:
     rms = as_printed.rms()
     said = as_printed.predicted(found, as_printed.assumptions()[0]).rms
     left = as_printed.unexplained(rms, said)
-    able = [one for one in as_printed.suspects(found) if one.rms[2] <= left[2]]
+    suspects = as_printed.suspects(found)
+    able = [one for one in suspects if one.rms[2] <= left[2]]
+    turn = next(one.size for one in suspects if one.name == "boresight κ")
+    kappa = turn / printed.sigma(3, "boresight_kappa_deg", PAPERS)
     named = " or ".join(f"{one.name} ({one.size:.2g} {one.unit})" for one in able)
     return (
         f"With the smallest errors that the paper names, its budget predicts {said[0]:.2f}, "
@@ -84,7 +88,8 @@ def unexplained(found: Examined) -> str:
         f"{rms[0]:.2f}, {rms[1]:.2f} and {rms[2]:.2f} m. So the height leaves {left[2]:.2f} m "
         f"unexplained, but the plan {left[0]:.2f} and {left[1]:.2f} m. Of the errors in the table, "
         f"the only ones that make so much in plan without making the heights worse than they were "
-        f"found are: {named}."
+        f"found are: {named}. Such a κ would be {kappa:.0f} times its printed standard deviation. "
+        "Targets do it that are not quite the same point on the ground and in the images."
     )
 
 

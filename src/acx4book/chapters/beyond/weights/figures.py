@@ -7,12 +7,17 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from acx4book.chapters.beyond.weights.simulated import MODELLED
 from acx4book.paper import printed as paper
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 
-TINTS = {"white": style.BLUE, "slow": style.ORANGE}
-NAMES = {"white": "independent errors", "slow": "slowly changing errors, as large"}
+TINTS = {"white": style.BLUE, "slow": style.ORANGE, MODELLED: style.TEAL}
+NAMES = {
+    "white": "independent errors",
+    "slow": "slowly changing errors, as large",
+    MODELLED: "the same, correlation in the weights",
+}
 
 
 def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
@@ -38,7 +43,7 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
         style.heading(left, "The same size, another course", "one flight; lines join a strip")
         rows = np.arange(len(shown))
         for offset, (kind, own) in zip(
-            (-0.14, 0.14), scatter.groupby("kind", sort=False), strict=True
+            (-0.22, 0.0, 0.22), scatter.groupby("kind", sort=False), strict=True
         ):
             ratio = own.set_index("parameter").loc[shown]
             right.errorbar(

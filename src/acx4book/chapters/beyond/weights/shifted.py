@@ -17,7 +17,7 @@ from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import BORESIGHT, GNSS
+from acx4lib.geometry.parameters import BORESIGHT
 from acx4sim.plan import SlowErrors
 
 SHIFT_M = (0.30, -0.20, 0.15)
@@ -36,7 +36,7 @@ def _with_lever_arm_held(block: Block, free: Sequence[str]) -> Network:
 
 
 def _with_drift(block: Block, free: Sequence[str]) -> Network:
-    return mounted_orientation(block, free=free, gnss=GNSS)
+    return mounted_orientation(block, free=free, gnss=("shift", "drift"))
 
 
 KINDS: Mapping[str, tuple[acx4sim.Options, SetUp]] = MappingProxyType(

@@ -21,6 +21,7 @@ from acx4lib.calibration.weights import scaled, weighted
 from acx4lib.flight import reader as flights
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4sim.plan import SlowErrors
 
 TIES = MappingProxyType({"calibration": 150})
@@ -32,6 +33,9 @@ EXACT = acx4sim.Options(
 
 KINDS: Mapping[str, SlowErrors | None] = MappingProxyType({"white": None, "slow": SlowErrors()})
 """Trajectory errors of the same size: independent, or changing slowly."""
+
+MODELLED = "modelled"
+"""Kind of the calibrations of slow flights by weights that know the errors to be correlated."""
 
 SetUp = Callable[[Block, Sequence[str]], Network]
 
@@ -69,10 +73,23 @@ def single(block: Block, free: Sequence[str]) -> Network:
     return mounted_orientation(block, free=free)
 
 
+def modelled(block: Block, errors: SlowErrors) -> Block:
+    """Return the block with the correlation in time that its trajectory's errors have."""
+    constant = errors.time_constant_s
+    trajectory = replace(
+        block.trajectory,
+        slow_positions=GaussMarkov(share=errors.gnss, time_constant_s=constant),
+        slow_attitudes=GaussMarkov(share=errors.attitude, time_constant_s=constant),
+    )
+    return replace(block, trajectory=trajectory)
+
+
 def trajectory_errors(
     seeds: Iterable[int], *, design: str = "acx4-ideal", set_up: SetUp = single
 ) -> pd.DataFrame:
     """Compare the errors of calibrations with their sigma, for white and for slow noise.
+
+    The flights with slow noise are calibrated twice: as if it were white, and `modelled`.
 
     Parameters
     ----------
@@ -93,14 +110,24 @@ def trajectory_errors(
     for seed in seeds:
         for kind, slow in KINDS.items():
             flown = fly(design, seed, acx4sim.Options(tie_points=TIES, slow_errors=slow))
-            bundle = adjust(set_up(flown.block, flown.flight.estimate_mounting))
-            sigma0_sq = bundle.solution.sigma0_sq
-            rows += [
-                (kind, seed, p.name, p.value - flown.truth[p.name], p.sigma, sigma0_sq)
-                for p in parameters(from_bundle(bundle))
-            ]
+            cases = {kind: flown.block}
+            if slow is not None:
+                cases[MODELLED] = modelled(flown.block, slow)
+            for case, block in cases.items():
+                bundle = adjust(set_up(block, flown.flight.estimate_mounting))
+                rows += _rows(case, seed, bundle, flown.truth)
     columns = ["kind", "seed", "parameter", "error", "sigma", "sigma0_squared"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _rows(
+    kind: str, seed: int, bundle: Bundle, truth: Mapping[str, float]
+) -> list[tuple[str, int, str, float, float, float]]:
+    sigma0_sq = bundle.solution.sigma0_sq
+    return [
+        (kind, seed, p.name, p.value - truth[p.name], p.sigma, sigma0_sq)
+        for p in parameters(from_bundle(bundle))
+    ]
 
 
 def height_errors(seed: int, *, design: str = "acx4-ideal") -> pd.DataFrame:

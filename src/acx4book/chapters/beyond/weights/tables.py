@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.chapters.beyond.weights.shifted import SHIFT_M
+from acx4book.chapters.beyond.weights.simulated import MODELLED
 from acx4book.chapters.mounting.weights import TOO_FEW, factor
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, with_unit
@@ -111,12 +112,7 @@ def scatter_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
     """
     parts = []
     for kind, title in (("white", "independent"), ("slow", "slowly changing")):
-        own = scatter[scatter["kind"] == kind]
-        spans = []
-        for what, prefix in (("boresight", "boresight"), ("lever arm", "lever")):
-            ratio = own["ratio"][own["parameter"].str.startswith(prefix)]
-            spans.append(f"{ratio.min():.1f} to {ratio.max():.1f} ({what})")
-        parts.append(f"With {title} errors it is {' and '.join(spans)}")
+        parts.append(f"With {title} errors it is {_spans(scatter, kind)}")
     variance = errors.groupby("kind")["sigma0_squared"].mean()
     n = errors["seed"].nunique()
     return (
@@ -125,6 +121,32 @@ def scatter_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
         f"({variance['white']:.2f} with independent errors): nothing in the adjustment gives the "
         "slow errors away."
     )
+
+
+def modelled_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
+    """Say how large errors are against the sigma of weights that know their correlation.
+
+    Parameters
+    ----------
+    errors, scatter : DataFrame
+        As in `scatter_sentence`.
+    """
+    variance = errors[errors["kind"] == MODELLED]["sigma0_squared"].mean()
+    return (
+        "With the correlation in the weights, the RMS of the error over the stated standard "
+        f"deviation is {_spans(scatter, MODELLED)}, and the variance of unit weight "
+        f"{variance:.2f} on average."
+    )
+
+
+def _spans(scatter: pd.DataFrame, kind: str) -> str:
+    """Return the smallest and the largest ratio of boresight and lever arm."""
+    own = scatter[scatter["kind"] == kind]
+    spans = []
+    for what, prefix in (("boresight", "boresight"), ("lever arm", "lever")):
+        ratio = own["ratio"][own["parameter"].str.startswith(prefix)]
+        spans.append(f"{ratio.min():.1f} to {ratio.max():.1f} ({what})")
+    return " and ".join(spans)
 
 
 # --- a shift of the trajectory --------------------------------------------------------------
@@ -181,15 +203,20 @@ def answer(errors: pd.DataFrame, scatter: pd.DataFrame, refraction: pd.DataFrame
     errors, scatter, refraction : DataFrame
         As `simulated` returns them.
     """
-    slow = scatter[(scatter["kind"] == "slow")].set_index("parameter")["ratio"]
-    boresight = slow[slow.index.str.startswith("boresight")]
+    boresight, known = (
+        scatter[(scatter["kind"] == kind) & scatter["parameter"].str.startswith("boresight")]
+        for kind in ("slow", MODELLED)
+    )
     variance = errors.groupby("kind")["sigma0_squared"].mean()["slow"]
     off = np.abs(refraction["without_model"] / refraction["sigma"])
     return (
         "A standard deviation that is wrong for a whole group of observations shows in the "
         "residuals, as far as other observations contradict it. Errors that change slowly do not: "
-        f"the boresight is then wrong by {boresight.min():.1f} to {boresight.max():.1f} times its "
-        f"stated standard deviation, while the variance of unit weight is {variance:.2f}. A shift "
+        f"the boresight is then wrong by {boresight['ratio'].min():.1f} to "
+        f"{boresight['ratio'].max():.1f} times its stated standard deviation, while the variance "
+        f"of unit weight is {variance:.2f}. Weights that know the correlation make it "
+        f"{known['ratio'].min():.1f} to {known['ratio'].max():.1f} times; but no adjustment tells "
+        "the correlation: the processing of the trajectory has to. A shift "
         "of the trajectory needs control points and an unknown of its own. Refraction that is left "
         f"out costs up to {off.max():.1f} standard deviations."
     )

@@ -140,7 +140,7 @@ def _draw_overlap(
     pictures: Pictures,
     shared: SharedWindow,
 ) -> None:
-    """Draw what the first head of a pair sees of an overlap, grey and light."""
+    """Draw what the first head of a pair sees of an overlap, grey and light, and nothing else."""
     rows, cols = (
         shared.window[1] - shared.window[0],
         shared.window[3] - shared.window[2],
@@ -157,8 +157,7 @@ def _draw_overlap(
     grey = greyed(image)
     stretch = common_stretch([grey])
     light = 0.42 + 0.5 * displayed(grey, stretch)
-    light[~seen] = 1.0
-    in_mm(ax, light, synthetic, window)
+    in_mm(ax, np.dstack([light, seen]), synthetic, window)  # nothing, by day and by night
     frameless(ax)
 
 

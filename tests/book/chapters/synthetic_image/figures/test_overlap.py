@@ -60,9 +60,9 @@ def test_the_picture_of_an_overlap_shows_the_ground_at_its_place(orientation, fo
     seen = taken.pictures(reduced_heads(orientation, K), synthetic, ground, rng, noise=0.0)
     fig = drawn(overlap_ties(pictured(seen), orientation, found[0]))
     image = fig.axes[0].images[0]
-    values = np.asarray(image.get_array())[..., 0]
+    shown = np.asarray(image.get_array())
+    values = np.where(shown[..., 3] > 0, shown[..., 0], 0)  # transparent is no data
     left, right, bottom, top = image.get_extent()
-    values = np.where(values < 1, values, 0)  # white is no data
     row, col = np.unravel_index(np.argmax(values), values.shape)
     x = left + (col + 0.5) * (right - left) / values.shape[1]
     y = top - (row + 0.5) * (top - bottom) / values.shape[0]

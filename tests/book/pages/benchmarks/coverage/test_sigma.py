@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from acx4book.pages.benchmarks import sigma
-from acx4book.pages.benchmarks.figure_sigma import normalised_errors
+from acx4book.pages.benchmarks.coverage import sigma
+from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 
 ABOUT = {
     "date": "2026-01-02",

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from acx4book.pages.benchmarks import bias
+from acx4book.pages.benchmarks.coverage import bias
 
 
 def pairs(f=0.01, k1=0.0, *, scatter=0.001):

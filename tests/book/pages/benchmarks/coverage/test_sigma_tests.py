@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4book.pages.benchmarks import sigma_tests
+from acx4book.pages.benchmarks.coverage import sigma_tests
 
 
 def test_normal_errors_stay_within_sigma_as_often_as_everyone_knows():
@@ -103,3 +103,16 @@ def test_the_interval_of_single_errors_is_nearly_the_binomial_one(rng):
 def test_points_that_a_flight_does_not_have_are_not_counted():
     z = np.array([[0.5, np.nan], [0.5, 1.5]])
     assert sigma_tests.share_within_by_flights(z, 1).value == 0.75
+
+
+def test_what_is_said_to_be_found_is_found_in_19_of_20_samples():
+    n, alpha = 50, 1e-3
+    z = np.random.default_rng(1).normal(size=(1000, n))
+    low, high = sigma_tests.found_scales(n, alpha)
+    for samples, p in (
+        (z + sigma_tests.found_bias(n, alpha), sigma_tests.mean_p),
+        (z * low, sigma_tests.spread_p),
+        (z * high, sigma_tests.spread_p),
+    ):
+        share = np.mean([p(sample) < alpha for sample in samples])
+        assert share == pytest.approx(0.95, abs=0.03)  # 4 sigma of 1000 trials

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.pages.benchmarks import sigma_tests, stored
-from acx4book.pages.benchmarks.sigma_tests import LEVELS, Share
+from acx4book.pages.benchmarks import stored
+from acx4book.pages.benchmarks.coverage import sigma_tests
+from acx4book.pages.benchmarks.coverage.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup
@@ -184,6 +185,18 @@ def verdict(errors: Errors) -> str:
         each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
         said = f"{len(failed)} of the {len(tests)} tests fail: {each}"
     return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
+
+
+def found(errors: Errors) -> str:
+    """Say which errors of means and of standard deviations the tests would find."""
+    n, m = int(errors.parameters["seed"].nunique()), len(errors.tests)
+    low, high = sigma_tests.found_scales(n, ALPHA / m)
+    return (
+        f"With {n} flights and {m} tests, a bias of {sigma_tests.found_bias(n, ALPHA / m):.2g} σ, "
+        f"or a σ that is {100 * (1 / low - 1):.0f} % too large or {100 * (1 - 1 / high):.0f} % too "
+        f"small, is found in {100 * sigma_tests.CONFIDENCE:.0f} % of all repetitions. Half as much "
+        "mostly stays hidden."
+    )
 
 
 def _label(test: pd.Series) -> str:

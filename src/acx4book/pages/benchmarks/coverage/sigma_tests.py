@@ -166,3 +166,34 @@ def holm(p: Array) -> Array:
     adjusted = np.empty(len(p))
     adjusted[order] = np.minimum(np.maximum.accumulate(factors * np.asarray(p)[order]), 1.0)
     return adjusted
+
+
+# --- what tests would find -------------------------------------------------------------------
+
+
+def found_bias(n: int, alpha: float) -> float:
+    """Return the mean of n normalised errors that `mean_p` finds in `CONFIDENCE` of all cases.
+
+    Parameters
+    ----------
+    n : int
+        Number of independent errors.
+    alpha : float
+        Two-sided error probability of the single test.
+    """
+    critical = stats.t.ppf(1 - alpha / 2, n - 1)
+    return float((critical + stats.norm.ppf(CONFIDENCE)) / np.sqrt(n))
+
+
+def found_scales(n: int, alpha: float) -> tuple[float, float]:
+    """Return the scatters below and above one that `spread_p` finds in `CONFIDENCE` of all cases.
+
+    Parameters
+    ----------
+    n, alpha : int and float
+        As of `found_bias`.
+    """
+    chi2 = stats.chi2(n - 1)
+    below = chi2.ppf(alpha / 2) / chi2.ppf(CONFIDENCE)
+    above = chi2.ppf(1 - alpha / 2) / chi2.ppf(1 - CONFIDENCE)
+    return float(np.sqrt(below)), float(np.sqrt(above))

@@ -1,0 +1,74 @@
+"""Errors that change slowly, taken for independent or not, as a part of the page on coverage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4book.pages.benchmarks import stored
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import myst_table
+from acx4lib.least_squares.adjustment import two_sided_p
+
+ALPHA = 0.01
+"""Two-sided probability of a chi-square outside its bounds."""
+
+HEADINGS = {"white": "Taken for independent", "correlated": "Weights of their correlation"}
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """Read what ``make coverage`` left of its flights with slow errors.
+
+    Returns
+    -------
+    DataFrame
+        Columns seed, weights (a key of `HEADINGS`), parameter, error, sigma (a priori), and the
+        error made independent of those of the other parameters and divided by its sigma.
+    """
+    _, (errors,) = stored.read(folder, "slow_errors", make="coverage")
+    return errors
+
+
+def ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
+    """Return the RMS of the normalised errors, by parameter."""
+    own = errors[errors["weights"] == weights]
+    squares = (own["error"] / own["sigma"]) ** 2
+    return squares.groupby(own["parameter"], sort=False).mean() ** 0.5
+
+
+def chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
+    """Return the sum of squares of the independent normalised errors, and how many there are."""
+    own = errors.loc[errors["weights"] == weights, "decorrelated"]
+    return float(np.sum(own**2)), len(own)
+
+
+def page(errors: pd.DataFrame) -> str:
+    """Return verdict and table as MyST text."""
+    caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
+    return f"{verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
+
+
+def verdict(errors: pd.DataFrame) -> str:
+    """Say what chi-square says of all parameters together, for both weights."""
+    value, n = chi_square(errors, "correlated")
+    white, _ = chi_square(errors, "white")
+    p = two_sided_p(value, n)
+    where = "within" if p >= ALPHA else "outside"
+    return (
+        f"Over {errors['seed'].nunique()} flights the $\\chi^2$ of all parameters together is "
+        f"{white:,.0f} at {n:,} degrees of freedom where the errors are taken for independent. "
+        f"With the weights of their correlation it is {value:,.0f} ($p$ = {p:.2f}): {where} its "
+        f"two-sided bounds of {1 - ALPHA:.0%}."
+    )
+
+
+def table(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return the RMS of the normalised errors, a row per parameter."""
+    columns = {heading: ratios(errors, weights) for weights, heading in HEADINGS.items()}
+    names = columns[HEADINGS["white"]].index
+    shown = {
+        heading: [f"{value:.2f}" for value in own.loc[names]] for heading, own in columns.items()
+    }
+    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})

@@ -1,0 +1,196 @@
+"""Figures of a comparison: parameters over time and temperature, effects on the ground."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from acx4book.report.campaigns.study import Study
+from acx4book.report.campaigns.units import fine
+from acx4book.typesetting import style
+from acx4book.typesetting.labels import LABELS
+from acx4lib.expected import Array
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.results.campaigns import comparison as compared
+from acx4lib.results.campaigns.tables import trends_of
+
+COLUMNS = 3
+BARS = 2.0
+"""Length of error bars, in standard deviations to each side."""
+
+MOST_PANELS = 6
+YEARS = "years after the first campaign"
+
+SPREAD = 0.25
+"""Distance of the first from the last camera in one place, as a share of that of two campaigns."""
+
+
+def time_line(study: Study) -> Figure:
+    """Draw every parameter of every campaign, less its value of all campaigns, with error bars."""
+    comparison = study.comparison
+    mean = compared.pooled(comparison)
+    at, dated = _places(study)
+    d = comparison.values - mean.coefficients[0]
+    band = sigmas(mean.cov[0, :, 0])
+    names = list(dict.fromkeys(p.name for p in comparison.parameters))
+    with style.applied():
+        fig, axes = _panels(names, height=1.35)
+        for ax, name in zip(axes, names, strict=False):
+            unit = _draw(ax, study, name, at, d, band)
+            ax.set_title(f"{LABELS[name]} ({unit})" if unit else LABELS[name])
+            _axis_of_campaigns(ax, study, at, dated)
+        _legend(fig, study, axes)
+    return fig
+
+
+def _panels(names: Sequence[str], *, height: float, **shared: bool) -> tuple[Figure, list[Axes]]:
+    n_rows = -(-len(names) // COLUMNS)
+    size = (style.WIDTH, height * n_rows + 0.6)
+    fig, axes = style.subplots(n_rows, COLUMNS, figsize=size, squeeze=False, **shared)
+    for ax in axes.flat[len(names) :]:
+        ax.axis("off")
+    return fig, [*axes.flat]
+
+
+def _places(study: Study) -> tuple[Array, bool]:
+    """Return where campaigns stand on the axis: their dates, or their order."""
+    dates = [c.session.date for c in study.comparison.campaigns]
+    known = [date for date in dates if date is not None]
+    if len(known) == len(dates) and len(set(known)) > 1:
+        return np.array([year_of(day) for day in known]), True
+    return np.arange(float(len(dates))), False
+
+
+def year_of(date: dt.date) -> float:
+    """Return a date as a year with decimals."""
+    first = dt.date(date.year, 1, 1).toordinal()
+    return date.year + (date.toordinal() - first) / 365.25
+
+
+def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -> str:
+    """Draw a parameter of all cameras that have it; return the unit."""
+    comparison, unit = study.comparison, ""
+    cameras = list(dict.fromkeys(p.camera for p in comparison.parameters))
+    step = SPREAD * float(np.diff(np.sort(at)).min(initial=np.inf)) / max(1, len(cameras) - 1)
+    for i, p in enumerate(comparison.parameters):
+        if p.name != name:
+            continue
+        factor, unit = fine(p.unit, float(band[i]))
+        k = cameras.index(p.camera)
+        shift = step * (k - (len(cameras) - 1) / 2) if len(cameras) > 1 else 0.0
+        sigma = factor * np.sqrt(comparison.covs[:, i, i])
+        bars: dict[str, Any] = {"fmt": "o", "ms": 3.5, "lw": 1.1, "color": style.colour(k)}
+        ax.errorbar(at + shift, factor * d[:, i], yerr=BARS * sigma, **bars)
+        if len(cameras) == 1:
+            ax.axhspan(*(BARS * factor * band[i] * np.array([-1, 1])), color=style.SHEET)
+    ax.axhline(0, color=style.INK, lw=0.7)
+    return unit
+
+
+def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
+    if dated:
+        ax.xaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
+    else:
+        names = [style.plain(c.name, longest=10) for c in study.comparison.campaigns]
+        ax.set_xticks(at, names, rotation=90 if len(names) > 4 else 0)
+    margin = 0.2 * float(np.ptp(at))
+    ax.set_xlim(at.min() - margin, at.max() + margin)
+
+
+def _legend(fig: Figure, study: Study, axes: Sequence[Axes]) -> None:
+    cameras = list(dict.fromkeys(p.camera for p in study.comparison.parameters))
+    if len(cameras) > 1:
+        handles = [
+            axes[0].plot([], [], "o", ms=3.5, color=style.colour(k), label=style.plain(name))[0]
+            for k, name in enumerate(cameras)
+        ]
+        style.legend_below(fig, handles)
+
+
+def on_the_ground(study: Study) -> Figure:
+    """Draw what the difference with the smallest p moves on the ground, over each format."""
+    one = min(study.found, key=lambda found: found.test().p)
+    names = [style.plain(c.name) for c in study.comparison.campaigns]
+    cameras = list(study.ground.of)
+    n = min(len(cameras), 4)
+    columns = min(n, 2)
+    rows = -(-n // columns)
+    with style.applied():
+        fig, axes = style.subplots(
+            rows,
+            columns,
+            figsize=(style.WIDTH * (0.62 if n == 1 else 1), (3.6 if n == 1 else 2.7) * rows),
+            squeeze=False,
+        )
+        for ax in axes.flat[n:]:
+            ax.axis("off")
+        for ax, camera in zip(axes.flat, cameras, strict=False):
+            _draw_ground(ax, study, one, camera)
+            title = f"{names[one.later]} less {names[one.earlier]}"
+            ax.set_title(f"{style.plain(camera)}: {title}" if n > 1 else title, pad=16)
+    return fig
+
+
+def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) -> None:
+    effects = study.ground.of[camera]
+    own = study.comparison.of_camera(camera)
+    moved = effects.moved(one.d[own])
+    sigma = effects.sigma(one.cov[np.ix_(own, own)])
+    forward, left = effects.xy.T
+    gap = float(np.ptp(forward)) / 14
+    longest = float(np.hypot(*moved.T).max())
+    key = style.round_length(longest) if longest > 0 else 1.0
+    arrows = ax.quiver(
+        *(-left, forward, *(np.column_stack([-moved[:, 1], moved[:, 0]]).T * gap / key)),
+        np.hypot(*moved.T) / sigma,
+        cmap=style.SEQUENCE,
+        clim=(0, 4),
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.005,
+    )
+    ax.quiverkey(arrows, 0.84, 1.04, gap, f"{key:g} m", labelpos="W", fontproperties=style.LETTERS)
+    ax.locator_params(axis="x", nbins=5)
+    ax.set(aspect="equal", xlabel="to the right of the flight (m)", ylabel="forward (m)")
+    bar = ax.figure.colorbar(arrows, ax=ax, shrink=0.7, aspect=30, extend="max")
+    bar.set_label("length over its σ (1)")
+    bar.outline.set_visible(False)
+
+
+def over(study: Study, what: str) -> Figure:
+    """Draw parameters over time or temperature with their lines, the steepest in their σ first.
+
+    Parameters
+    ----------
+    study : Study
+    what : str
+        ``"temperature"`` or ``"year"``.
+    """
+    lines = trends_of(study.comparison)
+    if what not in lines:
+        return style.nothing(f"The campaigns have no {what}s to fit a line over.")
+    line, comparison = lines[what], study.comparison
+    t = np.abs(line.slope / sigmas(line.cov))
+    steepest = np.argsort(-t, kind="stable")[:MOST_PANELS]
+    ends = np.array([line.at.min(), line.at.max()])
+    with style.applied():
+        fig, axes = _panels([comparison.names[i] for i in steepest], height=1.6)
+        for ax, i in zip(axes, steepest.tolist(), strict=False):
+            p = comparison.parameters[i]
+            factor, unit = fine(p.unit, float(np.sqrt(comparison.covs[0, i, i])))
+            sigma = factor * np.sqrt(comparison.covs[:, i, i])
+            d = factor * (comparison.values[:, i] - line.at_mean[i])
+            ax.errorbar(line.at, d, yerr=BARS * sigma, fmt="o", ms=3.5, lw=1.1)
+            ax.plot(ends, factor * line.slope[i] * (ends - line.at.mean()), color=style.ORANGE)
+            camera = f"{style.plain(p.camera)} " if len(study.ground.of) > 1 else ""
+            style.heading(ax, f"{camera}{LABELS[p.name]}", f"{unit}; slope {t[i]:.1f} σ")
+        for ax in axes[: len(steepest)][-COLUMNS:]:
+            ax.set_xlabel("temperature (°C)" if what == "temperature" else YEARS)
+    return fig

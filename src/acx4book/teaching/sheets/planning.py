@@ -1,0 +1,220 @@
+"""Lab 9: a flight is planned for a target, and flown; it keeps what its plan promised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from acx4book.notebooks.simulated import to_simulator
+from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet, computed
+from acx4book.teaching.mistakes import named, scaled, values, variances
+from acx4book.teaching.sheets.estimates import parameters
+from acx4lib.calibration.mounting import single_step
+from acx4lib.planning import design, text
+from acx4lib.planning.choosing import candidates, chosen, target
+from acx4lib.planning.choosing.candidates import Candidates
+from acx4lib.planning.choosing.chosen import Chosen
+from acx4lib.planning.choosing.target import BLOCK
+from acx4lib.planning.exposures import flying_time_s
+from acx4lib.planning.plan import TURN_S, Plan
+from acx4lib.planning.tables import unknowns
+from acx4sim.files.flights import SimulatedFlight
+from acx4sim.plan import Options
+
+ASKED = {"f_mm": "mm", "lever_z_m": "m", "boresight_kappa_deg": "deg"}
+PLANNED = tuple(f"planned_{name}" for name in ASKED)
+FLOWN = ("f_mm", "lever_z_m")
+DIGITS = {"f_mm": 4, "lever_z_m": 3, "boresight_kappa_deg": 4}
+SHARE = 0.04
+"""Part of a standard deviation by which an answer may differ."""
+
+QUESTIONS = (
+    Question(name="strips", unit="", asks="number of strips that you fly", digits=0),
+    Question(name="minutes", unit="min", asks="flying time, first to last exposure", digits=1),
+    *(
+        Question(name=f"planned_{name}", unit=unit, asks=f"σ of {name} by the plan", digits=4)
+        for name, unit in ASKED.items()
+    ),
+    *(
+        Question(
+            name=name,
+            unit=ASKED[name],
+            asks=f"{name} of your flight, single-step method",
+            digits=DIGITS[name],
+            with_sigma=True,
+        )
+        for name in FLOWN
+    ),
+)
+
+SEED, PLAN, TARGET = "lab_seed", "lab_plan", "lab_target"
+"""Entries of the truth of a flight of this sheet."""
+
+
+def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+    """Fly the cheapest strips that reach the student's target, with the student's seed."""
+    plan, seed = _plan(truth, title), errors % 1_000_000
+    cheap = _cheap(truth, plan)
+    flight = _flown(cheap.plan, seed)
+    own = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
+    return replace(flight, truth={**flight.truth, **own})
+
+
+def _flown(plan: Plan, seed: int) -> SimulatedFlight:
+    return to_simulator.simulate(plan, seed=seed, options=Options())
+
+
+def _plan(truth: int, title: str) -> Plan:
+    """Return the plan of a student: focal length and lengths of six strips are drawn."""
+    rng = np.random.default_rng([truth, *b"plan"])
+    focal = round(float(rng.uniform(48.0, 52.0)), 2)
+    strips = {
+        f"{where}{course:03d}": {
+            "flying_height_m": height,
+            "course_deg": course,
+            "length_m": float(rng.integers(200, 400)),
+            "overlap": 0.8,
+        }
+        for where, height in (("low", 300.0), ("high", 500.0))
+        for course in (0, 90, 180)
+    }
+    return text.from_values(
+        {
+            "name": title,
+            "crs": "EPSG:32633",
+            "heights": "ellipsoidal",
+            "apriori": {
+                "image_point_px": 0.4,
+                "gnss_horizontal_m": 0.02,
+                "gnss_vertical_m": 0.03,
+                "roll_pitch_deg": 0.006,
+                "heading_deg": 0.015,
+            },
+            "cameras": {
+                "CAM": {"width_px": 11608, "height_px": 8708, "pixel_um": 4.6, "focal_mm": focal}
+            },
+            "stages": {"mounting": {"estimate": ["f_mm", "xp_mm", "yp_mm", "k1", "p1", "p2"]}},
+            "field": {
+                "east_m": 385000.0,
+                "north_m": 5518000.0,
+                "height_m": 430.0,
+                "relief_m": 10.0,
+            },
+            "control": {"layout": "corners", "number": 4, "area_m": [260.0, 260.0]},
+            BLOCK: {"tie_points": 150, "tie_area_m": [440.0, 440.0], "strips": strips},
+        }
+    )
+
+
+def _cheap(truth: int, plan: Plan) -> Chosen:
+    """Return the cheapest strips for limits that are drawn, and that all strips more than keep."""
+    rng = np.random.default_rng([truth, *b"target"])
+    every = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)})
+    limits = [float(f"{one.with_all * rng.uniform(1.25, 1.6):.2g}") for one in every.wanted]
+    wanted = [replace(one, limit=x) for one, x in zip(every.wanted, limits, strict=True)]
+    return chosen.choose(replace(every, wanted=tuple(wanted)))
+
+
+def _target(cheap: Chosen) -> dict[str, Any]:
+    """Return the target of a choice, with a flying time that is long enough."""
+    return {
+        "minutes": float(np.ceil(cheap.minutes / 5 + 0.2) * 5),
+        "sigma": {one.name: one.limit for one in cheap.wanted},
+    }
+
+
+def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
+    return candidates.of(target.from_values(wanted, plan))
+
+
+def given(case: Case) -> Sequence[str]:
+    """Return the student's seed."""
+    return [
+        "`plan.toml` has the strips that you may fly, `target.toml` what is wanted and the longest",
+        f"flying time. Your seed is {case.truth[SEED]}:",
+        f"`acx4 simulate my_plan.toml --out my_flight --seed {case.truth[SEED]}`.",
+    ]
+
+
+def hand_out(case: Case) -> dict[str, str]:
+    """Return the files that the student gets in the place of a flight."""
+    return {
+        "plan.toml": text.written(_values(case)),
+        "target.toml": text.written(case.truth[TARGET]),
+    }
+
+
+def _values(case: Case) -> dict[str, Any]:
+    return {**case.truth[PLAN], "name": case.flight.name}
+
+
+def solve(case: Case) -> Rights:
+    """Predict the strips that were flown, which are the cheapest, and adjust their flight."""
+    plan = text.from_values(_values(case))
+    flown = {*case.block.images.strips}
+    order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
+    cheap = chosen.with_strips(plan, tuple(order))
+    sigma = {p.name: p.sigma for p in unknowns(design.of(cheap).mountings["single_step"].bundle)}
+    calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
+    estimates = parameters(calibration, case.true_camera)
+    return {
+        "strips": Right(value=len(flown), truth=len(flown), bound=0.5),
+        "minutes": computed(_minutes(cheap), 1),
+        **{
+            planned: computed(sigma[name], 4, share=SHARE)
+            for planned, name in zip(PLANNED, ASKED, strict=True)
+        },
+        **{name: estimates[name] for name in FLOWN},
+    }
+
+
+def _minutes(plan: Plan) -> float:
+    return flying_time_s(tuple(plan.blocks[BLOCK].strips.values())) / 60
+
+
+def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+    """Yield what is done wrong with plans."""
+    plan = text.from_values(_values(case))
+    every = _candidates(plan, case.truth[TARGET])
+    yield Mistake(
+        says="these are the numbers of all strips: leave out what the target does not need",
+        gives={
+            "strips": len(plan.blocks[BLOCK].strips),
+            "minutes": _minutes(plan),
+            **named(PLANNED, np.array([one.with_all for one in every.wanted])),
+        },
+    )
+    turns = right["strips"].value - 1
+    yield Mistake(
+        says="the turns between the strips are missing",
+        gives={"minutes": right["minutes"].value - turns * TURN_S / 60},
+    )
+    yield Mistake(
+        says="a turn after the last strip is counted",
+        gives={"minutes": right["minutes"].value + TURN_S / 60},
+    )
+    yield scaled(right, ["minutes"], 60.0, "given in seconds; asked for in minutes")
+    yield Mistake(
+        says="these are what is wanted, not what the plan gives",
+        gives=named(PLANNED, np.array([one.limit for one in every.wanted])),
+    )
+    yield Mistake(
+        says="these are variances: take the square root",
+        gives=named(PLANNED, values(right, PLANNED) ** 2),
+    )
+    yield variances(right)
+
+
+SHEET = Sheet(
+    name="lab-9",
+    title="Plan a flight, and fly it",
+    fly=fly,
+    questions=QUESTIONS,
+    given=given,
+    solve=solve,
+    mistakes=mistakes,
+    hand_out=hand_out,
+)

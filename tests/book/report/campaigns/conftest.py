@@ -1,0 +1,22 @@
+"""A study of three campaigns of one camera."""
+
+import datetime as dt
+
+import pytest
+
+from acx4book.chapters.beyond.stability import history
+from acx4book.chapters.beyond.stability.history import Flown
+from acx4book.report.campaigns.study import study
+
+WARM = {2021: 8.0, 2022: 32.0, 2024: 20.0}
+
+
+@pytest.fixture(scope="session")
+def three():
+    """Three campaigns, in memory, whose focal length follows the temperature."""
+    campaigns = []
+    for year, celsius in WARM.items():
+        flown = Flown(date=dt.date(year, 5, 1), temperature_c=celsius)
+        plan = history.plan_of(flown)
+        campaigns.append(history.campaign(year, flown, plan=plan))
+    return study(campaigns)

@@ -1,0 +1,45 @@
+"""The folder of a comparison: its files, replaced by a later one, and nothing of others."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4book.report.campaigns import written
+from acx4book.report.campaigns.study import study
+from acx4lib.errors import OutputError
+from acx4lib.results.own_folder.marks import MARK
+
+TABLES = {"campaigns", "tests", "differences", "pooled", "trends", "covariance"}
+
+
+def test_a_folder_has_a_page_and_tables(three, tmp_path):
+    written.write(three, tmp_path / "out")
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert files == {written.PAGE, MARK, *(f"{name}.csv" for name in TABLES)}
+    found = pd.read_csv(tmp_path / "out" / "differences.csv")
+    columns = ["difference", "sigma", "p"]
+    np.testing.assert_allclose(found[columns], three.tables["differences"][columns], rtol=1e-9)
+    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    assert "2022-05 less 2021-05" in text
+    assert text.count('<svg role="img"') == 4
+    assert "{numref}" not in text
+
+
+def test_the_same_comparison_gives_the_same_bytes_and_replaces_the_old_one(three, tmp_path):
+    written.write(study(three.comparison.campaigns[:2]), tmp_path / "out")
+    written.write(three, tmp_path / "out")
+    written.write(three, tmp_path / "again")
+    for path in (tmp_path / "again").iterdir():
+        if path.name != MARK:
+            assert path.read_bytes() == (tmp_path / "out" / path.name).read_bytes()
+    said = json.loads((tmp_path / "out" / MARK).read_text())
+    assert written.COMMAND in str(said)
+
+
+def test_a_folder_of_somebody_else_is_left_alone(three, tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match="holds what acx4 compare did not write"):
+        written.write(three, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
