@@ -8,7 +8,7 @@ import pytest
 from acx4book.report.identity import certificate
 from acx4book.report.page.markdown import Document, to_html
 from acx4book.report.verdict import verdict
-from acx4lib.flight.setup import Certificate, Device
+from acx4lib.flight.setup import Certificate, Device, Session
 
 HOSTILE = "<script>alert(1)</script> | $x$ `y` {eq}`1` [a](b)"
 
@@ -24,7 +24,8 @@ def stated(run):
         valid_until=dt.date(2028, 11, 22),
         cameras={"CAM": Device(maker="Maker", model="M1", serial="08", lens_serial="77")},
     )
-    return replace(run, flight=replace(run.flight, certificate=said))
+    flown = Session(date=dt.date(2026, 11, 20))
+    return replace(run, flight=replace(run.flight, certificate=said, session=flown))
 
 
 def test_only_what_is_stated_stands_there(stated):
@@ -35,6 +36,7 @@ def test_only_what_is_stated_stands_there(stated):
     assert (
         table["GNSS antenna"] == "+0.120, -0.030, +1.284 m from the IMU, along the body's x, y, z"
     )
+    assert table["Flown on"] == "2026-11-20"
     assert table["Valid until"] == "2028-11-22"
     assert "Flown by" not in table.index
     assert certificate.missing_sentence(stated) == ""
