@@ -27,7 +27,7 @@ FAR_M = 1000.0
 """Standard deviation of a point's coordinates before it is measured."""
 
 UNSEEN = 1e-12
-"""Part of the information on a common unknown that is there without any strip: so the covariance
+"""Share of the information on a common unknown that is there without any strip. So the covariance
 exists where a choice leaves the unknown open, and is very large."""
 
 GOLDEN = 0.6180339887498949
