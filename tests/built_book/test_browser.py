@@ -117,9 +117,10 @@ def test_letters_of_figures_can_be_read_on_the_desktop_and_on_a_phone(window, ch
     """The smallest letters have `style.SMALL` points; a figure of the whole column 504 of them."""
     book = window()
     for name in [name for name, page in chapters.items() if page.select("div.drawing")]:
+        book.open(name)
         for width, px in zip(WIDTHS, (11, 9), strict=True):
             book.page.set_viewport_size({"width": width, "height": HEIGHT})
-            scales = book.open(name).evaluate(PIXELS_PER_POINT)
+            scales = book.page.evaluate(PIXELS_PER_POINT)
             assert min(scales) * style.SMALL >= px, (name, width)
 
 

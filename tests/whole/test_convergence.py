@@ -16,7 +16,7 @@ from acx4lib import flight
 from acx4lib.bundle import adjust, uses
 from acx4lib.bundle.start.start_values import recovered
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.flight.block import select_camera
+from acx4lib.flight.block import select_cameras
 from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, turn
 from support.flights import simulated, written
@@ -47,7 +47,7 @@ def block_of(shape, quarters=0):
     block = getattr(flown.flight, name)
     if name == "validation":  # its targets are check points
         return replace(block, control=block.check, check=block.check[np.zeros(36, dtype=bool)])
-    return select_camera(block, "CAM1") if name == "heads" else block
+    return select_cameras(block, ["CAM1"]) if name == "heads" else block
 
 
 def turned_in_its_mount(block, quarters):

@@ -13,7 +13,7 @@ from acx4lib.bundle import uses
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import calibrate_heads
-from acx4lib.flight.block import select_camera
+from acx4lib.flight.block import select_cameras
 from acx4sim.plan import GrossErrors
 from support.flights.simulated import (
     CAMERA,
@@ -158,7 +158,7 @@ def test_heads_one_by_one_are_cleaned():
 @pytest.mark.parametrize("head", ["CAM1", "CAM2"])
 def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(head, seed):
     """2 % of the points 100 to 1000 px off; half of these heads diverge with all of them."""
-    block = select_camera(fly("acx4", seed=1, blocks=("heads",)).flight.heads, head)
+    block = select_cameras(fly("acx4", seed=1, blocks=("heads",)).flight.heads, [head])
     rng, points = np.random.default_rng(seed), block.image_points
     wrong = rng.choice(len(points), len(points) // 50, replace=False)
     size, along = rng.uniform(100, 1000, len(wrong)), rng.uniform(0, 2 * np.pi, len(wrong))

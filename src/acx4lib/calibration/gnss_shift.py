@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations.strips import Motion
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
@@ -199,6 +200,7 @@ def notes(bundle: Bundle) -> list[str]:
             whose = "GNSS positions" if what == "gnss" else "attitudes"
             value, sigma = 1000 * abs(p.value), 1000 * p.sigma
             out.append(f"{whose} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
+    out += _correlated(bundle.network)
     if np.any(layout.shift >= 0):
         held, free = "the lever arm's z", "the height of the GNSS shift"
         if layout.shift[2] < 0:
@@ -213,3 +215,17 @@ def notes(bundle: Bundle) -> list[str]:
             f"{which} are this block's own: none is applied to another block, nor in the validation"
         )
     return out
+
+
+def _correlated(network: Network) -> list[str]:
+    """Say what share of the trajectory's sigma the weights take to change slowly."""
+    observed, trajectory = network.observed, network.block.trajectory
+    return [
+        f"errors of {what} are taken to be correlated: {process.share:g} of their sigma, with a "
+        f"time constant of {process.time_constant_s:g} s"
+        for what, process, slow in (
+            ("positions", trajectory.slow_positions, observed.slow_positions),
+            ("attitudes", trajectory.slow_attitudes, observed.slow_attitudes),
+        )
+        if slow is not None
+    ]

@@ -14,7 +14,7 @@ from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, select_camera
+from acx4lib.flight.block import Block, select_cameras
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
 from acx4lib.least_squares.covariance import propagate, sigmas
@@ -111,7 +111,7 @@ def calibrate_heads(
     expected.names("heads", heads)
     bundles, failures = {}, {}
     for name in heads:
-        alone = select_camera(block, name)
+        alone = select_cameras(block, [name])
         try:
             require_control(alone)
             bundles[name] = adjust_rejecting(

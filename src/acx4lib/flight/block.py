@@ -188,11 +188,6 @@ class Trajectory:
         return len(self.exposures)
 
     @property
-    def timed(self) -> bool:
-        """Whether all exposures have a time."""
-        return bool(np.isfinite(self.time_s).all())
-
-    @property
     def cov(self) -> Array:
         """Covariances of the poses, shape (n, 6, 6): mapping frame in m, body axes in radians.
 
@@ -292,11 +287,6 @@ def _check_surveyed(block: Block) -> None:
         name = block.points[both[0]]
         msg = f"control and check: expected different points, got point {name!r} in both"
         raise ValueError(msg)
-
-
-def select_camera(block: Block, name: str) -> Block:
-    """Return the part of a block that one camera took, as `select_cameras` does."""
-    return select_cameras(block, [name])
 
 
 def select_cameras(block: Block, names: Sequence[str]) -> Block:

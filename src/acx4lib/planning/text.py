@@ -126,7 +126,7 @@ def _points(table: Mapping[str, Any]) -> Points:
 def _strips(
     plan: Plan, block: str, area: Area, tables: Mapping[str, Mapping[str, Any]]
 ) -> Iterator[tuple[str, Strip]]:
-    """Yield strips by name; parallel ones, flown to and fro, get a number each."""
+    """Yield strips by name; parallel ones, flown in turn both ways, get a number each."""
     camera = plan.frame(block) or plan.cameras(block)[0]
     for name, table in tables.items():
         own = {key: float(table[key]) for key in Strip.__dataclass_fields__ if key in table}

@@ -13,7 +13,7 @@ import zlib
 
 import pytest
 
-from acx4book.command.acx4 import main
+from acx4book.command.acx4 import app, main
 from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
@@ -53,6 +53,12 @@ def test_help_is_quick_and_teaches():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "acx4 run my_flight --results my_results --stages mounting,validation" in done.stdout
+
+
+def test_help_keeps_the_lines_of_its_lists():
+    texts = [command.help for command in app.registered_commands]
+    lists = [part for text in texts for part in text.split("\n\n") if "\n  " in part]
+    assert [part for part in lists if not part.startswith("\b\n")] == []
 
 
 def test_reading_a_flight_loads_nothing_that_adjusts_or_compiles():

@@ -24,7 +24,8 @@ STEPS = (
     dict(zip(INTERIOR, (1e-2, 1e-2, 1e-2, 1e-8, 1e-11, 1e-14, 1e-6, 1e-6, 1e-5), strict=True))
     | dict.fromkeys((*MOUNT[:3], *POSE[:3]), 1e-2)
     | dict.fromkeys((*MOUNT[3:], *POSE[3:]), 1e-5)
-    | dict.fromkeys((f"{kind}_{axis}" for kind in GNSS for axis in AXES), 1e-2)
+    | dict.fromkeys((f"{kind}_{axis}" for kind in GNSS[:2] for axis in AXES), 1e-2)
+    | {"delay": 1e-3}
 )
 """Steps of 1e-3 px and more in the image, where rounding is 1e-9 px, and far below curvature."""
 
@@ -42,6 +43,13 @@ def small(cameras=(blocks.CAMERA,), refraction="none"):
     sigma[0] = 0.0
     sigma[1, 2] = np.inf
     return replace(block, control=replace(block.control, sigma_m=sigma))
+
+
+def timed(block):
+    """The block in two strips of three exposures, with times."""
+    block = blocks.in_strips(block, 3)
+    time_s = np.array([0.0, 3.0, 7.0, 100.0, 104.0, 107.0])
+    return replace(block, trajectory=replace(block.trajectory, time_s=time_s))
 
 
 def off(net, rng):
@@ -70,8 +78,9 @@ def networks():
         "rig": uses.mounted_orientation(rig, free=INTERIOR),
         "shift": uses.mounted_orientation(rig, free=("f",), gnss=("shift",)),
         "drift": uses.mounted_orientation(
-            blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS
+            blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS[:2]
         ),
+        "delay": uses.mounted_orientation(timed(one), free=("f",), gnss=GNSS[2:]),
     }
 
 
@@ -100,6 +109,7 @@ def described(net, state):
         out[f"GNSS/shift_{axis}"] = state.shift[k]
         for strip, drift in zip(net.observed.strips.names, state.drift, strict=True):
             out[f"strip {strip}/drift_{axis}"] = drift[k]
+    out["GNSS/delay"], out["attitude/delay"] = state.delay
     return out
 
 
@@ -142,7 +152,9 @@ def test_the_height_of_the_shift_is_held_where_the_lever_arms_is_free():
     assert free_shift(("shift", "drift"), MOUNT) == ("east", "north")
     assert free_shift(("shift",), MOUNT[3:]) == ("east", "north", "height")
     assert free_shift(("drift",), MOUNT[3:]) == ()
-    with pytest.raises(ValueError, match="gnss: expected names of shift, drift, got 'offset'"):
+    with pytest.raises(
+        ValueError, match="gnss: expected names of shift, drift, delay, attitude_delay, got"
+    ):
         free_shift(("offset",), MOUNT)
 
 

@@ -13,6 +13,8 @@ from acx4lib.calibration import weights
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import solve
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from acx4sim.plan import SlowErrors
 from support import blocks
 from support.flights import simulated as flown
 
@@ -291,3 +293,33 @@ def test_wrong_sigma_of_distances_are_found(noisy_block, rng):
     after = component(of_block(block, applied={"distances": tapes.factor}), "distances")
     assert not after.is_significant
     assert after.factor == pytest.approx(tapes.factor, rel=0.1)
+
+
+def test_a_correlated_group_is_judged_by_all_its_weights():
+    """Slow errors that are twice what their sigma say have a factor of two, and right ones one."""
+    process = GaussMarkov(share=0.95, time_constant_s=600.0)
+    for factor in (1.0, 2.0):
+        options = acx4sim.Options(
+            tie_points={"calibration": 100},
+            slow_errors=SlowErrors(),
+            gnss_noise=factor,
+            attitude_noise=factor,
+            blocks=("calibration",),
+        )
+        flight = flown.read_back(acx4sim.DESIGNS["acx4-ideal"](seed=1, options=options)).flight
+        trajectory = replace(
+            flight.calibration.trajectory, slow_positions=process, slow_attitudes=process
+        )
+        given = replace(
+            trajectory,
+            sigma_position=trajectory.sigma_position / factor,
+            sigma_attitude=trajectory.sigma_attitude / factor,
+        )
+        block = replace(flight.calibration, trajectory=given)
+        bundle = adjust(mounted_orientation(block, free=flight.estimate_mounting))
+        found = {c.group: c for c in variance_components.components(bundle)}
+        for name in ("roll, pitch", "heading"):
+            one = found[name]
+            assert abs(one.factor - factor) < 3.3 * factor * one.sigma
+        total = sum(c.redundancy for c in found.values())
+        assert total == pytest.approx(bundle.solution.redundancy, rel=1e-6)

@@ -14,6 +14,7 @@ from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import gnss_shift, mounting
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks
@@ -305,6 +306,16 @@ def test_with_the_lever_arm_held_the_summary_says_that(noisy):
     found, held, _ = gnss_shift.notes(bundle)
     assert "(height)" in found
     assert held.startswith("the lever arm's z is held")
+
+
+def test_weights_that_know_of_slow_errors_are_said(striped):
+    process = GaussMarkov(share=0.9, time_constant_s=600.0)
+    timed = replace(striped.trajectory, time_s=np.arange(12.0), slow_positions=process)
+    bundle = single_step(replace(striped, trajectory=timed))
+    assert gnss_shift.notes(bundle) == [
+        "errors of positions are taken to be correlated: 0.9 of their sigma, with a time constant "
+        "of 600 s"
+    ]
 
 
 def test_by_default_nothing_is_estimated_and_nothing_said(noisy):

@@ -53,7 +53,7 @@ def block():
 def adjusted(block, free=("xp", "yp")):
     """Self-calibrate every head, without looking for gross errors."""
     return {
-        camera.name: adjust(free_orientation(ro.select_camera(block, camera.name), free=free))
+        camera.name: adjust(free_orientation(ro.select_cameras(block, [camera.name]), free=free))
         for camera in block.cameras
     }
 

@@ -37,7 +37,7 @@ def described(block):
 
 
 def test_the_part_of_one_camera_holds_its_measurements_and_no_others(rig):
-    part = block_module.select_camera(rig, "SIDE")
+    part = block_module.select_cameras(rig, ["SIDE"])
     assert [camera.name for camera in part.cameras] == ["SIDE"]
     assert described(part) == [row for row in described(rig) if row[0] == "SIDE"]
     assert all(name.endswith("SIDE") for name in part.images.names)
@@ -54,7 +54,7 @@ def test_the_part_of_some_images_holds_their_measurements_and_no_others(rig):
 
 def test_a_camera_that_is_not_there_is_named(rig):
     with pytest.raises(ValueError, match="no camera 'TAIL', only CAM, SIDE"):
-        block_module.select_camera(rig, "TAIL")
+        block_module.select_cameras(rig, ["TAIL"])
 
 
 def test_a_selection_keeps_rows_together(rig):

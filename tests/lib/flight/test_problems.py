@@ -191,8 +191,8 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, adjustment, session, stages, certificate, "
-        "format",
+        "heights, refraction, cameras, synthetic, apriori, adjustment, session, stages, "
+        "certificate, format",
     ),
     (
         TOML,

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.block import ImagePoints, Images, select_camera, select_cameras
+from acx4lib.flight.block import ImagePoints, Images, select_cameras
 from acx4lib.geometry.camera import inside, xy_from_colrow
 from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4lib.synthetic_image.frame import head_from_synthetic
@@ -28,7 +28,7 @@ def measured():
 @pytest.fixture(scope="module")
 def seen():
     """Return what the simulator's ideal camera saw of the same points."""
-    return select_camera(in_heads.one_centre(), "SYN")
+    return select_cameras(in_heads.one_centre(), ["SYN"])
 
 
 @pytest.fixture(scope="module")

@@ -299,7 +299,7 @@ def blocks_and_parts() -> list[Wrong]:
             "images.names: expected different names, got '1_CAM' twice",
         ),
         Wrong(
-            lambda: block.select_camera(BLOCK, "TAIL"),
+            lambda: block.select_cameras(BLOCK, ["TAIL"]),
             "block 'calibration' has no camera 'TAIL', only CAM",
         ),
         Wrong(

@@ -12,7 +12,7 @@ from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.heads import RelativeOrientation, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block, select_camera
+from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.stages.heads import HeadsStage
 
@@ -140,4 +140,4 @@ def _with_focal_length(fit: Bundle, change_mm: float) -> Block:
     """Return the block of a calibrated head with another focal length declared."""
     block, interior = fit.network.block, fit.cameras[0].interior
     camera = block.cameras[0].with_interior(replace(interior, f=interior.f + change_mm))
-    return replace(select_camera(block, camera.name), cameras=(camera,))
+    return replace(select_cameras(block, [camera.name]), cameras=(camera,))

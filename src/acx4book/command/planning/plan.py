@@ -23,7 +23,7 @@ control points, and from their geometry follow sigma and correlations of all unk
 determined worst, which errors of observations would be found, and the RMS of check points.
 Nothing needs an image. The status is 1 where something wanted is not determined.
 
-\\b
+\b
 FILE is TOML: the keys of flight.toml, and besides
   [field]          where: east_m, north_m, height_m, relief_m, course_deg
   [control]        control points: layout, number, area_m, sigma_m
@@ -33,17 +33,19 @@ FILE is TOML: the keys of flight.toml, and besides
   [validation]     a mapping flight with [validation.check] points
 A whole plan to begin with: acx4 simulate single-head --plan my_plan.toml
 
+With --target the cheapest strips are chosen, by flying time, that give what is wanted, and what
+each of them buys is shown. The status is 1 where no strips give it. Strips to choose from are those
+of [calibration.strips] and all combinations of TARGET's [candidates].
+
 \b
-With --target the cheapest strips are chosen, by flying time, that give what is wanted. TARGET is
-TOML, too. Strips to choose from are those of [calibration.strips], and all combinations here:
+TARGET is TOML, too:
   minutes = 60     the longest flying time; without it, as long as is needed
   [sigma]          sigma wanted, by the names of parameters.csv: f_mm = 0.002
   [check_points]   RMS wanted: east_m, north_m, height_m
   [candidates]     strips in which a key may have several values:
-                   c = {flying_height_m = [600, 900], course_deg = [0, 90, 180, 270], ...}
-What each strip buys is shown. The status is 1 where no strips give what is wanted.
+                   c = {flying_height_m = [600, 900], course_deg = [0, 180], ...}
 
-\\b
+\b
 Examples:
   acx4 plan my_plan.toml
   acx4 plan my_plan.toml --out my_prediction

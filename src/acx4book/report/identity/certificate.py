@@ -52,7 +52,7 @@ def certificate_table(material: Material) -> pd.DataFrame:
 
 
 def _items(material: Material) -> Iterator[tuple[str, str]]:
-    stated = material.flight.certificate
+    stated, session = material.flight.certificate, material.flight.session
     cameras = [material.flight.cameras[name] for name in _certified(material)]
     for camera in cameras:
         if device := stated.cameras.get(camera.name):
@@ -64,6 +64,7 @@ def _items(material: Material) -> Iterator[tuple[str, str]]:
         "Certificate number": stated.number,
         "Calibrated by": stated.laboratory,
         "Flown by": stated.operator,
+        "Flown on": session.date.isoformat() if session.date else "",
         "IMU": imu,
         "GNSS antenna": _antenna(stated.antenna_lever_m),
         "GNSS base, datum": "; ".join(filter(None, (stated.gnss_base, stated.datum_epoch))),

@@ -38,7 +38,10 @@ SURVEYED = (
     "flight.toml and parameters.csv; the difference is that of all other observations, without the "
     "survey where its σ makes it one"
 )
-RELATIVE = "the mean of the orientations of each head relative to the synthetic camera"
+RELATIVE = (
+    "orientations of the heads at the exposures that all share, averaged; σ from the covariance "
+    "matrices of the heads"
+)
 SCATTER = "a straight line through the boresights of all images, tested against their scatter"
 
 

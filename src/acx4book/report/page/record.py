@@ -49,6 +49,8 @@ def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         "results_of": material.date.isoformat(),
         "flight": {
             "name": flight.name,
+            "date": flight.session.date,
+            "temperature_c": flight.session.temperature_c,
             "crs": flight.grid.crs,
             "sha256": material.provenance.digest,
             "files_sha256": dict(material.provenance.files),
@@ -152,4 +154,4 @@ def _plain(value: Any) -> Any:
         return _plain(value.item())
     if isinstance(value, float):
         return value if np.isfinite(value) else None
-    return value if isinstance(value, int | str | None) else str(value)
+    return value if isinstance(value, int | str | None) else str(value)  # a date

@@ -46,7 +46,7 @@ def strips_of(block: Block) -> Strips:
     trajectory = block.trajectory
     strip = np.full(len(trajectory), "", dtype=object)
     strip[block.images.exposure_idx] = block.images.strips
-    timed = trajectory.timed
+    timed = has_times(trajectory)
     names: list[str] = []
     idx, elapsed = np.full(len(trajectory), -1), np.zeros(len(trajectory))
     for name in filter(None, dict.fromkeys(strip)):
@@ -112,10 +112,15 @@ def motion_of(block: Block) -> Motion:
     return Motion(velocity=transform(trajectory.R_g_m, velocity), rate=rate)
 
 
+def has_times(trajectory: Trajectory) -> bool:
+    """Tell whether all exposures have a time."""
+    return bool(np.isfinite(trajectory.time_s).all())
+
+
 def _require_neighbours(block: Block, strips: Strips) -> None:
     """Raise where an exposure has no time, or none before or after it in its strip."""
     cannot = "a delay cannot be estimated"
-    if not block.trajectory.timed:
+    if not has_times(block.trajectory):
         raise AdjustmentError(f"{cannot}: trajectory.csv needs its column time_s")
     alone = np.flatnonzero(np.broadcast_to(strips.idx, len(block.trajectory)) < 0)
     if len(alone):

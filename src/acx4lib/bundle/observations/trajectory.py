@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.observations.strips import Motion, Strips
+from acx4lib.bundle.observations.strips import Motion, Strips, has_times
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
@@ -120,7 +120,7 @@ def slow_errors(
     sigma: Array = getattr(trajectory, f"sigma_{of}")[rows]
     if process.share == 0:
         return None
-    if not trajectory.timed:
+    if not has_times(trajectory):
         msg = f"correlated errors of {of}s need times: trajectory.csv needs its column time_s"
         raise AdjustmentError(msg)
     return SlowErrors(

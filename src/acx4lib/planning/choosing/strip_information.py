@@ -3,7 +3,8 @@
 Strips share the unknowns of cameras and of GNSS, and the points on the ground. Poses and drifts
 belong to one strip. So the normal equations of each strip are reduced to what is shared, once, and
 those of any choice of strips are a sum. This is exact for the points that take part; so that it is
-quick, a part of the tie points takes part, with the weight of all.
+quick, a part of the tie points takes part, with the weight of all. Where errors of the trajectory
+change slowly, their correlation is kept along each strip, and neglected from one to the next.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import linalg, sparse
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.flight.design import strip_of_exposure
+from acx4lib.least_squares.statistical.correlated import Correlation
 
 TIE_POINTS = 120
 """Tie points that take part, of a block that has more."""
@@ -25,7 +27,7 @@ FAR_M = 1000.0
 """Standard deviation of a point's coordinates before it is measured."""
 
 UNSEEN = 1e-12
-"""Part of the information on a common unknown that is there without any strip: so the covariance
+"""Share of the information on a common unknown that is there without any strip. So the covariance
 exists where a choice leaves the unknown open, and is very large."""
 
 GOLDEN = 0.6180339887498949
@@ -140,14 +142,16 @@ def _whitened(
         point = np.full(len(e.v), -1) if e.point is None else e.point
         rows = np.flatnonzero((point < 0) | (weight[point] > 0))
         A, columns = e.A[rows], e.columns[e.unit[rows]]
-        strips.append(np.repeat(owner[columns].max(axis=1, initial=-1), e.v.shape[1]))
+        strip = owner[columns].max(axis=1, initial=-1)
+        strips.append(np.repeat(strip, e.v.shape[1]))
         columns = np.where(columns < 0, -1, 3 * len(points) + columns)
         if e.B is not None:
             A = np.concatenate([A, e.B[rows]], axis=2)
             columns = np.concatenate([columns, first[point[rows]]], axis=1)
         by_rays = np.sqrt(weight[point[rows]]) if e.kind == "image_point" else np.ones(len(rows))
         A = A * by_rays[:, None, None] / e.sigma[rows][:, :, None]
-        parts.append(_sparse(A, columns, 3 * len(points) + network.n_columns))
+        part = _sparse(A, columns, 3 * len(points) + network.n_columns)
+        parts.append(part if e.correlation is None else _uncorrelated(e.correlation, strip) @ part)
     return sparse.vstack(parts, format="csr"), np.concatenate(strips)
 
 
@@ -158,6 +162,17 @@ def _sparse(A: Array, columns: Index, n: int) -> sparse.csr_array:
     column = np.broadcast_to(columns[:, None, :], A.shape)
     there = column >= 0
     return sparse.csr_array((A[there], (row[there], column[there])), shape=(m * d, n))
+
+
+def _uncorrelated(correlation: Correlation, strip: Index) -> sparse.csr_array:
+    """Return what makes rows independent that are correlated along their strips."""
+    factors = correlation.factors
+    d, m = len(factors), len(factors[0])
+    row, column = np.nonzero(np.triu(np.equal.outer(strip, strip)))
+    parts = [(U[row, column], (d * row + c, d * column + c)) for c, U in enumerate(factors)]
+    values, places = zip(*parts, strict=True)
+    where = tuple(np.concatenate(one) for one in zip(*places, strict=True))
+    return sparse.csr_array((np.concatenate(values), where), shape=(m * d, m * d))
 
 
 def _reduced(rows: sparse.csr_array, shared: Index, own: Index) -> Array:

@@ -6,6 +6,7 @@ import pytest
 from pypdf import PdfReader
 
 from acx4book.pages.back import pdf
+from acx4book.report.page.printing import PrintError, chromium
 
 CONTENTS = """root: intro
 parts:
@@ -74,15 +75,15 @@ def test_the_book_itself_is_not_changed(html):
 
 def test_without_chromium_a_line_says_what_to_install(html, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(pdf.PrintError, match="install the package chromium"):
+    with pytest.raises(PrintError, match="install the package chromium"):
         pdf.make(html, html.parent / "toc.yml", html.parent / "book.pdf")
 
 
 @pytest.mark.slow
 def test_links_lead_inside_and_out(html, tmp_path):
     try:
-        pdf.chromium()
-    except pdf.PrintError as error:
+        chromium()
+    except PrintError as error:
         (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(str(error))
     file = tmp_path / "book.pdf"
     assert pdf.make(html, tmp_path / "toc.yml", file) == 5

@@ -43,7 +43,10 @@ def test_the_report_is_one_file_that_asks_for_nothing(acx4, made, run, tmp_path)
     again = tmp_path / "again.html"
     acx4("report", made[1], "--out", again)
     assert again.read_text(encoding="utf-8") == text
-    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "again.html"}
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "report.json").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("again.html", "again.json", "report.html", "report.json")
+    ]
 
 
 def test_what_adjusts_is_not_loaded_for_a_report(made, tmp_path):
@@ -87,7 +90,11 @@ def test_bad_results_are_one_line_and_leave_an_older_report_alone(acx4, folder, 
 
 
 def test_a_place_that_cannot_be_written_is_one_line_before_anything_runs(acx4, made, tmp_path):
-    for out, says in ((tmp_path, "is a folder"), (tmp_path / "no" / "x.html", "no such folder")):
+    for out, says in (
+        (tmp_path, "is a folder"),
+        (tmp_path / "no" / "x.html", "no such folder"),
+        (tmp_path / "x.pdf", "name the page, such as x.html"),
+    ):
         status, _, err = acx4("report", made[1], "--out", out)
         assert status == 2
         assert len(err.splitlines()) == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acx4lib.flight.block import select_images
-from acx4lib.planning import design, flown
+from acx4lib.planning import design, flown, text
 from acx4lib.planning.choosing import target
 from acx4lib.planning.choosing.strip_information import of_strips
 
@@ -13,11 +13,29 @@ from .conftest import CANDIDATES
 ALL_POINTS = 10_000
 
 
-@pytest.fixture(scope="module", params=[(), ("shift", "drift")])
+SLOW = {
+    "gnss_correlation_s": 100.0,
+    "gnss_correlated_share": 0.9,
+    "attitude_correlation_s": 50.0,
+    "attitude_correlated_share": 0.7,
+}
+
+
+@pytest.fixture(
+    scope="module",
+    params=[((), {}), (["shift", "drift"], {}), (["shift"], SLOW)],
+    ids=["white", "drift", "slow"],
+)
 def everything(request, plan):
     """Return the plan of all candidates, and its network."""
-    wanted = target.from_values({"sigma": {"f_mm": 1.0}, "candidates": CANDIDATES}, plan)
-    both = replace(wanted.plan, setup=replace(plan.setup, gnss=request.param))
+    gnss, slow = request.param
+    values = {
+        **plan.values,
+        "apriori": {**plan.values["apriori"], **slow},
+        "stages": {"mounting": {**plan.values["stages"]["mounting"], "gnss": [*gnss]}},
+    }
+    wanted = {"sigma": {"f_mm": 1.0}, "candidates": CANDIDATES}
+    both = target.from_values(wanted, text.from_values(values)).plan
     block = flown.block(both, target.BLOCK)
     return both, design.calibrated(both, block, method="single_step").bundle.network
 
@@ -36,7 +54,9 @@ def test_the_sum_over_strips_is_the_adjustment_of_their_images(everything, chose
     names = [information.strips[k] for k in chosen]
     block = select_images(network.block, np.isin(network.block.images.strips, names))
     cov, expected = information.covariance(chosen), covariance(plan, block, information.names)
-    assert np.sqrt(np.diag(cov)) == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-6)
+    exact = all(e.correlation is None for e in network.equations(network.start))
+    near = 1e-6 if exact else 0.15  # slow errors are correlated from strip to strip, too
+    assert np.sqrt(np.diag(cov)) == pytest.approx(np.sqrt(np.diag(expected)), rel=near)
 
 
 def test_a_part_of_the_tie_points_with_the_weight_of_all_tells_nearly_as_much(everything):
@@ -44,7 +64,7 @@ def test_a_part_of_the_tie_points_with_the_weight_of_all_tells_nearly_as_much(ev
     whole, part = (of_strips(network, tie_points=n) for n in (ALL_POINTS, 45))
     for chosen in ((1, 3, 7), range(9)):
         a, b = (np.sqrt(np.diag(one.covariance(chosen))) for one in (whole, part))
-        assert b == pytest.approx(a, rel=0.1)
+        assert b == pytest.approx(a, rel=0.2)
 
 
 def test_no_strip_makes_anything_worse(everything):

@@ -122,7 +122,7 @@ def _times(large: pd.Series, small: pd.Series, name: str) -> str:
 
 
 def _other_gain(one: pd.Series, two: pd.Series, but: tuple[str, ...]) -> float:
-    return float((one / two).drop([*but]).to_numpy().max())
+    return float((one / two).drop([*but]).to_numpy(dtype=float).max())
 
 
 def _spread(table: pd.DataFrame, name: str) -> float:

@@ -35,7 +35,7 @@ def ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
     """Return the RMS of the normalised errors, by parameter."""
     own = errors[errors["weights"] == weights]
     squares = (own["error"] / own["sigma"]) ** 2
-    return np.sqrt(squares.groupby(own["parameter"], sort=False).mean())
+    return squares.groupby(own["parameter"], sort=False).mean() ** 0.5
 
 
 def chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:

@@ -1,0 +1,45 @@
+"""Printing by Chromium: a PDF beside the report, or one line on what to install."""
+
+import os
+
+import pytest
+from pypdf import PdfReader
+
+from acx4book.report.page import page, printing
+from acx4lib.errors import OutputError
+
+REPORT = """<!DOCTYPE html><html><head><meta name="generator" content="acx4 report">
+<title>Calibration report: 飛</title></head><body><p>one</p></body></html>"""
+
+
+@pytest.fixture
+def report(tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(REPORT, encoding="utf-8")
+    return path
+
+
+def test_without_chromium_a_line_says_what_to_install(report, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(printing.PrintError, match="install the package chromium"):
+        page.check_pdf(report)
+    assert [path.name for path in report.parent.iterdir()] == ["report.html"]
+
+
+def test_another_pdf_is_not_replaced(report):
+    report.with_suffix(".pdf").write_bytes(b"%PDF-1.4 of somebody")
+    with pytest.raises(OutputError, match="is not a report of acx4"):
+        page.check_pdf(report)
+
+
+@pytest.mark.slow
+def test_a_report_is_printed_beside_it_and_printed_again(report):
+    try:
+        printing.chromium()
+    except printing.PrintError as error:
+        (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(str(error))
+    made = page.write_pdf(report)
+    assert made == report.with_suffix(".pdf")
+    assert PdfReader(made).pages[0].extract_text().strip() == "one"
+    page.write_pdf(report)
+    assert {path.name for path in report.parent.iterdir()} == {"report.html", "report.pdf"}
