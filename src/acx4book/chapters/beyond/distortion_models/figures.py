@@ -26,7 +26,7 @@ NODES = 9
 MARKS = ("o", "s", "^", "D", "v", "P")
 """Of the models, so that colour is not all that tells them apart."""
 
-UNITS: Mapping[str, str] = {
+TITLES: Mapping[str, str] = {
     "strip_plan_m": "strip left out, plan",
     "strip_height_m": "strip left out, height",
     "direct_height_m": "direct georeferencing, height",
@@ -59,8 +59,16 @@ def terms() -> Figure:
 def _draw_term(ax: Axes, uv: Array, d: Array) -> None:
     longest = np.hypot(*d.T).max()
     reach = 2 / (NODES - 1) / longest
-    options = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.009, "zorder": 3}
-    ax.quiver(*uv.T, *(reach * d.T), color=style.BLUE, **options)
+    ax.quiver(
+        *uv.T,
+        *(reach * d.T),
+        color=style.BLUE,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.009,
+        zorder=3,
+    )
     ax.set(xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), aspect="equal", xticks=[], yticks=[])
     ax.plot([-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1], color=style.SOFT, lw=0.7)
 
@@ -109,7 +117,7 @@ def errors(study: Study) -> Figure:
             ax.set_xticks([0.5, 1, 2, 5, 10], ["½", "1", "2", "5", "10"])
             ax.minorticks_off()
             ax.set_xlabel("error over that of Brown's model (1)")
-            ax.set_title(UNITS[name].capitalize())
+            ax.set_title(TITLES[name].capitalize())
         style.legend_below(fig, _handles(found), ncols=3)
     return fig
 
@@ -156,7 +164,9 @@ def at_seams(pattern: Pattern) -> Figure:
             style.heading(ax, title[:1].upper() + title[1:], f"rms {np.sqrt(np.mean(d**2)):.2f} px")
         axes[0].set_ylabel("row (px)")
         handles = [Line2D([], [], color=style.colour(k), label=n) for k, n in enumerate(names)]
-        style.legend_below(fig, [*handles, Line2D([], [], ls="", label=f"a cell is {key:g} px")])
+        style.legend_below(
+            fig, [*handles, Line2D([], [], ls="", label=f"distance of arrows: {key:g} px")]
+        )
     return fig
 
 
@@ -185,14 +195,14 @@ def _draw_pattern(ax: Axes, pattern: Pattern, low: Mask, in_key: Array) -> None:
 def depths(found: pd.DataFrame) -> Figure:
     """Draw errors at check points over the depth of a dent, as `trials.over_depth` has them."""
     with style.applied():
-        fig, axes = style.subplots(1, len(UNITS), figsize=(style.WIDTH, 3.0))
-        for ax, (name, title) in zip(axes, UNITS.items(), strict=True):
+        fig, axes = style.subplots(1, len(TITLES), figsize=(style.WIDTH, 3.0))
+        for ax, (name, title) in zip(axes, TITLES.items(), strict=True):
             for model, tint in ((FIRST, style.BLUE), (FLEXIBLE, style.BRICK)):
                 own = found[found["model"] == model]
                 ax.plot(own["depth_um"], own[name], "o-", color=tint, ms=3.5, label=model)
             ax.set(xlabel="depth of the dent (µm)")
-            ax.set_ylim(bottom=0)
-            ax.set_title(title.replace(", ", ",\n"))
+            ax.set_ylim(0, 1.1 * found[name].max())
+            ax.set_title(title.capitalize().replace(", ", ",\n"))
         axes[0].set_ylabel("RMS at check points (m)")
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig

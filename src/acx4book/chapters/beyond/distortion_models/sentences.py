@@ -39,11 +39,9 @@ def made(study: Study) -> str:
 def fits(study: Study) -> str:
     """Say what the criteria choose, case by case."""
     found = summary(study)
-    best = {
-        case: own.loc[own["bic_less_first"].idxmin(), "model"]
-        for case, own in found.groupby("case", sort=False)
-    }
-    chosen = ", ".join(f"*{model}* for {case}" for case, model in best.items())
+    wide = found.pivot_table(index="case", columns="model", values="bic_less_first", sort=False)
+    best = zip(wide.index.astype(str), wide.idxmin(axis=1).astype(str), strict=True)
+    chosen = ", ".join(f"*{model}* for {case}" for case, model in best)
     bare = found[found["model"].isin(BARE) & ~found["case"].isin([SYNTHETIC, REAL])]
     return (
         f"BIC is smallest with {chosen}. Without radial parameters neither polynomials nor waves "
@@ -58,14 +56,15 @@ def errors(study: Study) -> str:
     strip, direct = (over_first(study, name) for name in ("strip_height_m", "direct_height_m"))
     others = [name for name in strip.columns if name not in (FIRST, *BARE)]
     simulated = direct.drop(index=REAL, errors="ignore")[others]
+    share = strip[FLEXIBLE]
     change = 100 * float(np.abs(simulated - 1).max().max())
     return (
         f"In a strip left out, the dent of {DENT_UM:g} µm makes the height's error with "
-        f"*{FLEXIBLE}* {strip.loc[DENTED, FLEXIBLE]:.2f} times that with Brown's model. In the "
-        f"synthetic image it is {strip.loc[SYNTHETIC, FLEXIBLE]:.2f} times. In direct "
+        f"*{FLEXIBLE}* {share[DENTED]:.2f} times that with Brown's model. In the "
+        f"synthetic image it is {share[SYNTHETIC]:.2f} times. In direct "
         "georeferencing, the models with radial parameters differ from Brown's by at most "
-        f"{change:.1f} % in height, in all cases: the errors of GNSS and INS are larger than "
-        "anything that a distortion model leaves."
+        f"{change:.1f}\N{NO-BREAK SPACE}% in height, in all cases: the errors of GNSS and INS are "
+        "larger than anything that a distortion model leaves."
     )
 
 

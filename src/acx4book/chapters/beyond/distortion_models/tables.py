@@ -12,11 +12,11 @@ from acx4book.chapters.beyond.distortion_models.study import REAL, Study, summar
 
 FIT_FORMATS = {
     "Number": ".0f",
-    "σ₀²": ".3f",
+    "σ₀²": ".2f",
     "BIC less Brown's": "+.0f",
     "Joint χ²/k": ".1f",
-    "Significant (%)": ".0f",
-    "Largest |ρ|": ".3f",
+    "Flights (%)": ".0f",
+    "Max. |ρ|": ".3f",
 }
 ERROR_FORMATS = {
     "Strip: residuals (px)": ".3f",
@@ -37,8 +37,8 @@ def fits(study: Study) -> pd.DataFrame:
             "σ₀²": found["sigma0_sq"],
             "BIC less Brown's": found["bic_less_first"],
             "Joint χ²/k": found["joint"],
-            "Significant (%)": 100 * found["significant"],
-            "Largest |ρ|": found["correlation"],
+            "Flights (%)": 100 * found["significant"],
+            "Max. |ρ|": found["correlation"],
         }
     )
 

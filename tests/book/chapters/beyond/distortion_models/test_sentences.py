@@ -31,7 +31,7 @@ def test_browns_model_is_chosen_for_lenses_and_waves_for_the_dent(stored):
 
 
 def test_nothing_changes_in_direct_georeferencing(stored):
-    assert "at most 0.5 % in height" in sentences.errors(stored)
+    assert "at most 0.5\N{NO-BREAK SPACE}% in height" in sentences.errors(stored)
 
 
 def test_what_is_never_halved_is_said_so(by_depth):
