@@ -100,7 +100,7 @@ def of_fit(fitted: Fitted) -> Row:
         cost, observations, redundancy; parameters, the number of those of distortion; estimated,
         of all of the camera; joint, the chi-square of all parameters beyond the radial ones over
         their number, and its probability joint_p; correlation, the largest of two of the camera's
-        parameters; condition of their correlations.
+        parameters.
     """
     solution = fitted.bundle.solution
     columns, values = asymmetric(fitted)
@@ -117,7 +117,6 @@ def of_fit(fitted: Fitted) -> Row:
         "joint": joint,
         "joint_p": p,
         "correlation": float(np.abs(related - np.eye(len(related))).max()),
-        "condition": float(np.linalg.cond(related)),
     }
 
 
