@@ -43,7 +43,9 @@ CUT_OFF = """async () => {
 
 def opened(browser, html, *, colours="light", width=1280):
     size = {"width": width, "height": HEIGHT}
-    page = browser.new_context(viewport=size, color_scheme=colours).new_page()
+    page = browser.new_context(
+        viewport=size, color_scheme=colours, reduced_motion="reduce"
+    ).new_page()
 
     def show(name):
         page.goto(f"{html.as_uri()}/{name}", wait_until="load")

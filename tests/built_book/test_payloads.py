@@ -42,6 +42,9 @@ build.fill(flight, results, book)
 STUBS = ("first-flight", "library", "many-flights", "notation")
 """Pages that show nothing of a flight, but are referred to."""
 
+OTHERS = ("15-which-flight", "16-error-budget", "18-over-the-years")
+"""Chapters that are referred to, and left out of this book."""
+
 CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
@@ -108,7 +111,9 @@ def build_book(folder, flown, found):
     chapters = "".join(f"  - file: {name}\n" for name in CHAPTERS)
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: intro\nchapters:\n{chapters}")
     call(folder, sys.executable, "-c", PAGES, flown, found, book, ROOT)
-    toc = book / "_generated" / "_toc.yml"
+    toc, left_out = (book / "_generated" / name for name in ("_toc.yml", "left_out.json"))
+    titles = {f"_executed/{name}": name for name in OTHERS}
+    left_out.write_text(json.dumps(json.loads(left_out.read_text()) | titles))
     call(folder, BIN / "jupyter-book", "build", book, "--toc", toc, "--quiet", "-W", "--keep-going")
     return book / "_build" / "html"
 

@@ -123,6 +123,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     sources = [path for path in (ROOT / "src").rglob("*.py") if "__pycache__" not in path.parts]
     expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
     expected |= {f"{house}/py.typed" for house in HOUSES}
+    expected.add("acx4book/report/campaigns/campaigns.css")
     expected.add("acx4book/report/page/report.css")
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (
@@ -307,7 +308,7 @@ def test_without_the_extra_run_and_report_say_what_to_install(base, command, arg
     done = run(base, "acx4", command, *arguments)
     assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
-    assert line.startswith(f"acx4 {command} needs IPython, matplotlib, ")
+    assert line.startswith(f"acx4 {command} needs IPython, PIL, matplotlib, ")
     assert line.endswith(", not installed here: pip install 'acx4lib[book]'")
     assert not (base / "new").exists()
     assert "Usage" in succeeds(base, "acx4", command, "--help")

@@ -43,7 +43,7 @@ def test_from_a_students_flight_to_marks(acx4, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("lab", "9", "--student", "Ada", "--key", "key.txt"), "unknown sheet '9'; known: lab-1"),
+        (("lab", "99", "--student", "Ada", "--key", "key.txt"), "unknown sheet '99'; known: lab-1"),
         (("lab", "1", "--student", " ", "--key", "key.txt"), "is empty; must be a name"),
         (("lab", "1", "--student", "=1+1", "--key", "key.txt"), "formula"),
         (("lab", "1", "--student", "Ada", "--key", "none.txt"), "token_hex"),

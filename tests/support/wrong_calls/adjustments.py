@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.chapters.mounting import variants as mounting_experiments
-from acx4lib.bundle import adjust, observations, unknowns, uses, variance_components
+from acx4lib.bundle import adjust, unknowns, uses, variance_components
+from acx4lib.bundle.observations import trajectory
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.gross_errors import data_snooping
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
@@ -38,7 +39,7 @@ from support.wrong_calls.material import (
 def adjusted() -> list[Wrong]:
     lonely = replace(BLOCK, image_points=POINTS[:0])
     metres = replace(BLOCK, cameras=(CAMERA.with_interior(camera.Interior(f=0.05)),))
-    with_positions = observations.PoseObservations(
+    with_positions = trajectory.PoseObservations(
         T_m_b=POSES,
         R_g_m=TRAJECTORY.R_g_m,
         sigma_position=TRAJECTORY.sigma_position,
