@@ -8,9 +8,9 @@ import numpy as np
 
 from acx4book.chapters.mounting import variants as mounting_experiments
 from acx4lib.bundle import adjust, unknowns, uses, variance_components
-from acx4lib.bundle.observations import trajectory
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.gross_errors import data_snooping
+from acx4lib.bundle.observations import trajectory
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
 from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError
