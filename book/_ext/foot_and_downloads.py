@@ -114,7 +114,7 @@ def pack(sources: Path, folder: Path) -> None:
         archive.parent.mkdir(parents=True, exist_ok=True)
         entry = zipfile.ZipInfo(notebook.name, EARLIEST)
         with zipfile.ZipFile(archive, "w") as packed:
-            packed.writestr(entry, notebook.read_bytes(), zipfile.ZIP_DEFLATED)
+            packed.writestr(entry, notebook.read_bytes(), zipfile.ZIP_DEFLATED, 9)
         notebook.unlink()
 
 

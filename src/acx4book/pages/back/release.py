@@ -120,7 +120,7 @@ def pack(content: Path, archive: Path, seconds: int, *, files: str = "*") -> Non
             name = Path(archive.stem, path.relative_to(content)).as_posix()
             entry = zipfile.ZipInfo(name, date)
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            packed.writestr(entry, path.read_bytes())
+            packed.writestr(entry, path.read_bytes(), compresslevel=9)
 
 
 def make(html: Path, folder: Path) -> list[str]:

@@ -88,5 +88,5 @@ def archive(found: Sequence[Figure]) -> bytes:
         for name, content in [(LIST, listed.encode()), *((one.file, one.content) for one in found)]:
             entry = zipfile.ZipInfo(name, date_time=EARLIEST)
             packed = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
-            pack.writestr(entry, content, compress_type=packed)
+            pack.writestr(entry, content, compress_type=packed, compresslevel=9)
     return out.getvalue()

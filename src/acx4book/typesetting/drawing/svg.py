@@ -23,10 +23,10 @@ from acx4book.typesetting.drawing import compact
 MARGIN = 0.04
 """Free space above and below a drawing, inches."""
 
-LOSSY = 60_000
+LOSSY = 20_000
 """Bytes from which a picture inside a drawing is stored with the loss of WebP."""
 
-QUALITY, EDGES = 75, 50
+QUALITY, EDGES = 60, 50
 """Of its colours, and of where it is transparent, of 100."""
 
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
