@@ -128,6 +128,11 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (
         ("acx4book/chapters/beyond/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
+        (
+            "acx4book/chapters/beyond/distortion_models/stored",
+            "data/benchmarks/closed_chain_pattern.csv",
+        ),
+        ("acx4book/chapters/beyond/distortion_models/stored", "data/benchmarks/distortion_models*"),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
         ("acx4book/paper/tables", "data/paper/*.csv"),
         ("acx4book/reference/measurements", "data/reference/*.csv"),
