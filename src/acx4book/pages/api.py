@@ -14,6 +14,9 @@ FOLDER = "_generated/api"
 CELLAR = "compiled"
 """Name of the folders that no page shows."""
 
+BY_MODULE = "acx4book."
+"""Where modules are listed with what they are for: their functions serve one page each."""
+
 
 def write(book: Path) -> None:
     """Write the pages that the contents of the book list, in their order."""
@@ -58,7 +61,7 @@ def contents(package: str) -> list[str]:
 def _section(name: str, level: int) -> Iterator[str]:
     yield f"{'#' * level} {name.rpartition('.')[2]}\n"
     if not hasattr(import_module(name), "__path__"):
-        yield _directive("automodule", name)
+        yield _directive("automodule", name, *[":no-members:"] * name.startswith(BY_MODULE))
         return
     yield _directive("automodule", name, ":no-members:")
     yield _summary(name, contents(name))

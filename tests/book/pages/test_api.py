@@ -46,3 +46,9 @@ def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
     assert "\n   optics\n" in house
     assert "\n## optics\n" not in house
     assert "\n## designs\n" in house
+
+
+def test_modules_of_the_library_show_their_functions_those_of_the_book_what_they_are_for():
+    assert ".. automodule:: acx4lib.bundle.adjust\n```" in "\n".join(api.page("acx4lib.bundle"))
+    paper = "\n".join(api.page("acx4book.paper"))
+    assert ".. automodule:: acx4book.paper.printed\n   :no-members:\n" in paper
