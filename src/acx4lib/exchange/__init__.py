@@ -1,5 +1,6 @@
-"""Cameras for other programs, and from them.
+"""Other programs' files in and out.
 
-`opencv` turns the paper's lens, whose distortion is a function of the measured point, into OpenCV's
-forward one, and back.
+`brought` is what an import brings of a flight, and what it says of it; `flight_folder` writes it,
+and `written_toml` its settings. `opencv` turns a camera into OpenCV's model, and back. This is the
+only room that knows conventions that are not the library's own.
 """

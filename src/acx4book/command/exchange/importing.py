@@ -1,0 +1,18 @@
+"""The command ``acx4 import``: a command for every kind of files."""
+
+from __future__ import annotations
+
+import typer
+
+HELP = """Read other programs' files, and write a flight, or what they know of one.
+
+Every kind says on the screen, and in import.md of the flight, which conventions it assumed, what it
+found, and what it left out. A flight may come from several sources: each import adds its tables to
+the folder. What is still missing is named at the end.
+
+\b
+Example:
+  acx4 import odm-control gcp_list.txt --out my_flight
+"""
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
