@@ -1,6 +1,6 @@
 """Other programs' files in and out.
 
-`brought` is what an import brings of a flight, and what it says of it; `flight_folder` writes it,
+`safe` reads files of strangers. `brought` is what an import brings of a flight, `flight_folder` writes it,
 and `written_toml` its settings. `opencv` turns a camera into OpenCV's model, and back. This is the
 only room that knows conventions that are not the library's own.
 """
