@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.notebooks.simulated import of_design, to_simulator
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.gnss_shift import parameters as gnss_parameters
+from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
 from acx4lib.planning import design, text
