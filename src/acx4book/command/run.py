@@ -25,7 +25,7 @@ requirements of acx4lib[book].
 With --seeds, each FLIGHT is a design of acx4 simulate, or the file of a plan, and is flown by these
 seeds. Of many flights, or with --seeds, --jobs or --cluster, DIR gets a folder for each, and
 flights.csv with a row for each; no notebooks, unless --with-notebooks. A flight that fails stops no
-other. What is there already, of the same flight, is not run again. The status is the largest of all.
+other. What is there already, of the same flight, is not run again. The status is the largest.
 
 \b
 Examples:
