@@ -176,7 +176,8 @@ def test_parts_sum_to_the_variance_where_exposures_share_errors(rig, calibration
     split, total = budget.of(sources, g.layout), np.diagonal(sources.cov, axis1=1, axis2=2)
     assert_allclose(split.variance.sum(axis=-1), total, rtol=1e-12)
     white = budget.of(replace(sources, shared=None), g.layout)
-    assert np.all(of(split.variance, "GNSS") > 1.2 * of(white.variance, "GNSS"))  # it moves all rays alike
+    plan = [of(one.variance, "GNSS")[:, :2] for one in (split, white)]
+    assert np.all(plan[0] > 1.2 * plan[1])  # what moves all rays alike moves the point with them
     assert_allclose(of(split.variance, "boresight"), of(white.variance, "boresight"))
 
 
