@@ -21,3 +21,5 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 
 app.command("sbet", help=trajectories.SBET_HELP)(trajectories.sbet)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
+app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe.opened import Opened
-from acx4lib.exchange.safe.text_lines import Line, cut, lines
+from acx4lib.exchange.safe.text_lines import Line, lines
 from acx4lib.exchange.trajectories.columns import SKIP, Column, column, declared, position_of
 from acx4lib.expected import Array
 from acx4lib.flight.problems import quoted
@@ -17,6 +19,7 @@ from acx4lib.flight.text.names import NUMBER, name_fault
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 COMMENTS = "#"
+QUOTED_CELL = re.compile(r"\"[^\"]*\"")
 MOST = 10_000_000
 """Largest number of rows."""
 
@@ -88,7 +91,7 @@ def read_list(
     columns : str
         As the user declares them; empty: the heading names them.
     separator : str
-        One of `SEPARATORS`; empty: semicolons, tabs or commas if the first line has any.
+        One of `SEPARATORS`; empty: semicolons, tabs or commas if the first two lines have any.
     numbers : sequence of str
         Columns of numbers, by which a heading is told from a row.
 
@@ -116,12 +119,13 @@ def read_list(
 
 
 def _separator(source: Opened, name: str) -> str | None:
+    """Return what stands between cells: a mark that the first line and the next one have."""
     if name:
         return SEPARATORS[name]
     text = (one for one in source.text().split("\n") if one.strip())
-    first = next((one for one in text if not one.lstrip().startswith(COMMENTS)), "")
-    plain = "".join(cut(first, "\0")) if '"' not in first else first.split('"')[0]
-    return next((mark for mark in (";", "\t", ",") if mark in plain), None)
+    first = list(islice((one for one in text if not one.lstrip().startswith(COMMENTS)), 2))
+    bare = [QUOTED_CELL.sub("", one) for one in first]
+    return next((mark for mark in (";", "\t", ",") if all(mark in one for one in bare)), None)
 
 
 def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 from acx4lib.errors import FlightError
 from acx4lib.exchange.brought import Brought
 from acx4lib.exchange.safe import opened
-from acx4lib.exchange.trajectories import interpolation, sbet
+from acx4lib.exchange.trajectories import interpolation, orientations, sbet
 from acx4lib.exchange.trajectories.events import Events, read_events
+from acx4lib.exchange.trajectories.orientations import Meaning
 from acx4lib.exchange.trajectories.times import GPS_SOW, UTC_SOW, is_utc, on_clock
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.problems import Problem, lines_of
@@ -51,8 +52,10 @@ class Options:
         GPS week in which the trajectory begins.
     gap_s : float
         Largest interval between two records that is interpolated.
-    block, camera, crs : str
-        Block of the flight; camera of all images, and CRS: empty where not said.
+    block, camera : str
+        Block of the flight; camera of all images, empty where not said.
+    meaning : Meaning
+        CRS and heights of the flight.
     """
 
     time: str
@@ -64,7 +67,7 @@ class Options:
     gap_s: float = 0.1
     block: str = "calibration"
     camera: str = ""
-    crs: str = ""
+    meaning: Meaning = field(default_factory=Meaning)
 
 
 def read(trajectory: Path, events: Path, deviations: Path | None, options: Options) -> Brought:
@@ -160,11 +163,13 @@ def _brought(
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
     lonlath = interpolation.positions(track, at, by_velocity=faithful)
     rph = np.degrees(interpolation.attitudes(track, at))
+    meaning, lonlat = options.meaning, lonlath[:, :2]
+    height = orientations.in_flight(track.source, meaning, lonlat, lonlath[:, 2])
     table: dict[str, Any] = {
         "exposure": listed.names,
         "lat_deg": np.round(lonlath[:, 1], 11),
         "lon_deg": np.round(lonlath[:, 0], 11),
-        "height_m": np.round(lonlath[:, 2], 5),
+        "height_m": np.round(height, 5),
         **dict(zip(("roll_deg", "pitch_deg", "heading_deg"), np.round(rph, 9).T, strict=True)),
         "time_s": np.round(t, 7),
     }
@@ -179,8 +184,9 @@ def _brought(
     return Brought(
         source="SBET at events",
         sha256=opened.checksums(sources),
-        settings={"crs": options.crs, "heights": "ellipsoidal"} if options.crs else {},
+        settings=orientations.settings(meaning),
         tables=tables,
+        pictures=orientations.grid_file(meaning),
         assumed=_assumed(listed, options),
         found=_found(track, spread, t, off, speed),
         left_out=_left_out(spread, faithful=faithful, off=off),
@@ -202,7 +208,8 @@ def _assumed(listed: Events, options: Options) -> tuple[str, ...]:
         "True heading is platform heading minus wander angle; roll, pitch and heading are forward-"
         "right-down against north-east-down.",
         "Positions are those of the point to which the SBET refers, taken for the IMU; latitude "
-        "and longitude are of the datum of the flight's CRS, heights are ellipsoidal.",
+        "and longitude are of the datum of the flight's CRS.",
+        orientations.heights_said(replace(options.meaning, ellipsoidal=True)),
     )
 
 
