@@ -5,9 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from acx4lib.exchange.outward import flight_toml, opencv_yaml, tables
+from acx4lib.exchange.outward import flight_toml, tables
 from acx4lib.exchange.outward.calibrated import Calibrated
 from acx4lib.exchange.outward.orientations import Oriented
+from acx4lib.exchange.outward.programs import (
+    colmap,
+    metashape,
+    micasense,
+    micmac,
+    opencv,
+    opensfm,
+    opf,
+    pix4d,
+)
 from acx4lib.exchange.outward.taken import Taken
 
 
@@ -32,7 +42,14 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "toml": Kind(cameras=flight_toml.take),
-    "opencv": Kind(cameras=opencv_yaml.take),
+    "opencv": Kind(cameras=opencv.cameras),
+    "metashape": Kind(cameras=metashape.cameras, oriented=metashape.images),
+    "colmap": Kind(cameras=colmap.cameras, oriented=colmap.images),
+    "opensfm": Kind(cameras=opensfm.cameras, oriented=opensfm.images),
+    "opf": Kind(cameras=opf.cameras, oriented=opf.images),
+    "micasense": Kind(cameras=micasense.cameras, heads=True),
+    "pix4d": Kind(cameras=pix4d.cameras, oriented=pix4d.images),
+    "micmac": Kind(cameras=micmac.cameras, oriented=micmac.images),
     "opk": Kind(oriented=lambda _, oriented: tables.opk(oriented)),
     "opk-topocentric": Kind(oriented=lambda _, oriented: tables.topocentric(oriented)),
     "rph": Kind(oriented=lambda _, oriented: tables.rph(oriented)),

@@ -15,6 +15,7 @@ def rig(tmp_path_factory):
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_kind_is_written_said_and_the_same_again(acx4, rig, tmp_path, kind):
     options = ["--orientations", "heads"] if KINDS[kind].oriented else []
+    options += ["--allow", "1"]  # some have no place for b1
     outs = [tmp_path / "a", tmp_path / "b"]
     for out in outs:
         status, said, wrong = acx4("export", rig, "--to", kind, "--out", out, *options)
@@ -45,6 +46,7 @@ def test_images_of_a_later_flight_are_oriented_by_it(acx4, rig, tmp_path):
         (["--to", "toml", "--orientations", "heads"], "--to toml has no place for orientations"),
         (["--to", "toml", "--flight", "x"], "--flight needs --orientations"),
         (["--to", "opencv", "--allow", "1e-9"], "the other program's lens differs by"),
+        (["--to", "pix4d"], "more than 0.05 px; --allow "),
     ],
 )
 def test_what_cannot_be_exported_is_one_line_and_status_2(acx4, rig, tmp_path, options, line):

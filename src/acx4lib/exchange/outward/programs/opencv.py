@@ -20,7 +20,7 @@ ASSUMED = (
 RIG = "R and T take a point from the axes of {} to those of the head: x = R x + T, m"
 
 
-def take(calibrated: Calibrated) -> Taken:
+def cameras(calibrated: Calibrated) -> Taken:
     """Return a YAML file for every camera, with its place in the rig where there are several."""
     cameras = calibrated.cameras
     rig = relative.to_first(calibrated.calibration)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.exchange.outward import calibrated, opencv_yaml
+from acx4lib.exchange.outward import calibrated
+from acx4lib.exchange.outward.programs import opencv
 from acx4lib.exchange.outward.relative import R_C_V
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
@@ -21,7 +22,7 @@ def read(text):
 def test_opencv_projects_points_of_the_body_into_every_head(rig, name):
     """Points in the reference head's axes go through R and T; the refit's difference is all."""
     found = calibrated.read(rig)
-    made = opencv_yaml.take(found)
+    made = opencv.cameras(found)
     reference = found.cameras[0]
     camera = next(camera for camera in found.cameras if camera.name == name)
     x_b = (camera.T_b_c.R @ ahead(camera).T).T + camera.T_b_c.r
@@ -45,7 +46,7 @@ def ahead(camera):
 
 
 def test_a_single_camera_has_no_other_head(single):
-    made = opencv_yaml.take(calibrated.read(single))
+    made = opencv.cameras(calibrated.read(single))
     assert list(made.files) == ["CAM.yaml"]
     assert_allclose(read(made.files["CAM.yaml"])["R"], np.eye(3))
     assert not any("R and T" in sentence for sentence in made.assumed)
