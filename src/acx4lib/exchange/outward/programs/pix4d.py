@@ -6,6 +6,7 @@ of the .cam: as other programs write it for Pix4D; no file of Pix4D itself was a
 
 from __future__ import annotations
 
+from acx4lib.errors import OutputError
 from acx4lib.exchange.outward import brown, orientations
 from acx4lib.exchange.outward.brown import CORNER, Brown
 from acx4lib.exchange.outward.calibrated import Calibrated
@@ -40,6 +41,9 @@ def cameras(calibrated: Calibrated) -> Taken:
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return the same, and positions with omega, phi, kappa of the images."""
     alone = cameras(calibrated)
+    if blank := [name for name in oriented.names if len(name.split()) != 1]:
+        msg = f"{EXTERNAL}: {blank[0]!r}: a name with blanks has no place there; export --to opk"
+        raise OutputError(msg)
     table = orientations.in_grid(oriented).iloc[:, :7]
     lines = ["imageName X Y Z Omega Phi Kappa"]
     for name, *numbers in table.itertuples(index=False):
