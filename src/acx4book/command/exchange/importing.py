@@ -19,3 +19,4 @@ Example:
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("colmap", help=projects.COLMAP)(projects.colmap)
