@@ -21,5 +21,6 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 
 app.command("sbet", help=trajectories.SBET_HELP)(trajectories.sbet)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("colmap", help=projects.COLMAP)(projects.colmap)
 app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
 app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)
