@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from acx4book.command.exchange import projects
+from acx4book.command.exchange import blocks, projects
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -19,3 +19,4 @@ Example:
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("opensfm", help=blocks.OPENSFM)(blocks.opensfm)
