@@ -33,7 +33,8 @@ RIG = (
     "slaves have their rotation to {}, y down and z ahead: <rotation> takes axes of the slave to "
     "those of the master"
 )
-POSITIONS = "positions of heads in a rig, except those of oriented images"
+POSITIONS = "positions of heads in a rig: --orientations BLOCK has those of images"
+RIGID = "that the heads are a rig: every image has its own pose, which has its head's position"
 PARAMS = ("f", "cx", "cy", "b1", "k1", "k2", "k3", "p1", "p2")
 """Parameters, in the order in which they are written."""
 
@@ -46,7 +47,8 @@ VALUES[[4, 5, 6, 7, 8], [4, 5, 6, 8, 7]] = 1
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
     found = brown.of_all(calibrated)
-    document, _ = _chunk(calibrated, found)
+    document, chunk = _chunk(calibrated, found)
+    _rig(chunk, calibrated)
     several = len(calibrated.cameras) > 1
     return Taken(
         files={
@@ -63,7 +65,7 @@ def cameras(calibrated: Calibrated) -> Taken:
 
 
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the same with the poses of oriented images."""
+    """Return the same with the poses of oriented images, each for itself and not as of a rig."""
     alone = cameras(calibrated)
     document, chunk = _chunk(calibrated, brown.of_all(calibrated))
     _place(chunk, oriented)
@@ -82,8 +84,8 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     return Taken(
         files={**alone.files, "chunk/cameras.xml": as_xml(document)},
         lenses=alone.lenses,
-        assumed=alone.assumed,
-        left_out=(POSITIONS,) if own[1:] else (),
+        assumed=ASSUMED,
+        left_out=(RIGID,) if own[1:] else (),
     )
 
 
@@ -92,17 +94,20 @@ def _chunk(calibrated: Calibrated, found: Mapping[str, Brown]) -> tuple[ET.Eleme
     document = ET.Element("document", version="1.5.0")
     chunk = ET.SubElement(document, "chunk", label="acx4", enabled="true")
     sensors = ET.SubElement(chunk, "sensors")
-    rig = relative.to_first(calibrated.calibration)
-    for k, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True)):
-        master = {"master_id": "0"} if k else {}
-        sensor = ET.SubElement(
-            sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame", **master
-        )
+    for k, camera in enumerate(calibrated.cameras):
+        sensor = ET.SubElement(sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame")
         _sensor(sensor, camera, found[camera.name])
-        if k:
-            write(sensor, "rotation", one.T_v_r_h.R.ravel())
         _covariance(sensor, calibrated, k)
     return document, chunk
+
+
+def _rig(chunk: ET.Element, calibrated: Calibrated) -> None:
+    """Make all sensors but the first its slaves."""
+    rig = relative.to_first(calibrated.calibration)
+    for k, (sensor, one) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
+        if k:
+            sensor.set("master_id", "0")
+            write(sensor, "rotation", one.T_v_r_h.R.ravel())
 
 
 def _sensor(sensor: ET.Element, camera: Camera, one: Brown) -> None:
