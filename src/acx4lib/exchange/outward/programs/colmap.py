@@ -50,7 +50,7 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
             **alone.files,
             "frames.txt": lines(_frame_lines(calibrated, oriented)),
             "images.txt": lines(_image_lines(calibrated, oriented)),
-            "points3D.txt": "",
+            "points3D.txt": "# no points\n",
         },
         lenses=alone.lenses,
         assumed=(*alone.assumed, WORLD.format(oriented.origin)),

@@ -59,6 +59,7 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
             **_pose((oriented.T_m_c[i] @ Pose(R=R_C_V, r=np.zeros(3))).inverse),
             "camera": block.cameras[block.images.camera_idx[i]].name,
             "orientation": 1,
+            "gps_position": oriented.T_m_c.r[i].tolist(),
         }
         for i, name in enumerate(oriented.names)
     }
