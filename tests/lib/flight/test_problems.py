@@ -204,7 +204,7 @@ REPLACED = [
         TOML,
         'name = "small"',
         'name = "small"\nformat = 6',
-        ":2: format: 5; must be a whole number up to 5; a larger one is of a later acx4",
+        ":2: format: 6; must be a whole number up to 5; a larger one is of a later acx4",
     ),
     (
         TOML,
