@@ -21,7 +21,7 @@ from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
 from acx4book.pages.back import changelog, citation, clean, licences, release
-from acx4book.pages.benchmarks import commands, many, rendering, rendering_goals, speed
+from acx4book.pages.benchmarks import commands, imports, many, rendering, rendering_goals, speed
 from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
@@ -40,7 +40,7 @@ BENCHMARKS = Path("data", "benchmarks")
 
 FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
-RUN_PAGES = ("first-flight", "library")
+RUN_PAGES = ("first-flight", "library", "your-files")
 """Pages whose code is run, and what it prints shown."""
 
 UNDATED = 315_532_800
@@ -235,6 +235,7 @@ def texts_of_benchmarks(
     yield "rendering.md", rendering.page(rendered)
     yield "rendering-limits.md", rendering.limits(rendered)
     yield "many.md", many.page(many.read(BENCHMARKS))
+    yield from imports.texts(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
