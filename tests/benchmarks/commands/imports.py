@@ -34,7 +34,9 @@ RUNS = {
     "colmap": "colmap formats/colmap/bin",
     "opensfm": "opensfm formats/opensfm/OpenSfM_example_meshed.json",
 }
-"""Commands by the name of the kind; each writes a flight of this name."""
+"""Arguments by the name of the kind."""
+
+COMMANDS = {name: f"acx4 import {arguments} --out {name}" for name, arguments in RUNS.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -45,21 +47,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if missing := [name for name in SETS if not data.is_here(name)]:
         sys.exit(f"{', '.join(missing)}: {data.HINT}")
     table = pd.DataFrame(list(said()))
-    stored.write(
-        given.out, "imports", {"": table}, {"versions": machine.package_versions(["acx4lib"])}
-    )
+    about = {"commands": COMMANDS, "versions": machine.package_versions(["acx4lib"])}
+    stored.write(given.out, "imports", {"": table}, about)
 
 
 def said(names: Sequence[str] = tuple(RUNS)) -> Iterator[dict[str, str]]:
-    """Yield the lines of commands, a row each: kind, command, line."""
+    """Yield the lines of commands, a row each: kind and line."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name in SETS:
             Path(name).symlink_to(data.folder() / name)
         Path("events.csv").write_text(EVENTS, encoding="utf-8")
         for name in names:
-            command = f"acx4 import {RUNS[name]} --out {name}"
-            for line in printed(command):
-                yield {"kind": name, "command": command, "line": line}
+            for line in printed(COMMANDS[name]):
+                yield {"kind": name, "line": line}
 
 
 def printed(command: str) -> list[str]:

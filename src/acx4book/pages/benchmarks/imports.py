@@ -28,9 +28,9 @@ def texts(folder: Path) -> Iterator[tuple[str, str]]:
     FileNotFoundError
         If it is not there.
     """
-    _, (table,) = stored.read(folder, "imports", make="reference-results")
+    about, (table,) = stored.read(folder, "imports", make="reference-results")
     for kind, rows in table.groupby("kind", sort=False):
-        lines = [f"$ {rows['command'].iloc[0]}", *rows["line"]]
+        lines = [f"$ {about['commands'][kind]}", *rows["line"]]
         yield f"imports-{kind}.txt", "\n".join(map(_wrapped, lines)) + "\n"
 
 
