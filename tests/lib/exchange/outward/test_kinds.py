@@ -12,6 +12,7 @@ from acx4lib.exchange.trajectories import orientation_table
 from acx4lib.exchange.trajectories.orientations import Meaning
 from acx4lib.flight.setup import camera_of
 from acx4lib.geometry.camera import correct, xy_from_colrow
+from acx4lib.geometry.frames import turn
 
 CRS = "EPSG:31982"
 
@@ -22,10 +23,6 @@ def from_opk(folder):
     return orientation_table.read(folder / "orientations.csv", meaning, options)
 
 
-def from_rph(folder):
-    return from_opk(folder)
-
-
 READERS = {
     "metashape": lambda folder: metashape.read(
         folder / "chunk" / "cameras.xml", orientations="adjusted"
@@ -33,6 +30,7 @@ READERS = {
     "colmap": lambda folder: colmap.read(folder, pixel_um=5.0),
     "opensfm": lambda folder: opensfm.read(folder, orientations="adjusted", crs=CRS, pixel_um=5.0),
     "opk": from_opk,
+    "rph": from_opk,
 }
 
 LENSES = ("metashape", "colmap", "opensfm")
@@ -76,6 +74,19 @@ def test_rotations_of_the_heads_come_back(shown, brought, kind):
     first, second = (camera.T_b_c.R for camera in cameras(read).values())
     own = [camera.T_b_c.R for camera in shown.found.cameras]
     assert_allclose(first.T @ second, own[0].T @ own[1], atol=2e-9)
+
+
+def test_roll_pitch_and_heading_are_a_trajectory_of_turned_cameras(shown, brought):
+    """As export.md says: mount_kappa_deg = -90, the lever arm zero."""
+    read, _ = brought["rph"]
+    rows = read.tables["calibration/trajectory.csv"]
+    lonlath = np.stack([rows[k] for k in ("lon_deg", "lat_deg", "height_m")], axis=1)
+    rph = np.stack([rows[k] for k in ("roll_deg", "pitch_deg", "heading_deg")], axis=1)
+    T = shown.oriented.block.frame.pose_from_geographic(
+        lonlath.astype(float), np.radians(rph.astype(float))
+    )
+    assert_allclose(T.R @ turn(2, -np.pi / 2), shown.oriented.T_m_c.R, atol=1e-9)
+    assert_allclose(T.r, shown.oriented.T_m_c.r, atol=2e-4)
 
 
 @pytest.mark.parametrize("kind", ORIENTED)
