@@ -20,3 +20,8 @@ Example:
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
 app.command("opensfm", help=blocks.OPENSFM)(blocks.opensfm)
+app.command("micmac", help=blocks.MICMAC)(blocks.micmac)
+app.command("bundler", help=blocks.BUNDLER)(blocks.bundler)
+app.command("bingo", help=blocks.BINGO)(blocks.bingo)
+app.command("patb", help=blocks.PATB)(blocks.patb)
+app.command("odm-control", help=blocks.ODM_CONTROL)(blocks.odm_control)
