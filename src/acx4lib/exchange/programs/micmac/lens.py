@@ -7,6 +7,7 @@ With `eConvApero_DistM2C` the distortion takes the ideal pixel to the measured o
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,7 +57,15 @@ def read(root: Element) -> Lens:
         return hole.points(colrow)
 
     ideal = oriented.backwards(forward, hole, lambda points: points)
-    return Lens(width_px=width, height_px=height, hole=hole, ideal=ideal)
+    return Lens(width_px=width, height_px=height, hole=_stretched(hole, root), ideal=ideal)
+
+
+def _stretched(hole: lens.Pinhole, root: Element) -> lens.Pinhole:
+    """Return focal lengths and principal point with the b1 of Fraser's model in them."""
+    for model in root.everywhere("ModPhgrStd"):
+        b1, centre = _optional(model, "b1"), model.one("RadialePart").one("CDist").numbers(2)
+        hole = replace(hole, fx=hole.fx * (1 + b1), cx=hole.cx + b1 * (hole.cx - centre[0]))
+    return hole
 
 
 def _size(root: Element, k: int) -> int:
