@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from acx4book.command.exchange import projects, trajectories
+from acx4book.command.exchange import blocks, projects, trajectories
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -25,3 +25,4 @@ app.command("colmap", help=projects.COLMAP)(projects.colmap)
 app.command("opf", help=projects.OPF)(projects.opf)
 app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
 app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)
+app.command("opensfm", help=blocks.OPENSFM)(blocks.opensfm)
