@@ -1,0 +1,206 @@
+"""A flight that is still to be measured, read; and the measured one, written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.errors import FlightError
+from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block
+from acx4lib.flight.reader import Flight, checked, table_files
+from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.text.schemas import SCHEMAS
+from acx4lib.flight.text.table import Table
+from acx4lib.results.own_folder.claims import OwnFolder
+
+MAY_LACK = ("image_points", "control_points")
+"""Tables that a flight to be measured may lack, or that may have a header only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """One measurement for image_points.csv."""
+
+    image: str
+    point: str
+    col_px: float
+    row_px: float
+    sigma_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unmeasured:
+    """A flight whose blocks may lack image points.
+
+    Attributes
+    ----------
+    flight : Flight
+        Its blocks have the measurements that are there.
+    tables : dict of str to BlockTables
+        Of every block.
+    """
+
+    flight: Flight
+    tables: dict[str, BlockTables]
+
+
+def read_unmeasured(path: str | Path) -> Unmeasured:
+    """Return the flight in a folder, with whatever is measured there already.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a flight.toml. `image_points.csv` and `control_points.csv` may be missing.
+
+    Raises
+    ------
+    FlightError
+        With all problems, one line each; also where a block has neither pictures nor measurements.
+    """
+    folder = expected.path("path", path)
+    names = [name for name in BLOCKS if (folder / name).is_dir()]
+    if not names:
+        problem = (
+            f"{folder}: no block to measure; a flight has {', '.join(f'{n}/' for n in BLOCKS)}"
+        )
+        raise FlightError([problem])
+    toml = read_toml(folder / "flight.toml")
+    tables = {name: _opened(read_block(folder, name, pictures=folder), folder) for name in names}
+    flight = checked(toml, list(tables.values()))
+    empty = [
+        f"{folder / name / 'images.csv'}: column file: names no picture; "
+        "give it the file of every image, relative to the block's folder"
+        for name, of in tables.items()
+        if not len(of.image_points) and not any(flight.image_files[name])
+    ]
+    if empty:
+        raise FlightError(empty)
+    return Unmeasured(flight=flight, tables=tables)
+
+
+def _opened(tables: BlockTables, folder: Path) -> BlockTables:
+    """Return the tables of a block, empty ones in the place of those that may be missing."""
+    points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
+    known = {} if _lacks(points) is False else {"image_points": _empty("image_points", points)}
+    if not control.is_file():
+        known["control"] = _empty("control_points", control)
+    return replace(tables, distances=None if known else tables.distances, **known)
+
+
+def _lacks(path: Path) -> bool:
+    """Tell whether a table is missing, or has no row under its header."""
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        return sum(1 for _ in zip(range(2), (line for line in file if line.strip()))) < 2
+
+
+def _empty(table: str, path: Path) -> Table:
+    """Return a table without rows."""
+    schema = SCHEMAS[f"{table}.csv"]
+    return Table(
+        file=str(path),
+        text=dict.fromkeys(schema.required, ()),
+        numbers={name: np.zeros(0) for name in schema.required if name in schema.ranges},
+    )
+
+
+# --- the measured flight ---------------------------------------------------------------------
+
+
+def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
+    """Copy a flight's settings, tables and pictures; image points follow later.
+
+    Pictures are linked where the file system can, so that they take no more space.
+
+    Parameters
+    ----------
+    unmeasured : Unmeasured
+    own : OwnFolder
+        Claimed for the measured flight.
+    """
+    flight = unmeasured.flight
+    names = [name.as_posix() for name in table_files(flight)]
+    pictures = dict(_pictures(flight))
+    missing = [] if any("control_points" in name for name in names) else ["control_points.csv"]
+    own.expect([*names, *pictures, *missing])
+    for name in names:
+        _put(own.path / name, (flight.path / name).read_bytes())
+    for name in missing:
+        _put(own.path / name, b"point,east_m,north_m,height_m\n")
+    for name, source in pictures.items():
+        target = own.path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.exists():
+            _link(source, target)
+
+
+def _pictures(flight: Flight) -> Iterator[tuple[str, Path]]:
+    """Yield the files of the flight's pictures, by their place below its folder."""
+    for block, files in flight.image_files.items():
+        names = flight_files_of(flight, block)
+        for name, path in zip(names, files, strict=True):
+            if path is not None and name:
+                yield (PurePosixPath(block) / name).as_posix(), path
+
+
+def flight_files_of(flight: Flight, block: str) -> Sequence[str]:
+    """Return the cells of the column ``file`` of a block, empty where there is none."""
+    inside = flight.pictures.resolve() / block
+    return [
+        "" if path is None else path.relative_to(inside).as_posix()
+        for path in flight.image_files[block]
+    ]
+
+
+def _link(source: Path, target: Path) -> None:
+    with suppress(OSError):
+        target.hardlink_to(source)
+        return
+    shutil.copyfile(source, target)
+
+
+def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
+    """Write the image points of a block.
+
+    Parameters
+    ----------
+    own : OwnFolder
+    block : str
+    rows : sequence of Measured
+    """
+    name = f"{block}/image_points.csv"
+    own.expect([name])
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["image", "point", "col_px", "row_px", "sigma_px"])
+    for row in rows:
+        place = f"{row.col_px:.4f}", f"{row.row_px:.4f}", f"{row.sigma_px:.4f}"
+        writer.writerow([row.image, row.point, *place])
+    _put(own.path / name, text.getvalue().encode())
+
+
+def _put(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def given(tables: BlockTables, sigma_px: float) -> list[Measured]:
+    """Return the measurements that a block has already."""
+    table = tables.image_points
+    sigma = table.numbers.get("sigma_px", np.full(len(table), sigma_px))
+    columns: Mapping[str, Sequence[str]] = table.text
+    places = zip(table.numbers["col_px"], table.numbers["row_px"], sigma, strict=True)
+    names = zip(columns["image"], columns["point"], strict=True)
+    return [
+        Measured(image=image, point=point, col_px=float(c), row_px=float(r), sigma_px=float(s))
+        for (image, point), (c, r, s) in zip(names, places, strict=True)
+    ]

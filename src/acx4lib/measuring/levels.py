@@ -1,0 +1,201 @@
+"""A block of pictures matched from small to large: each level refines what the next begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.errors import FlightError
+from acx4lib.expected import Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import inside
+from acx4lib.measuring.oriented import refined
+from acx4lib.measuring.pictures.corners import corners
+from acx4lib.measuring.pictures.ground import Surface
+from acx4lib.measuring.pictures.overlaps import overlapping
+from acx4lib.measuring.pictures.pairs import MatchOptions, PairJob
+from acx4lib.measuring.pictures.store import Matching
+from acx4lib.measuring.pictures.views import View, ground_of, pixels_of, seen_at
+from acx4lib.measuring.points import Rays, chosen, joined
+
+COARSE_PX = 760
+"""Longer side of the pictures at the first level, at most."""
+
+STEP_DOWN = 4
+"""Largest ratio of the sizes of two levels that follow each other."""
+
+Tell = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureOptions:
+    """How a flight is measured.
+
+    Attributes
+    ----------
+    points : int
+        Cells of a picture, each of which gives at most one corner.
+    reduce : int
+        Pictures are measured at 1/reduce of their size; for poor ones.
+    ground_m : float or None
+        Height of the mean ground, as the flight gives heights.
+    coarse, fine : MatchOptions
+        Of the first level, and of the others.
+    """
+
+    points: int = 200
+    reduce: int = 1
+    ground_m: float | None = None
+    coarse: MatchOptions = MatchOptions(search_px=14, epipolar_px=1.0)
+    fine: MatchOptions = MatchOptions(search_px=6)
+
+    def __post_init__(self) -> None:
+        expected.whole("points", self.points, least=20)
+        expected.whole("reduce", self.reduce)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """A block after its last level.
+
+    Attributes
+    ----------
+    views : tuple of View
+        With their refined orientations.
+    surface : Surface
+    rays : Rays
+        Of tie points; gross errors are left out.
+    n_rejected : int
+        Rays that the last adjustment rejected.
+    """
+
+    views: tuple[View, ...]
+    surface: Surface
+    rays: Rays
+    n_rejected: int
+
+
+def match_block(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    *,
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+) -> Matched:
+    """Match all overlapping pictures of a block, level by level.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    options : MeasureOptions
+    matching : Matching
+    tell : callable
+        Called with the name of a level, its finished pairs, and all.
+
+    Raises
+    ------
+    FlightError
+        Where no pictures overlap, or too few points are found.
+    AdjustmentError
+        Where the points cannot be adjusted.
+    """
+    shrinks = sizes_of(views, options.reduce)
+    for number, shrink in enumerate(shrinks):
+        views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
+        match = options.fine if number else options.coarse
+        level = f"{block.name} 1/{max(shrink)}"
+
+        def count(done: int, total: int, level: str = level) -> None:
+            tell(level, done, total)
+
+        rays = _matched(block, views, surface, match, options.points, matching, count)
+        found = refined(block, views, rays, flying_height=_height(views, surface))
+        views, surface = found.views, found.surface
+    return Matched(
+        views=tuple(views),
+        surface=surface,
+        rays=_whole_points(rays[found.kept]),
+        n_rejected=int(np.sum(~found.kept)),
+    )
+
+
+def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
+    """Return, for every level from small to large, by what every picture is reduced."""
+    last = [view.shrink * reduce for view in views]
+    longest = max(
+        max(v.declared.width_px, v.declared.height_px) / k for v, k in zip(views, last, strict=True)
+    )
+    n = 1 + int(np.ceil(np.log(max(longest / COARSE_PX, 1.0)) / np.log(STEP_DOWN)))
+    ratio = max(longest / COARSE_PX, 1.0) ** (1 / max(n - 1, 1))
+    factors = [int(np.ceil(ratio ** (n - 1 - i))) for i in range(n)]
+    return [[k * factor for k in last] for factor in factors]
+
+
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    options: MatchOptions,
+    n_points: int,
+    matching: Matching,
+    count: Callable[[int, int], None],
+) -> Rays:
+    """Return the points of one level."""
+    pairs = overlapping(views, surface)
+    if not pairs:
+        raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
+    margin = options.window_px // 2 + 3
+    at = [corners(view, number=n_points, margin=margin) for view in views]
+    jobs = [
+        PairJob(a=views[i], b=views[j], surface=surface, at_a=at[i], at_b=at[j], options=options)
+        for i, j in pairs
+    ]
+    found = dict(zip(pairs, matching.run(jobs, count), strict=True))
+    rays = joined(at, found)
+    shown = _shown(views, surface, at, pairs)
+    rays = chosen(rays, shown[rays.point], apart_px=options.window_px / 2)
+    if len(rays) < _LEAST_RAYS * len(views):
+        says = f"block {block.name}: only {len(rays)} measurements in {len(views)} pictures"
+        raise FlightError([f"{says}; {_CURE}"])
+    return rays
+
+
+_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
+_LEAST_RAYS = 12
+
+
+def _shown(
+    views: Sequence[View], surface: Surface, at: Sequence[Index], pairs: Sequence[tuple[int, int]]
+) -> Index:
+    """Return for every corner how many pictures show its place, its own among them."""
+    out = []
+    for i, (view, own) in enumerate(zip(views, at, strict=True)):
+        x_m = ground_of(view, surface, own.astype(float))
+        others = [views[a + b - i] for a, b in pairs if i in (a, b)]
+        n = np.ones(len(own), dtype=np.intp)
+        for other in others:
+            n += inside(other.camera, pixels_of(other, x_m))
+        out.append(n)
+    return np.concatenate(out)
+
+
+def _whole_points(rays: Rays) -> Rays:
+    """Return the rays of points that still have two."""
+    _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
+    return rays[count[inverse] >= 2]
+
+
+def _height(views: Sequence[View], surface: Surface) -> float:
+    """Return the flying height above ground, m."""
+    z = np.median([view.T_m_c.r[0, 2] for view in views])
+    return max(float(z - np.mean(surface.z)), 1.0)
