@@ -89,10 +89,11 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
 def _opened(tables: BlockTables, folder: Path) -> BlockTables:
     """Return the tables of a block, empty ones in the place of those that may be missing."""
     points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
-    known = {} if _lacks(points) is False else {"image_points": _empty("image_points", points)}
+    if _lacks(points):  # distances may be between points that are still to be measured
+        tables = replace(tables, image_points=_empty("image_points", points), distances=None)
     if not control.is_file():
-        known["control"] = _empty("control_points", control)
-    return replace(tables, distances=None if known else tables.distances, **known)
+        tables = replace(tables, control=_empty("control_points", control))
+    return tables
 
 
 def _lacks(path: Path) -> bool:
@@ -100,7 +101,8 @@ def _lacks(path: Path) -> bool:
     if not path.is_file():
         return True
     with path.open("rb") as file:
-        return sum(1 for _ in zip(range(2), (line for line in file if line.strip()))) < 2
+        rows = (line for line in file if line.strip())
+        return next(rows, None) is None or next(rows, None) is None
 
 
 def _empty(table: str, path: Path) -> Table:
@@ -146,13 +148,13 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
 def _pictures(flight: Flight) -> Iterator[tuple[str, Path]]:
     """Yield the files of the flight's pictures, by their place below its folder."""
     for block, files in flight.image_files.items():
-        names = flight_files_of(flight, block)
+        names = _names_of(flight, block)
         for name, path in zip(names, files, strict=True):
             if path is not None and name:
                 yield (PurePosixPath(block) / name).as_posix(), path
 
 
-def flight_files_of(flight: Flight, block: str) -> Sequence[str]:
+def _names_of(flight: Flight, block: str) -> Sequence[str]:
     """Return the cells of the column ``file`` of a block, empty where there is none."""
     inside = flight.pictures.resolve() / block
     return [

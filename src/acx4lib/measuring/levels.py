@@ -24,6 +24,9 @@ from acx4lib.measuring.points import Rays, chosen, joined
 COARSE_PX = 760
 """Longer side of the pictures at the first level, at most."""
 
+COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
+"""Of the first level, where orientations and ground are not known well, and of the others."""
+
 STEP_DOWN = 4
 """Largest ratio of the sizes of two levels that follow each other."""
 
@@ -42,15 +45,11 @@ class MeasureOptions:
         Pictures are measured at 1/reduce of their size; for poor ones.
     ground_m : float or None
         Height of the mean ground, as the flight gives heights.
-    coarse, fine : MatchOptions
-        Of the first level, and of the others.
     """
 
     points: int = 200
     reduce: int = 1
     ground_m: float | None = None
-    coarse: MatchOptions = MatchOptions(search_px=14, epipolar_px=1.0)
-    fine: MatchOptions = MatchOptions(search_px=6)
 
     def __post_init__(self) -> None:
         expected.whole("points", self.points, least=20)
@@ -112,7 +111,7 @@ def match_block(
     shrinks = sizes_of(views, options.reduce)
     for number, shrink in enumerate(shrinks):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = options.fine if number else options.coarse
+        match = FINE if number else COARSE
         level = f"{block.name} 1/{max(shrink)}"
 
         def count(done: int, total: int, level: str = level) -> None:

@@ -138,14 +138,12 @@ def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Su
     """Return a first, level ground: as given, or the mean of the surveyed points."""
     control = unmeasured.tables[block.name].control
     if options.ground_m is not None:
-        place = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
-        return ground.level(
-            block.frame.from_grid(np.array([[*place[0, :2], options.ground_m]]))[0, 2]
-        )
+        below = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
+        below[0, 2] = options.ground_m
+        return ground.level(float(block.frame.from_grid(below)[0, 2]))
     if not len(control):
-        raise FlightError(
-            [f"{control.file}: no control points; give the ground by --ground HEIGHT"]
-        )
+        says = "no control points tell the height of the ground; give it by --ground HEIGHT"
+        raise FlightError([f"{control.file}: {says}"])
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     return ground.level(float(np.median(x_m[:, 2])))
 

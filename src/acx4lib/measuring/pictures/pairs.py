@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.measuring.pictures import epipolar
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.patches import laid_patches, own_patches, side_of
@@ -76,7 +76,7 @@ class Found:
     colrow: Array
     sigma_px: Array
 
-    def __getitem__(self, keep: Array) -> Found:
+    def __getitem__(self, keep: Index | Mask) -> Found:
         """Select points."""
         return expected.part_of(self, keep)
 

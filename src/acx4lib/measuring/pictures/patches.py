@@ -101,6 +101,6 @@ def _lay(image: np.ndarray, nodes: Array, scale: float, out: Array) -> None:
         return
     part = grey(np.ascontiguousarray(image[first[1] : last[1], first[0] : last[0]]))
     if scale > FINER:
-        part = cv2.GaussianBlur(part, (0, 0), 0.5 * np.sqrt(scale**2 - 1))
+        part[:] = cv2.GaussianBlur(part, (0, 0), 0.5 * np.sqrt(scale**2 - 1))
     nodes = np.ascontiguousarray(nodes)
     sample_between_nodes(spline_coefficients(part), nodes, STEP, first.astype(float), out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -91,7 +90,7 @@ def _keep(path: Path, both: Both) -> None:
     draft = path.with_suffix(".part")
     with draft.open("wb") as file:
         np.savez(file, **parts)
-    os.replace(draft, path)
+    draft.replace(path)
 
 
 def _kept(path: Path) -> Both | None:
