@@ -20,6 +20,7 @@ from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.store import Matching
 from acx4lib.measuring.pictures.views import View, seen_at, size_on_file
+from acx4lib.measuring.surveyed.found import Surveyed, find_surveyed
 from acx4lib.results.own_folder import claims
 
 COMMAND = "acx4 measure"
@@ -35,13 +36,19 @@ class Outcome:
     ----------
     block : str
     matched : Matched
-    sentences : tuple of str
-        What was found, and what was not, for the user.
+        Tie points.
+    surveyed : Surveyed
+        Control and check points.
     """
 
     block: str
     matched: Matched
-    sentences: tuple[str, ...]
+    surveyed: Surveyed
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What was found, and what was not, for the user."""
+        return (*_on_ties(self.block, self.matched), *_on_surveyed(self.block, self.surveyed))
 
 
 def measure_flight(
@@ -83,8 +90,12 @@ def measure_flight(
         for name in unmeasured.flight.blocks:
             rows = flights.given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
             if any(unmeasured.flight.image_files[name]):
-                one = _measured(unmeasured, name, options, matching, tell)
-                rows = [*rows, *_tie_rows(one.matched, {row.point for row in rows})]
+                one = _measured(unmeasured, name, rows, options, matching, tell)
+                rows = [*rows, *one.surveyed.rows]
+                names = {row.point for row in rows} | {
+                    *unmeasured.tables[name].control.text["point"]
+                }
+                rows += _tie_rows(one.matched, names)
                 out.append(one)
             flights.write_points(own, name, rows)
         matching.forget()
@@ -94,7 +105,12 @@ def measure_flight(
 
 
 def _measured(
-    unmeasured: Unmeasured, name: str, options: MeasureOptions, matching: Matching, tell: Tell
+    unmeasured: Unmeasured,
+    name: str,
+    given: Sequence[Measured],
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
 ) -> Outcome:
     """Measure one block."""
     flight = unmeasured.flight
@@ -103,7 +119,11 @@ def _measured(
     views = views_of(flight, block, [path for path in files if path is not None])
     surface = _ground(unmeasured, block, options)
     matched = match_block(block, views, surface, options=options, matching=matching, tell=tell)
-    return Outcome(block=name, matched=matched, sentences=tuple(_said(name, matched)))
+    control = unmeasured.tables[name].control
+    x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
+    names = control.text["point"]
+    surveyed = find_surveyed(matched.views, matched.surface, names, x_m, given)
+    return Outcome(block=name, matched=matched, surveyed=surveyed)
 
 
 def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
@@ -167,8 +187,8 @@ def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:
         )
 
 
-def _said(name: str, matched: Matched) -> Iterator[str]:
-    """Yield sentences on a block."""
+def _on_ties(name: str, matched: Matched) -> Iterator[str]:
+    """Yield sentences on the tie points of a block."""
     count = np.unique(matched.rays.point, return_counts=True)[1]
     n, rays = len(count), len(matched.rays)
     yield (
@@ -179,3 +199,14 @@ def _said(name: str, matched: Matched) -> Iterator[str]:
     few = [view.name for view, k in zip(matched.views, each, strict=True) if k < 12]
     if few:
         yield f"{name}: fewer than 12 points in {', '.join(few[:5])}{' …' if len(few) > 5 else ''}"
+
+
+def _on_surveyed(name: str, surveyed: Surveyed) -> Iterator[str]:
+    """Yield sentences on the surveyed points of a block."""
+    points = {row.point for row in surveyed.rows}
+    if points:
+        n = len(surveyed.rows)
+        yield f"{name}: {len(points)} surveyed points found, with {n} measurements"
+    for point, images in surveyed.not_found.items():
+        more = f" and {len(images) - 5} more" if len(images) > 5 else ""
+        yield f"{name}: point {point} not found in {', '.join(images[:5])}{more}"
