@@ -121,7 +121,8 @@ def _empty(table: str, path: Path) -> Table:
 def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     """Copy a flight's settings, tables and pictures; image points follow later.
 
-    Pictures are linked where the file system can, so that they take no more space.
+    Pictures are linked where the file system can, so that they take no more space. Images without
+    a picture and without measurements are left out.
 
     Parameters
     ----------
@@ -136,6 +137,8 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     own.expect([*names, *pictures, *missing])
     for name in names:
         _put(own.path / name, (flight.path / name).read_bytes())
+    for block, tables in unmeasured.tables.items():
+        _put(own.path / block / "images.csv", _used_images(unmeasured, block, tables))
     for name in missing:
         _put(own.path / name, b"point,east_m,north_m,height_m\n")
     for name, source in pictures.items():
@@ -143,6 +146,24 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         if not target.exists():
             _link(source, target)
+
+
+def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> bytes:
+    """Return images.csv of a block with the images that have a picture or measurements."""
+    files = unmeasured.flight.image_files[block]
+    used = {*tables.image_points.text["image"]}
+    used |= {n for n, path in zip(tables.images.text["image"], files, strict=True) if path}
+    source = (unmeasured.flight.path / block / "images.csv").read_text(encoding="utf-8-sig")
+    rows = list(csv.reader(io.StringIO(source, newline="")))
+    column = [name.strip() for name in rows[0]].index("image")
+    kept = [rows[0], *(row for row in rows[1:] if row and row[column].strip() in used)]
+    return _csv(kept)
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
 
 
 def _pictures(flight: Flight) -> Iterator[tuple[str, Path]]:
@@ -181,13 +202,11 @@ def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
     """
     name = f"{block}/image_points.csv"
     own.expect([name])
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["image", "point", "col_px", "row_px", "sigma_px"])
-    for row in rows:
-        place = f"{row.col_px:.4f}", f"{row.row_px:.4f}", f"{row.sigma_px:.4f}"
-        writer.writerow([row.image, row.point, *place])
-    _put(own.path / name, text.getvalue().encode())
+    header = ["image", "point", "col_px", "row_px", "sigma_px"]
+    numbers = ([row.col_px, row.row_px, row.sigma_px] for row in rows)
+    places = ([f"{number:.4f}" for number in three] for three in numbers)
+    lines = ([row.image, row.point, *place] for row, place in zip(rows, places, strict=True))
+    _put(own.path / name, _csv([header, *lines]))
 
 
 def _put(path: Path, content: bytes) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class MeasureOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matched:
-    """A block after its last level.
+    """A block after a level.
 
     Attributes
     ----------
@@ -68,13 +69,22 @@ class Matched:
     rays : Rays
         Of tie points; gross errors are left out.
     n_rejected : int
-        Rays that the last adjustment rejected.
+        Rays that the adjustment rejected.
+    reduced : int
+        K, if pictures were matched at 1/K of their files' size.
     """
 
     views: tuple[View, ...]
     surface: Surface
     rays: Rays
     n_rejected: int
+    reduced: int
+
+    @property
+    def weight(self) -> float:
+        """Sum of the weights of all rays, px^-2 of full size: what the level knows."""
+        shrink = np.array([view.shrink for view in self.views])[self.rays.view]
+        return float(np.sum((shrink * self.rays.sigma_px) ** -2.0))
 
 
 def match_block(
@@ -87,6 +97,9 @@ def match_block(
     tell: Tell,
 ) -> Matched:
     """Match all overlapping pictures of a block, level by level.
+
+    Pictures that are blurred or strongly compressed may hold less at their full size than at a
+    smaller one: there fewer windows match, and with larger sigma. Then the smaller one is the last.
 
     Parameters
     ----------
@@ -108,35 +121,40 @@ def match_block(
     AdjustmentError
         Where the points cannot be adjusted.
     """
-    shrinks = sizes_of(views, options.reduce)
-    for number, shrink in enumerate(shrinks):
+    best, of_file = None, views[0].shrink
+    for shrink in sizes_of(views, options.reduce):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = FINE if number else COARSE
-        level = f"{block.name} 1/{max(shrink)}"
-
-        def count(done: int, total: int, level: str = level) -> None:
-            tell(level, done, total)
-
-        rays = _matched(block, views, surface, match, options.points, matching, count)
+        match = COARSE if best is None else FINE
+        count = partial(tell, f"{block.name} 1/{max(shrink)}")
+        try:
+            rays = _matched(block, views, surface, match, options.points, matching, count)
+        except FlightError:
+            if best is None:
+                raise
+            return best
         found = refined(block, views, rays, flying_height=_height(views, surface))
         views, surface = found.views, found.surface
-    return Matched(
-        views=tuple(views),
-        surface=surface,
-        rays=_whole_points(rays[found.kept]),
-        n_rejected=int(np.sum(~found.kept)),
-    )
+        level = Matched(
+            views=found.views,
+            surface=found.surface,
+            rays=_whole_points(rays[found.kept]),
+            n_rejected=int(np.sum(~found.kept)),
+            reduced=shrink[0] // of_file,
+        )
+        if best is not None and level.weight < best.weight:
+            return best
+        best = level
+    assert best is not None  # there is always a first level
+    return best
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
     """Return, for every level from small to large, by what every picture is reduced."""
     last = [view.shrink * reduce for view in views]
-    longest = max(
-        max(v.declared.width_px, v.declared.height_px) / k for v, k in zip(views, last, strict=True)
-    )
-    n = 1 + int(np.ceil(np.log(max(longest / COARSE_PX, 1.0)) / np.log(STEP_DOWN)))
-    ratio = max(longest / COARSE_PX, 1.0) ** (1 / max(n - 1, 1))
-    factors = [int(np.ceil(ratio ** (n - 1 - i))) for i in range(n)]
+    sides = [max(view.declared.width_px, view.declared.height_px) for view in views]
+    ratio = max(max(side / k for side, k in zip(sides, last, strict=True)) / COARSE_PX, 1.0)
+    n = 1 + int(np.ceil(np.log(ratio) / np.log(STEP_DOWN)))
+    factors = [int(np.ceil(ratio ** ((n - 1 - i) / max(n - 1, 1)))) for i in range(n)]
     return [[k * factor for k in last] for factor in factors]
 
 

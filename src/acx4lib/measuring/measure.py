@@ -39,16 +39,21 @@ class Outcome:
         Tie points.
     surveyed : Surveyed
         Control and check points.
+    options : MeasureOptions
     """
 
     block: str
     matched: Matched
     surveyed: Surveyed
+    options: MeasureOptions
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found, and what was not, for the user."""
-        return (*_on_ties(self.block, self.matched), *_on_surveyed(self.block, self.surveyed))
+        return (
+            *_on_ties(self.block, self.matched, self.options.reduce),
+            *_on_surveyed(self.block, self.surveyed),
+        )
 
 
 def measure_flight(
@@ -123,7 +128,7 @@ def _measured(
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     names = control.text["point"]
     surveyed = find_surveyed(matched.views, matched.surface, names, x_m, given)
-    return Outcome(block=name, matched=matched, surveyed=surveyed)
+    return Outcome(block=name, matched=matched, surveyed=surveyed, options=options)
 
 
 def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
@@ -187,7 +192,7 @@ def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:
         )
 
 
-def _on_ties(name: str, matched: Matched) -> Iterator[str]:
+def _on_ties(name: str, matched: Matched, reduce: int) -> Iterator[str]:
     """Yield sentences on the tie points of a block."""
     count = np.unique(matched.rays.point, return_counts=True)[1]
     n, rays = len(count), len(matched.rays)
@@ -195,6 +200,8 @@ def _on_ties(name: str, matched: Matched) -> Iterator[str]:
         f"{name}: {n} tie points with {rays} measurements in {len(matched.views)} pictures, "
         f"{rays / max(n, 1):.1f} rays a point; {matched.n_rejected} measurements rejected"
     )
+    if matched.reduced > reduce:
+        yield f"{name}: measured at 1/{matched.reduced} of their size; larger they hold no more"
     each = np.bincount(matched.rays.view, minlength=len(matched.views))
     few = [view.name for view, k in zip(matched.views, each, strict=True) if k < 12]
     if few:
