@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -100,6 +101,9 @@ def place(brought: Brought, out: Path) -> None:
     """Write what was brought, and say what was assumed, found and left out, and what is missing."""
     from acx4lib.exchange import flight_folder  # noqa: PLC0415 quick help
 
+    if brought.settings and not (out / flight_folder.SETTINGS).is_file():
+        named = {"name": out.resolve().name} | dict(brought.settings)
+        brought = replace(brought, settings=named)
     remarks = flight_folder.write(brought, out)
     terminal.show(brought.source)
     for title, sentences in (

@@ -121,3 +121,39 @@ def colmap(
         source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
     )
     bring.place(brought, out)
+
+
+OPF = """Read a project in Pix4D's open photogrammetry format (OPF).
+
+SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig relatives,
+images, control points with their marks and the measured orientations are taken; with
+--orientations adjusted the trajectory is the calibrated cameras, and then a boresight means
+nothing. Tie points of its point clouds are not read.
+
+\b
+Example:
+  acx4 import opf project.opf --out my_flight
+"""
+
+
+def opf(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    camera: Camera = "adjusted",
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a project of OPF has of a flight."""
+    from acx4lib.exchange.programs.opf import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source,
+        camera=camera,
+        orientations=orientations,
+        block=block,
+        crs=crs,
+        pixel_um=pixel_um,
+    )
+    bring.place(brought, out)

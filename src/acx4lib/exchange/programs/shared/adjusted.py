@@ -37,7 +37,7 @@ class Flown:
     """
 
     table: Columns | None = None
-    settings: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, str | float] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
