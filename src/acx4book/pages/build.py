@@ -43,6 +43,9 @@ FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{capti
 RUN_PAGES = ("first-flight", "library", "your-files")
 """Pages whose code is run, and what it prints shown."""
 
+WRAPPED = ("your-files",)
+"""Those of them whose output is sentences, not tables: long lines go on in the next."""
+
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
@@ -248,7 +251,7 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     for page in RUN_PAGES:
         pieces = example.snippets((book / f"{page}.md").read_text(encoding="utf-8"))
         for number, said in enumerate(example.outputs(pieces), 1):
-            yield f"{page}-{number}.txt", said
+            yield f"{page}-{number}.txt", imports.wrapped(said) if page in WRAPPED else said
 
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:

@@ -33,6 +33,9 @@ RUNS = {
     "metashape": "metashape formats/metashape/markers_micasenses_rededge.xml",
     "colmap": "colmap formats/colmap/bin",
     "opensfm": "opensfm formats/opensfm/OpenSfM_example_meshed.json",
+    "odm-control": "odm-control formats/odm/gcp_list.txt",
+    "opf": "opf formats/opf/project.opf",
+    "micmac": "micmac formats/micmac",
 }
 """Arguments by the name of the kind."""
 

@@ -41,7 +41,7 @@ class Grouped(TyperGroup):
             if kind is not None:
                 module = str(getattr(kind.callback, "__module__", "")).rpartition(".")[2]
                 rows.setdefault(TITLES.get(module, "Others"), []).append(
-                    (name, kind.get_short_help_str(limit=70))
+                    (name, kind.get_short_help_str(limit=150))
                 )
         for title, listed in rows.items():
             if listed:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from acx4book.pages.benchmarks import stored
 
-WIDTH = 100
+WIDTH = 76
 """Longest line that is shown, characters; longer ones go on in the next."""
 
 
@@ -31,7 +31,12 @@ def texts(folder: Path) -> Iterator[tuple[str, str]]:
     about, (table,) = stored.read(folder, "imports", make="reference-results")
     for kind, rows in table.groupby("kind", sort=False):
         lines = [f"$ {about['commands'][kind]}", *rows["line"]]
-        yield f"imports-{kind}.txt", "\n".join(map(_wrapped, lines)) + "\n"
+        yield f"imports-{kind}.txt", wrapped("\n".join(lines) + "\n")
+
+
+def wrapped(text: str) -> str:
+    """Return a text whose long lines go on in the next, farther to the right."""
+    return "".join(f"{_wrapped(line)}\n" for line in text.splitlines())
 
 
 def _wrapped(line: str) -> str:
