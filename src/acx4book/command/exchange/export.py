@@ -18,23 +18,33 @@ HELP = """Write a calibration, or orientations by it, for another program.
 
 FOLDER gets the files and export.md, which says in which conventions they are, and what they have no
 place for. Lenses are refitted over the whole image where the other program has another model; what
-is lost is printed, and refused above --allow.
+is lost is printed, and refused above --allow. Of a rig the first head is the reference.
 
 \b
 KIND, cameras:
   toml             tables [cameras.NAME] for flight.toml of the next flight
   opencv           YAML for cv::FileStorage, a file for each camera; rigs with R and T
-KIND, exterior orientations of --orientations BLOCK, by trajectory, boresight and lever arm:
+  micasense        XMP tags of the heads, among them RigRelatives, and these with sigma
+KIND, cameras, and with --orientations BLOCK its images:
+  metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
+  colmap           cameras.txt, rigs.txt; a whole model as text
+  opensfm          cameras.json, which is ODM's, too; rig_cameras.json; reconstruction.json
+  opf              sensors, rig relatives with sigma; a project of Pix4D's open format
+  pix4d            text like Pix4D's: .cam; external parameters
+  micmac           AutoCal-NAME.xml; Orientation-IMAGE.xml
+KIND, images of --orientations BLOCK:
   opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
   opk-topocentric  the same in Cartesian axes east, north, up at the middle of the block
   rph              latitude, longitude, ellipsoidal height, roll, pitch, heading of the image
 
+Orientations are those of direct georeferencing: trajectory, boresight and lever arm, no adjustment.
+
 \b
 Examples:
   acx4 export my_results --to toml --out for_the_next_flight
-  acx4 export my_results --to opencv --method rig --out for_opencv
+  acx4 export my_results --to metashape --method rig --out for_metashape
   acx4 export my_results --to opk --orientations validation --out oriented
-  acx4 export my_results --to rph --orientations validation --flight later_flight --out oriented
+  acx4 export my_results --to colmap --orientations validation --flight later_flight --out model
 """
 
 

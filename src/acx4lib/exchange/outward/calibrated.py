@@ -116,7 +116,10 @@ def _missing(found: folder.Results, method: str, there: Sequence[str], *, heads:
     entry = found.summary.get(_key(method), {}) if method else {}
     said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
     what = method or ("heads" if heads else "any method")
-    reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
+    if heads and method in CAMERA:
+        reason = f"it is of one camera; of heads are {', '.join(HEADS)}"
+    else:
+        reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
     return f"{found.folder}: no calibration of {what} that can be exported; {reason}"
 
 

@@ -23,15 +23,27 @@ ASSUMED = (
 NOT_MOUNTED = (
     "the mounting is not estimated: mount angles have the heads' rotations relative to each other"
 )
+FRAME = (
+    "{} is a synthetic camera, whose mount angles in flight.toml also define the frame of its "
+    "images: where images are rendered anew, keep the old angles"
+)
 
 
 def take(calibrated: Calibrated) -> Taken:
     """Return the tables ``[cameras.NAME]`` with calibrated values, sigma as comments."""
     return Taken(
         files={FILE: "\n".join(_tables(calibrated))},
-        assumed=ASSUMED if calibrated.mounted else (*ASSUMED, NOT_MOUNTED),
+        assumed=(*ASSUMED, *_remarks(calibrated)),
         left_out=("correlations: they are in covariance.csv of the results",),
     )
+
+
+def _remarks(calibrated: Calibrated) -> Iterator[str]:
+    synthetic = calibrated.flight.synthetic
+    if not calibrated.mounted:
+        yield NOT_MOUNTED
+    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
+        yield FRAME.format(synthetic.camera)
 
 
 def _tables(calibrated: Calibrated) -> Iterator[str]:

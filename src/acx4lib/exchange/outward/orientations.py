@@ -107,7 +107,7 @@ def geographic(oriented: Oriented) -> pd.DataFrame:
     The image counts as a body that looks down: its top edge is ahead, its right edge right.
     """
     lonlath = oriented.block.frame.to_geographic(oriented.T_m_c.r)
-    names = ("lat_deg", "lon_deg", "ellipsoidal_height_m")
+    names = ("lat_deg", "lon_deg", "height_m")
     rph = roll_pitch_heading(oriented.block.frame, oriented.T_m_c)
     return _table(oriented, names, lonlath[:, [1, 0, 2]], ("roll", "pitch", "heading"), rph)
 

@@ -20,19 +20,22 @@ OPK = (
     "up in the image, to those of {}"
 )
 GRID = "grid east, grid north and the ellipsoid's normal at the image: {}; heights: {}"
+ELLIPSOIDAL = "heights are ellipsoidal"
 CENTRE = "positions are those of the perspective centre, by trajectory, boresight and lever arm"
 RPH = (
     "roll, pitch and heading are those of the image, not of the body: a camera that looks down is "
     "level, its heading, from true north, is that of the top edge, positive pitch lifts the view "
-    "ahead, positive roll lowers the right edge"
+    "ahead, positive roll lowers the right edge; as a trajectory of a flight they belong to a "
+    "camera with mount_kappa_deg = -90"
 )
+SIGMA_OF = "sigma: a priori of the trajectory, a posteriori of the calibration, with correlations"
 
 
 def opk(oriented: Oriented) -> Taken:
     """Return positions and angles in the grid of the flight, with a priori sigma."""
     grid = oriented.block.frame.grid
     axes = GRID.format(grid.crs, grid.heights)
-    return _taken(orientations.in_grid, oriented, (CENTRE, OPK.format(axes)))
+    return _taken(orientations.in_grid, oriented, (CENTRE, OPK.format(axes), SIGMA_OF))
 
 
 def topocentric(oriented: Oriented) -> Taken:
@@ -43,7 +46,7 @@ def topocentric(oriented: Oriented) -> Taken:
 
 def rph(oriented: Oriented) -> Taken:
     """Return geographic positions and roll, pitch, heading of the images."""
-    return _taken(orientations.geographic, oriented, (CENTRE, RPH))
+    return _taken(orientations.geographic, oriented, (CENTRE, ELLIPSOIDAL, RPH))
 
 
 def _taken(

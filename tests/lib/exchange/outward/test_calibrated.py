@@ -73,6 +73,8 @@ def test_what_is_not_there_is_one_line_that_says_what_is(rig, single):
         FlightError, match=r"no calibration of heads that can .*; it has single_step"
     ):
         calibrated.read(single, heads=True)
+    with pytest.raises(FlightError, match=r"no calibration of single_step .*; it is of one camera"):
+        calibrated.read(single, method="single_step", heads=True)
     with pytest.raises(ValueError, match="method: expected one of"):
         calibrated.read(rig, method="best")
 

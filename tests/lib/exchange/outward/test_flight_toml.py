@@ -42,3 +42,11 @@ def test_a_mounting_that_was_not_estimated_is_said(rig):
     made = flight_toml.take(found)
     assert flight_toml.NOT_MOUNTED in made.assumed
     assert "lever_sigma_m" not in made.files["cameras.toml"]
+
+
+def test_a_synthetic_camera_keeps_its_frame(rig):
+    found = calibrated.read(rig)
+    synthetic = replace(found.flight.synthetic, camera="LEFT")
+    named = replace(found, flight=replace(found.flight, synthetic=synthetic))
+    assert flight_toml.FRAME.format("LEFT") in flight_toml.take(named).assumed
+    assert not any("synthetic" in one for one in flight_toml.take(found).assumed)

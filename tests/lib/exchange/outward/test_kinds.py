@@ -7,11 +7,14 @@ from numpy.testing import assert_allclose
 from acx4lib.exchange.outward.kinds import KINDS
 from acx4lib.exchange.programs.colmap import reading as colmap
 from acx4lib.exchange.programs.metashape import reading as metashape
+from acx4lib.exchange.programs.micmac import reading as micmac
 from acx4lib.exchange.programs.opensfm import reading as opensfm
+from acx4lib.exchange.programs.opf import reading as opf
 from acx4lib.exchange.trajectories import orientation_table
 from acx4lib.exchange.trajectories.orientations import Meaning
 from acx4lib.flight.setup import camera_of
 from acx4lib.geometry.camera import correct, xy_from_colrow
+from acx4lib.geometry.frames import turn
 
 CRS = "EPSG:31982"
 
@@ -22,22 +25,21 @@ def from_opk(folder):
     return orientation_table.read(folder / "orientations.csv", meaning, options)
 
 
-def from_rph(folder):
-    return from_opk(folder)
-
-
 READERS = {
     "metashape": lambda folder: metashape.read(
         folder / "chunk" / "cameras.xml", orientations="adjusted"
     ),
     "colmap": lambda folder: colmap.read(folder, pixel_um=5.0),
     "opensfm": lambda folder: opensfm.read(folder, orientations="adjusted", crs=CRS, pixel_um=5.0),
+    "opf": lambda folder: opf.read(folder / "project.opf", orientations="adjusted"),
+    "micmac": lambda folder: micmac.read(folder, pixel_um=5.0),
     "opk": from_opk,
+    "rph": from_opk,
 }
 
-LENSES = ("metashape", "colmap", "opensfm")
-ORIENTED = ("metashape", "opensfm", "opk")
-RIGS = ("colmap",)
+LENSES = ("metashape", "colmap", "opensfm", "opf", "micmac")
+ORIENTED = ("metashape", "opensfm", "opf", "opk")
+RIGS = ("colmap", "opf")
 
 
 @pytest.fixture(scope="module")
@@ -78,9 +80,27 @@ def test_rotations_of_the_heads_come_back(shown, brought, kind):
     assert_allclose(first.T @ second, own[0].T @ own[1], atol=2e-9)
 
 
+def test_roll_pitch_and_heading_are_a_trajectory_of_turned_cameras(shown, brought):
+    """As export.md says: mount_kappa_deg = -90, the lever arm zero."""
+    read, _ = brought["rph"]
+    rows = read.tables["calibration/trajectory.csv"]
+    lonlath = np.stack([rows[k] for k in ("lon_deg", "lat_deg", "height_m")], axis=1)
+    rph = np.stack([rows[k] for k in ("roll_deg", "pitch_deg", "heading_deg")], axis=1)
+    T = shown.oriented.block.frame.pose_from_geographic(
+        lonlath.astype(float), np.radians(rph.astype(float))
+    )
+    assert_allclose(T.R @ turn(2, -np.pi / 2), shown.oriented.T_m_c.R, atol=1e-9)
+    assert_allclose(T.r, shown.oriented.T_m_c.r, atol=2e-4)
+
+
 @pytest.mark.parametrize("kind", ORIENTED)
 def test_orientations_come_back(shown, brought, kind):
-    """Body times mounting of what was imported is the camera's pose."""
+    """Body times mounting of what was imported is the camera's pose.
+
+    In a grid the base of a rig is not scaled like the map, and its verticals are not parallel:
+    0.0002 of 0.6 m, and 0.6 m of the earth's radius.
+    """
+    metres, radians = (2e-4, 1e-7) if kind == "opf" else (2e-5, 1e-9)
     read, _ = brought[kind]
     folder = next(n.rpartition("/")[0] for n in read.tables if n.endswith("trajectory.csv"))
     rows = read.tables[f"{folder}/trajectory.csv"]
@@ -100,5 +120,5 @@ def test_orientations_come_back(shown, brought, kind):
             T_b_c = cameras(read)[images["camera"][row]].T_b_c
         T = T_m_b[where[exposure]]
         T = T if T_b_c is None else T @ T_b_c
-        assert_allclose(T.r, shown.oriented.T_m_c.r[k], atol=2e-5)
-        assert_allclose(T.R, shown.oriented.T_m_c.R[k], atol=1e-9)
+        assert_allclose(T.r, shown.oriented.T_m_c.r[k], atol=metres)
+        assert_allclose(T.R, shown.oriented.T_m_c.R[k], atol=radians)

@@ -46,14 +46,14 @@ def test_positions_are_where_proj_has_them(oriented):
     assert_allclose(
         np.stack(to_grid.transform(*lonlat.T), 1), grid[["east_m", "north_m"]], atol=1e-4
     )
-    assert_allclose(geographic["ellipsoidal_height_m"], grid["height_m"], atol=1e-5)
+    assert_allclose(geographic["height_m"], grid["height_m"], atol=1e-5)
     lon, lat = oriented.block.frame.origin.tolist()
     local = pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
         "+step +proj=cart +ellps=GRS80 "
         f"+step +proj=topocentric +ellps=GRS80 +lon_0={lon!r} +lat_0={lat!r} +h_0=0"
     )
-    xyz = np.stack(local.transform(*lonlat.T, geographic["ellipsoidal_height_m"].to_numpy()), 1)
+    xyz = np.stack(local.transform(*lonlat.T, geographic["height_m"].to_numpy()), 1)
     assert_allclose(orientations.topocentric(oriented)[["x_m", "y_m", "z_m"]], xyz, atol=1e-4)
 
 

@@ -3,10 +3,12 @@
 import pyproj
 import pytest
 
+from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4lib.exchange.trajectories import applanix_text
 from acx4lib.exchange.trajectories.orientation_table import Options
 from acx4lib.exchange.trajectories.orientations import Meaning
+from support.reference_files import needs
 
 UNITS = "(position in Meters, orientation in Degrees, lat, long in Deg)"
 PREAMBLE = f"POSPac\nBoresight values used: tx 0.1 deg\n\n{UNITS}\n"
@@ -104,3 +106,25 @@ def test_grads_are_read_where_the_text_says_so(tmp_path):
     body = "365324.63 3096141.49 2088.37 10 20 100"
     brought = read(tmp_path, f"{text}7 3 1.5 {body} {PLACE}\n")
     assert brought.tables["calibration/trajectory.csv"]["kappa_deg"][0] == pytest.approx(90.0)
+
+
+@needs("noaa-dss-dg")
+@pytest.mark.parametrize("name", ["C19748959", "C25959144"])
+def test_orientations_of_a_real_flight_by_applanix(tmp_path, name):
+    """The values of NOAA's files in the documented layout; both forms of position agree."""
+    said = dict(
+        line.split(":  ", 1)
+        for line in data.path(f"noaa-dss-dg/{name}.geom").read_text().splitlines()
+        if ":  " in line
+    )
+    lat, lon, height, _ = said["latlonh_platform_position"].split()
+    east, north, _, _ = said["utm_platform_position"].split()
+    angles = " ".join(said[key] for key in ("omega", "phi", "kappa"))
+    row = f"{name} 1 2.5 {east} {north} {height} {angles} {float(lat):.8f} {float(lon):.8f}"
+    crs = f"EPSG:326{int(said['utm_zone']):02d}"
+    brought = read(tmp_path, f"{PREAMBLE}{HEADING}\n{row}\n", crs=crs)
+    table = brought.tables["calibration/trajectory.csv"]
+    assert table["exposure"] == [name]
+    assert table["omega_deg"][0] == float(said["omega"])
+    (line,) = (line for line in brought.found if "differ by at most" in line)
+    assert float(line.split("at most ")[1].split()[0]) < 0.005

@@ -16,6 +16,7 @@ from acx4lib.exchange.outward.calibrated import Calibrated
 from acx4lib.exchange.outward.programs.text import lines
 from acx4lib.exchange.outward.relative import Relative
 from acx4lib.exchange.outward.taken import BODY, Taken
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
 
 ASSUMED = (
@@ -46,7 +47,7 @@ def cameras(calibrated: Calibrated) -> Taken:
 
 
 def _row(index: int, camera: Camera, one: Relative) -> str:
-    angles, sigma = np.degrees(one.T_v_r_h.opk), np.degrees(one.sigma_opk)
+    angles, sigma = _angles(one), np.degrees(one.sigma_opk)
     name = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
     return ",".join([name, str(index), *(f"{v:.6f}" for v in (*angles, *sigma))])
 
@@ -54,7 +55,6 @@ def _row(index: int, camera: Camera, one: Relative) -> str:
 def _tags(index: int, camera: Camera, one: Relative, lens: Brown) -> Iterator[str]:
     """Yield the tags of a head, under its name in brackets."""
     mm = camera.pixel_mm
-    angles = np.degrees(one.T_v_r_h.opk).tolist()
     distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
     yield f"[{camera.name}]"
     yield "Camera:ModelType = perspective"
@@ -64,9 +64,14 @@ def _tags(index: int, camera: Camera, one: Relative, lens: Brown) -> Iterator[st
     yield "Camera:PerspectiveFocalLengthUnits = mm"
     yield f"Camera:PerspectiveDistortion = {_listed(*distortion)}"
     yield f"Camera:RigCameraIndex = {index}"
-    yield f"Camera:RigRelatives = {_listed(*angles)}"
+    yield f"Camera:RigRelatives = {_listed(*_angles(one).tolist())}"
     yield "Camera:RigRelativesReferenceRigCameraIndex = 0"
     yield ""
+
+
+def _angles(one: Relative) -> Array:
+    """Return a, b, c of a head in degrees."""
+    return np.degrees(one.T_v_r_h.opk) + 0.0  # no negative zeros
 
 
 def _listed(*values: float) -> str:

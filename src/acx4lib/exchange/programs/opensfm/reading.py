@@ -171,7 +171,7 @@ def _brought(
     return Brought(
         source="OpenSfM",
         sha256=opened.checksums(found.read.values()),
-        settings={"name": root.source.name} | refitted.settings,
+        settings=refitted.settings,
         tables=oriented.tables_of(images, block, root.source),
         assumed=(*ASSUMED, *refitted.assumed),
         found=(

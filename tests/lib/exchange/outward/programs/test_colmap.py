@@ -1,11 +1,10 @@
 """A model as COLMAP's own code reads it, and points where COLMAP projects them."""
 
 import numpy as np
+import pycolmap
 import pytest
 
 from acx4lib.exchange.outward.programs import colmap
-
-pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is in environment-bench.txt")
 
 CORNER = 0.5  # of COLMAP's pixels
 

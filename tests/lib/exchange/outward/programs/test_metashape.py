@@ -102,7 +102,7 @@ def test_the_covariance_is_that_of_refitted_lenses(shown, chunk, rng):
     calibration, camera = shown.found.calibration, shown.found.cameras[0]
     own = calibration.layout.interior[0]
     drawn = rng.multivariate_normal(
-        camera.interior.to_array(), calibration.cov[np.ix_(own, own)], size=1500
+        camera.interior.to_array(), calibration.cov[np.ix_(own, own)], size=400
     )
     fits = [brown.brown(camera.with_interior(type(camera.interior).from_array(d))) for d in drawn]
     values = {
@@ -114,4 +114,4 @@ def test_the_covariance_is_that_of_refitted_lenses(shown, chunk, rng):
     }
     for name, scatter in values.items():
         k = names.index(name)
-        assert np.std(scatter) == pytest.approx(np.sqrt(cov[k, k]), rel=0.08)  # 4 sigma
+        assert np.std(scatter) == pytest.approx(np.sqrt(cov[k, k]), rel=0.15)  # 4 sigma

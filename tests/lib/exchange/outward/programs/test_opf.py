@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pyopf.io import load
+from pyopf.resolve import resolve
 
 from acx4lib.exchange.outward.programs import opf
 
@@ -80,11 +82,9 @@ def test_cameras_are_oriented_in_the_grid(shown, files):
 
 
 def test_the_specifications_own_library_reads_the_project(made, tmp_path):
-    pyopf = pytest.importorskip("pyopf.io", reason="pyopf is not installed")
-    resolve = pytest.importorskip("pyopf.resolve")
     for name, text in made.files.items():
         (tmp_path / name).write_text(text)
-    project = resolve.resolve(pyopf.load(str(tmp_path / "project.opf")))
+    project = resolve(load(str(tmp_path / "project.opf")))
     assert len(project.camera_list.cameras) == 12
     assert len(project.calibration.calibrated_cameras.cameras) == 12
     sensors = project.input_cameras.sensors
