@@ -15,6 +15,7 @@ from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.sensors import Sensor, sensors
 from acx4lib.exchange.programs.metashape.shots import Shot, location, shots
 from acx4lib.exchange.programs.shared import cameras, crs, tables
+from acx4lib.exchange.programs.shared.adjusted import Flown
 from acx4lib.exchange.programs.shared.cameras import Refitted
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.opened import checksums
@@ -82,6 +83,7 @@ def read(
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
     flown = oriented.trajectory(whole, used, system, wanted=orientations)
+    used = _with_trajectory(used, flown)
     table = {f"{folder}/images.csv": _images(used), **_points(folder, places, used)}
     control = _control(whole, known, system)
     if control:
@@ -113,6 +115,14 @@ def _system(chunk: Chunk, used: Mapping[str, Shot], *, wanted: str | None) -> Ch
         None,
     )
     return oriented.told(chunk, lambda: crs.chosen(text, at, wanted), element)
+
+
+def _with_trajectory(used: dict[str, Shot], flown: Flown) -> dict[str, Shot]:
+    """Return the images whose exposures are in the trajectory, if there is one."""
+    if flown.table is None:
+        return used
+    exposures = set(flown.table["exposure"])
+    return {i: one for i, one in used.items() if one.exposure in exposures}
 
 
 def _is_rig(used: Any) -> bool:
@@ -243,6 +253,10 @@ def _left_out(
     )
     frames = max(0, len(list(chunk.root.each("frames", "frame"))) - 1)
     tags = ("location", "translation", "rolling_shutter", "antenna")
+    bare = sum(
+        "master_id" in one.attributes and one.maybe("rotation") is None
+        for one in chunk.root.each("sensors", "sensor")
+    )
     odd = sum(
         one.maybe(tag) is not None for one in chunk.root.each("sensors", "sensor") for tag in tags
     )
@@ -254,5 +268,6 @@ def _left_out(
             if odd
             else ()
         ),
+        *((f"{bare} slaves have no rotation: their mountings are the master's",) if bare else ()),
         "tie points, which the XML does not have",
     )
