@@ -32,7 +32,7 @@ def test_a_height_of_the_ground_is_asked_for_where_nothing_tells_it(acx4, flight
     own = shutil.copytree(flight, tmp_path / "own", copy_function=shutil.os.link)
     (own / "control_points.csv").unlink()
     shutil.rmtree(own / "validation")
-    status, _, err = acx4("measure", own, "--out", tmp_path / "out")
+    status, _, err = acx4("measure", own, "--out", tmp_path / "out")  # the same folder again below
     assert status == 2
     assert "no control points tell the height of the ground; give it by --ground HEIGHT" in err
     status, _, err = acx4("measure", own, "--out", tmp_path / "out", "--ground", 430)
