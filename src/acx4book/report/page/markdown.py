@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from markdown_it import MarkdownIt
+from markdown_it.common.utils import escapeHtml
 from markdown_it.rules_inline import StateInline
+
+from acx4book.typesetting.myst import numbers
 
 ROLE = re.compile(r"\{(numref|eq|doc)\}`([^`\n]+)`")
 MATH = re.compile(r"\$([^$\n]+)\$")
@@ -85,6 +88,7 @@ def _parser() -> MarkdownIt:
     parser.inline.ruler.before("escape", "acx4", _inline)
     parser.add_render_rule("acx4", _as_it_is)
     parser.add_render_rule("fence", _fence)
+    parser.add_render_rule("text", _text)
     return parser
 
 
@@ -130,6 +134,10 @@ def _italic(text: str) -> str:
 def _as_it_is(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, _env: Any) -> str:
     content: str = tokens[idx].content
     return content
+
+
+def _text(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, _env: Any) -> str:
+    return escapeHtml(numbers(tokens[idx].content))
 
 
 def _fence(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, env: Any) -> str:
