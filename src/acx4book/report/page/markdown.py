@@ -119,6 +119,7 @@ def _reference(role: str, target: str, document: Document) -> str:
 def mathematics(source: str) -> str:
     """Return simple TeX as HTML: letters in italics, Greek letters, subscripts and superscripts."""
     text = re.sub(r"\\([A-Za-z]+) ?", lambda m: GREEK.get(m[1], m[1]), source)
+    text = text.replace("-", "\N{MINUS SIGN}")
     out = []
     for sign, braced, single, plain in SCRIPTS.findall(text):
         tag = {"_": "sub", "^": "sup"}.get(sign)
