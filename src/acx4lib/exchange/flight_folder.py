@@ -20,12 +20,16 @@ from acx4lib.errors import OutputError
 from acx4lib.exchange import written_toml
 from acx4lib.exchange.brought import Brought
 from acx4lib.flight.text.in_memory import Columns
+from acx4lib.flight.text.names import name_fault
 from acx4lib.results.own_folder import claims, marks
 
 COMMAND = "acx4 import"
 """Whose the folders are."""
 
 SETTINGS, STATEMENT = "flight.toml", "import.md"
+
+SYSTEMS = ("crs", "heights")
+"""Settings of which a flight has one for all its numbers."""
 
 
 def write(brought: Brought, folder: Path) -> tuple[str, ...]:
@@ -46,15 +50,17 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     Raises
     ------
     OutputError
-        Where a file that would be replaced was changed, or is not of an import.
+        Where a file that would be replaced was changed, or is not of an import, or the flight
+        has its numbers in another CRS or other heights.
     """
     with claims.claim(folder, command=COMMAND, becomes_flight=True) as own:
         edited = _is_edited(own)
         texts = {name: table_text(table) for name, table in brought.tables.items()}
         texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
         if brought.settings and not edited:
-            texts[SETTINGS] = settings_text(_read(folder / SETTINGS), brought.settings)
-        names = [*texts, *brought.pictures]
+            texts[SETTINGS] = _settings(folder, brought.settings)
+        pictures = {name: one for name, one in brought.pictures.items() if one != folder / name}
+        names = [*texts, *pictures]
         if changed := marks.changes(folder, names):
             msg = f"{changed[0]}; move it away, or choose another folder"
             raise OutputError(msg)
@@ -63,13 +69,38 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         own.expect(names)
         for name, text in texts.items():
             _place(folder / name, text)
-        for name, picture in brought.pictures.items():
+        for name, picture in pictures.items():
             _link(picture, folder / name)
         own.seal()
     if edited and brought.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept,)
     return ()
+
+
+def begin(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files of a new flight, to which imports may add.
+
+    Parameters
+    ----------
+    folder : Path
+        New or empty.
+    texts : mapping of str to str
+        By file below the flight.
+
+    Raises
+    ------
+    OutputError
+        Where the folder holds anything.
+    """
+    with claims.claim(folder, command=COMMAND, becomes_flight=True) as own:
+        if own.files:
+            msg = f"{folder}: an import began this flight already; choose another folder"
+            raise OutputError(msg)
+        own.expect(texts)
+        for name, text in texts.items():
+            _place(folder / name, text)
+        own.seal()
 
 
 def table_text(table: Columns) -> str:
@@ -81,11 +112,6 @@ def table_text(table: Columns) -> str:
     writer.writerow(names)
     writer.writerows(zip(*columns, strict=True))
     return buffer.getvalue()
-
-
-def settings_text(before: str, brought: Mapping[str, Any]) -> str:
-    """Return the text of flight.toml with settings added; of two values the new one is taken."""
-    return written_toml.written(_merged(tomllib.loads(before), brought))
 
 
 def statement(brought: Brought, *, edited: bool = False) -> str:
@@ -121,15 +147,20 @@ def _is_edited(own: claims.OwnFolder) -> bool:
     return SETTINGS not in own.files or bool(marks.changes(own.path, [SETTINGS]))
 
 
-def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    both = dict(before)
-    for key, value in new.items():
-        old = before.get(key)
-        if isinstance(value, Mapping) and isinstance(old, Mapping):
-            both[key] = _merged(old, value)
-        else:
-            both[key] = value
-    return both
+def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
+    """Return the text of flight.toml with settings added; a new one gets the folder's name."""
+    before = _read(folder / SETTINGS)
+    known = tomllib.loads(before)
+    for key in SYSTEMS:
+        if key in known and key in brought and known[key] != brought[key]:
+            msg = (
+                f"{folder / SETTINGS}: {key} is {known[key]!r}, and {brought[key]!r} in what is "
+                f"brought: name the same by --{key}, or choose another folder"
+            )
+            raise OutputError(msg)
+    name = folder.resolve().name
+    named = {} if "name" in known or name_fault(name) else {"name": name}
+    return written_toml.added(before, named | dict(brought))
 
 
 def _read(path: Path) -> str:

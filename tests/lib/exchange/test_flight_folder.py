@@ -24,7 +24,7 @@ def test_tables_settings_and_what_is_said_are_written(tmp_path):
         'point,east_m,north_m,height_m\nA,1.5,0.1,3\n"B,1",2.0,0.2,4\n'
     )
     assert (tmp_path / "f" / "flight.toml").read_text() == (
-        'crs = "EPSG:31982"\n\n[cameras."C 1"]\nwidth_px = 10\nfocal_mm = 8.25\n'
+        'name = "f"\ncrs = "EPSG:31982"\n\n[cameras."C 1"]\nwidth_px = 10\nfocal_mm = 8.25\n'
     )
     assert (tmp_path / "f" / "import.md").read_text() == (
         "# Program 1\n\n## Read\n\n- a.txt, SHA-256 12\n\n## Assumed\n\n- Rows grow down.\n\n"
@@ -85,3 +85,27 @@ def test_pictures_get_their_place(tmp_path):
     for _ in range(2):
         flight_folder.write(brought, tmp_path / "f")
     assert (tmp_path / "f" / "heads" / "images" / "a.tif").read_bytes() == b"pixels"
+
+
+def test_a_flight_has_one_crs_and_one_kind_of_heights(tmp_path):
+    flight_folder.write(control(settings={"crs": "EPSG:31982", "heights": -25.5}), tmp_path)
+    flight_folder.write(control(settings={"heights": -25.5}), tmp_path)
+    with pytest.raises(OutputError, match=r"heights is -25.5, and 'ellipsoidal' in what is brou"):
+        flight_folder.write(control(settings={"heights": "ellipsoidal"}), tmp_path)
+
+
+def test_a_file_that_lies_in_the_flight_already_is_not_brought(tmp_path):
+    flight_folder.write(control(), tmp_path)
+    (tmp_path / "geoid.gtx").write_bytes(b"grid")
+    flight_folder.write(control(pictures={"geoid.gtx": tmp_path / "geoid.gtx"}), tmp_path)
+    assert (tmp_path / "geoid.gtx").read_bytes() == b"grid"
+
+
+def test_a_flight_that_is_begun_is_added_to_and_not_begun_again(tmp_path):
+    texts = {"flight.toml": "# a remark\n", "control_points.csv": "point\n"}
+    flight_folder.begin(tmp_path, texts)
+    flight_folder.write(control(settings=CAMERA), tmp_path)
+    assert "A,1.5,0.1,3" in (tmp_path / "control_points.csv").read_text()
+    assert "# a remark" in (tmp_path / "flight.toml").read_text()
+    with pytest.raises(OutputError, match="began this flight already"):
+        flight_folder.begin(tmp_path, texts)

@@ -158,12 +158,13 @@ def sbet(  # noqa: PLR0913 options of a command
     block: bring.Block = "calibration",
     camera: Camera = "",
     crs: bring.Crs = "",
-    heights: bring.Heights = "ellipsoidal",
+    heights: bring.Heights = "",
 ) -> None:
     """Read an SBET at the times of events."""
     from acx4lib.exchange.trajectories import pospac  # noqa: PLC0415 quick help
     from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
+    crs, system = bring.system_of(out, crs, heights)
     options = pospac.Options(
         time=time.value,
         columns=columns,
@@ -174,7 +175,7 @@ def sbet(  # noqa: PLR0913 options of a command
         gap_s=gap,
         block=block,
         camera=camera,
-        meaning=Meaning(crs=crs, heights=bring.heights_of(heights)),
+        meaning=Meaning(crs=crs, heights=system),
     )
     bring.place(pospac.read(source, events, smrmsg, options), out)
 
@@ -208,18 +209,19 @@ def orientations(  # noqa: PLR0913 options of a command
     block: bring.Block = "calibration",
     camera: Camera = "",
     crs: bring.Crs = "",
-    heights: bring.Heights = "ellipsoidal",
+    heights: bring.Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
     from acx4lib.exchange.trajectories import orientation_table  # noqa: PLC0415 quick help
     from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
+    crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(
         crs=crs,
         angle=angles.value,
         order=order.value,
         north=north.value if north else "",
-        heights=bring.heights_of(heights),
+        heights=system,
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
@@ -240,12 +242,13 @@ def pospac_text(
     block: bring.Block = "calibration",
     camera: Camera = "",
     crs: bring.Crs = "",
-    heights: bring.Heights = "ellipsoidal",
+    heights: bring.Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
     from acx4lib.exchange.trajectories import applanix_text, orientation_table  # noqa: PLC0415 quick help
     from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
-    meaning = Meaning(crs=crs, heights=bring.heights_of(heights))
+    crs, system = bring.system_of(out, crs, heights)
+    meaning = Meaning(crs=crs, heights=system)
     options = orientation_table.Options(block=block, camera=camera)
     bring.place(applanix_text.read(source, meaning, options), out)

@@ -8,15 +8,12 @@ import numpy as np
 
 from acx4lib.exchange.programs.metashape import lens
 from acx4lib.exchange.programs.metashape.lens import Calibration
-from acx4lib.exchange.programs.shared.cameras import Lens, turned
+from acx4lib.exchange.programs.shared.cameras import TOP_AHEAD, Lens, turned
 from acx4lib.exchange.programs.shared.tables import require_names, without_doubles
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
 from acx4lib.flight.problems import PIXELS, RANGES, Range, quoted
-from acx4lib.geometry.frames import Pose, turn
-
-TOP_AHEAD = turn(2, -np.pi / 2)
-"""R_b_c of a camera that looks down with the top of its images ahead: yaw, pitch, roll are zero."""
+from acx4lib.geometry.frames import Pose
 
 POSITIVE = Range(1e-9, 1e9, "must be positive")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from acx4lib.exchange import lens
 from acx4lib.flight import setup
 from acx4lib.flight.problems import RANGES
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.frames import Pose, turn
 
 PITCH = "pixel_um"
 
@@ -21,6 +21,9 @@ NOMINAL_UM = 5.0
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Between the library's camera axes and those with y down, z ahead."""
+
+TOP_AHEAD = turn(2, -np.pi / 2)
+"""R_b_c of a camera that looks down with the top of its images ahead: yaw, pitch, roll are zero."""
 
 AHEAD = Pose(R=np.eye(3), r=np.zeros(3))
 """Mounting of a camera whose own axes are the body's."""
@@ -68,6 +71,18 @@ class Refitted:
     settings: dict[str, Any]
     assumed: tuple[str, ...]
     found: tuple[str, ...]
+
+    def only(self, names: Collection[str]) -> Refitted:
+        """Return some of the cameras."""
+        tables = self.settings["cameras"]
+        return replace(
+            self,
+            cameras={name: one for name, one in self.cameras.items() if name in names},
+            settings={"cameras": {name: one for name, one in tables.items() if name in names}},
+            found=tuple(
+                said for name, said in zip(self.cameras, self.found, strict=True) if name in names
+            ),
+        )
 
 
 def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:

@@ -21,7 +21,8 @@ class Chosen:
 
     Attributes
     ----------
-    crs, heights : str
+    crs : str
+    heights : str or float
         Keys of flight.toml.
     assumed : tuple of str
     source : CRS, optional
@@ -29,12 +30,12 @@ class Chosen:
     """
 
     crs: str
-    heights: str
+    heights: str | float
     assumed: tuple[str, ...]
     source: pyproj.CRS | None = None
 
     @property
-    def settings(self) -> dict[str, str]:
+    def settings(self) -> dict[str, str | float]:
         """Keys of flight.toml."""
         return {"crs": self.crs, "heights": self.heights}
 
@@ -81,10 +82,10 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     ValueError
         Where one of them cannot be used; the message says why.
     """
-    source = _parsed(text) if text else None
+    source = parsed(text) if text else None
     if wanted is not None:
         _ = GridSystem(crs=wanted)
-        return Chosen(crs=wanted, heights=_heights(source), assumed=(), source=source)
+        return Chosen(crs=wanted, heights=heights_of(source), assumed=(), source=source)
     if source is None or not (source.is_projected or source.is_geographic):
         return None
     horizontal = _horizontal(source)
@@ -101,10 +102,11 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
         return None
     _ = GridSystem(crs=crs)
     assumed = (said, _said_heights(source))
-    return Chosen(crs=crs, heights=_heights(source), assumed=assumed, source=source)
+    return Chosen(crs=crs, heights=heights_of(source), assumed=assumed, source=source)
 
 
-def _parsed(text: str) -> pyproj.CRS:
+def parsed(text: str) -> pyproj.CRS:
+    """Return the CRS of a code or WKT; a ValueError says why it is none."""
     if fault := crs_fault(text):
         msg = f"coordinate system {fault}"
         raise ValueError(msg)
@@ -121,13 +123,18 @@ def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     return crs.to_2d()
 
 
+def is_north_first(crs: pyproj.CRS) -> bool:
+    """Tell whether a CRS counts north, or latitude, before east."""
+    return _horizontal(crs).axis_info[0].direction.lower() == "north"
+
+
 def _code(crs: pyproj.CRS) -> str:
     found = crs.to_authority(min_confidence=70)
     return ":".join(found) if found else ""
 
 
-def _heights(source: pyproj.CRS | None) -> str:
-    """Return the key `heights` of flight.toml."""
+def heights_of(source: pyproj.CRS | None) -> str:
+    """Return the key `heights` of flight.toml for coordinates of a CRS."""
     if source is None or not source.is_compound:
         return "ellipsoidal"
     vertical = source.sub_crs_list[1]
@@ -138,6 +145,33 @@ def _said_heights(source: pyproj.CRS) -> str:
     if source.is_compound:
         return f"Heights are in {source.sub_crs_list[1].name}"
     return "Heights are above the ellipsoid: the coordinate system has no vertical part"
+
+
+def with_heights(system: Chosen, enh: Array, given: str | float) -> Array:
+    """Return east, north, height with heights as the flight has them.
+
+    Parameters
+    ----------
+    system : Chosen
+    enh : ndarray, shape (n, 3)
+        East, north of the flight.
+    given : str or float
+        What the heights are, as the key `heights` says it.
+
+    Raises
+    ------
+    ValueError
+        Where a geoid's grid is not here.
+    """
+    if given == system.heights:
+        return enh
+    into, out_of = system.grid(), GridSystem(crs=system.crs, heights=given)
+    lonlat = into.lonlat_from_grid(enh[:, :2])
+    more = out_of.undulation(lonlat) - into.undulation(lonlat)
+    if not np.isfinite(more).all():
+        msg = f"a place lies outside the geoid of {given!r} or {system.heights!r}"
+        raise ValueError(msg)
+    return np.column_stack([enh[:, :2], enh[:, 2] + more])
 
 
 def _utm(crs: pyproj.CRS, lonlat: Array) -> str:

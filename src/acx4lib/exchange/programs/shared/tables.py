@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ def image_points(
     return table
 
 
-def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> Columns:
+def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:
     """Return the table trajectory.csv.
 
     Parameters

@@ -1,0 +1,227 @@
+"""A flight that is still to be measured, read; and the measured one, written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.errors import FlightError
+from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block
+from acx4lib.flight.reader import Flight, checked, table_files
+from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.text.schemas import SCHEMAS
+from acx4lib.flight.text.table import Table
+from acx4lib.results.own_folder.claims import OwnFolder
+
+MAY_LACK = ("image_points", "control_points")
+"""Tables that a flight to be measured may lack, or that may have a header only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """One measurement for image_points.csv."""
+
+    image: str
+    point: str
+    col_px: float
+    row_px: float
+    sigma_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unmeasured:
+    """A flight whose blocks may lack image points.
+
+    Attributes
+    ----------
+    flight : Flight
+        Its blocks have the measurements that are there.
+    tables : dict of str to BlockTables
+        Of every block.
+    """
+
+    flight: Flight
+    tables: dict[str, BlockTables]
+
+
+def read_unmeasured(path: str | Path) -> Unmeasured:
+    """Return the flight in a folder, with whatever is measured there already.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a flight.toml. `image_points.csv` and `control_points.csv` may be missing.
+
+    Raises
+    ------
+    FlightError
+        With all problems, one line each; also where a block has neither pictures nor measurements.
+    """
+    folder = expected.path("path", path)
+    names = [name for name in BLOCKS if (folder / name).is_dir()]
+    if not names:
+        problem = (
+            f"{folder}: no block to measure; a flight has {', '.join(f'{n}/' for n in BLOCKS)}"
+        )
+        raise FlightError([problem])
+    toml = read_toml(folder / "flight.toml")
+    tables = {name: _opened(read_block(folder, name, pictures=folder), folder) for name in names}
+    flight = checked(toml, list(tables.values()))
+    empty = [
+        f"{folder / name / 'images.csv'}: column file: names no picture; "
+        "give it the file of every image, relative to the block's folder"
+        for name, of in tables.items()
+        if not len(of.image_points) and not any(flight.image_files[name])
+    ]
+    if empty:
+        raise FlightError(empty)
+    return Unmeasured(flight=flight, tables=tables)
+
+
+def _opened(tables: BlockTables, folder: Path) -> BlockTables:
+    """Return the tables of a block, empty ones in the place of those that may be missing."""
+    points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
+    if _lacks(points):  # distances may be between points that are still to be measured
+        tables = replace(tables, image_points=_empty("image_points", points), distances=None)
+    if not control.is_file():
+        tables = replace(tables, control=_empty("control_points", control))
+    return tables
+
+
+def _lacks(path: Path) -> bool:
+    """Tell whether a table is missing, or has no row under its header."""
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        rows = (line for line in file if line.strip())
+        return next(rows, None) is None or next(rows, None) is None
+
+
+def _empty(table: str, path: Path) -> Table:
+    """Return a table without rows."""
+    schema = SCHEMAS[f"{table}.csv"]
+    return Table(
+        file=str(path),
+        text=dict.fromkeys(schema.required, ()),
+        numbers={name: np.zeros(0) for name in schema.required if name in schema.ranges},
+    )
+
+
+# --- the measured flight ---------------------------------------------------------------------
+
+
+def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
+    """Copy a flight's settings, tables and pictures; image points follow later.
+
+    Pictures are linked where the file system can, so that they take no more space. Images without
+    a picture and without measurements are left out.
+
+    Parameters
+    ----------
+    unmeasured : Unmeasured
+    own : OwnFolder
+        Claimed for the measured flight.
+    """
+    flight = unmeasured.flight
+    names = [name.as_posix() for name in table_files(flight)]
+    pictures = dict(_pictures(flight))
+    missing = [] if any("control_points" in name for name in names) else ["control_points.csv"]
+    own.expect([*names, *pictures, *missing])
+    for name in names:
+        _put(own.path / name, (flight.path / name).read_bytes())
+    for block, tables in unmeasured.tables.items():
+        _put(own.path / block / "images.csv", _used_images(unmeasured, block, tables))
+    for name in missing:
+        _put(own.path / name, b"point,east_m,north_m,height_m\n")
+    for name, source in pictures.items():
+        target = own.path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.exists():
+            _link(source, target)
+
+
+def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> bytes:
+    """Return images.csv of a block with the images that have a picture or measurements."""
+    files = unmeasured.flight.image_files[block]
+    used = {*tables.image_points.text["image"]}
+    used |= {n for n, path in zip(tables.images.text["image"], files, strict=True) if path}
+    source = (unmeasured.flight.path / block / "images.csv").read_text(encoding="utf-8-sig")
+    rows = list(csv.reader(io.StringIO(source, newline="")))
+    column = [name.strip() for name in rows[0]].index("image")
+    kept = [rows[0], *(row for row in rows[1:] if row and row[column].strip() in used)]
+    return _csv(kept)
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
+
+
+def _pictures(flight: Flight) -> Iterator[tuple[str, Path]]:
+    """Yield the files of the flight's pictures, by their place below its folder."""
+    for block, files in flight.image_files.items():
+        names = _names_of(flight, block)
+        for name, path in zip(names, files, strict=True):
+            if path is not None and name:
+                yield (PurePosixPath(block) / name).as_posix(), path
+
+
+def _names_of(flight: Flight, block: str) -> Sequence[str]:
+    """Return the cells of the column ``file`` of a block, empty where there is none."""
+    inside = flight.pictures.resolve() / block
+    return [
+        "" if path is None else path.relative_to(inside).as_posix()
+        for path in flight.image_files[block]
+    ]
+
+
+def _link(source: Path, target: Path) -> None:
+    with suppress(OSError):
+        target.hardlink_to(source)
+        return
+    shutil.copyfile(source, target)
+
+
+def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
+    """Write the image points of a block.
+
+    Parameters
+    ----------
+    own : OwnFolder
+    block : str
+    rows : sequence of Measured
+    """
+    name = f"{block}/image_points.csv"
+    own.expect([name])
+    header = ["image", "point", "col_px", "row_px", "sigma_px"]
+    numbers = ([row.col_px, row.row_px, row.sigma_px] for row in rows)
+    places = ([f"{number:.4f}" for number in three] for three in numbers)
+    lines = ([row.image, row.point, *place] for row, place in zip(rows, places, strict=True))
+    _put(own.path / name, _csv([header, *lines]))
+
+
+def _put(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def given(tables: BlockTables, sigma_px: float) -> list[Measured]:
+    """Return the measurements that a block has already."""
+    table = tables.image_points
+    sigma = table.numbers.get("sigma_px", np.full(len(table), sigma_px))
+    columns: Mapping[str, Sequence[str]] = table.text
+    places = zip(table.numbers["col_px"], table.numbers["row_px"], sigma, strict=True)
+    names = zip(columns["image"], columns["point"], strict=True)
+    return [
+        Measured(image=image, point=point, col_px=float(c), row_px=float(r), sigma_px=float(s))
+        for (image, point), (c, r, s) in zip(names, places, strict=True)
+    ]

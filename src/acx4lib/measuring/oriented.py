@@ -1,0 +1,154 @@
+"""Orientations and ground refined by the points found so far: the library's bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Mask
+from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
+from acx4lib.geometry.distances import Distances
+from acx4lib.geometry.prior import Prior
+from acx4lib.measuring.pictures import ground
+from acx4lib.measuring.pictures.ground import Surface
+from acx4lib.measuring.pictures.views import View, seen_at
+from acx4lib.measuring.points import Rays
+
+LOOSE_POSITION = 0.005
+"""Standard deviation of a position as an approximate value, in flying heights."""
+
+LOOSE_ATTITUDE = np.radians(1.0)
+"""Standard deviation of an attitude, and of a boresight, as an approximate value."""
+
+LEVER_M = 1.0
+"""Standard deviation of a lever arm as an approximate value."""
+
+FREE = (("f", "xp", "yp", "k1", "k2", "p1", "p2"), ("f", "xp", "yp", "k1"), ("f", "k1"), ())
+"""Interior parameters that are tried, the most first; a small or flat block bears fewer."""
+
+SMALLEST_ANGLE = np.radians(0.5)
+
+LEAST_SIGMA_PX = 0.05
+"""Of the matching's pixels: what a smooth ground and a first orientation leave unexplained."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Oriented:
+    """What an adjustment of the points found so far says.
+
+    Attributes
+    ----------
+    views : tuple of View
+    surface : Surface
+    kept : ndarray of bool, shape (n_rays,)
+        Rays that were not rejected.
+    bundle : Bundle
+    """
+
+    views: tuple[View, ...]
+    surface: Surface
+    kept: Mask
+    bundle: Bundle
+
+
+def refined(block: Block, views: Sequence[View], rays: Rays, *, flying_height: float) -> Oriented:
+    """Adjust the rays of points, reject gross errors, and refine orientations and ground.
+
+    The trajectory is only an approximate value here, so that neither a wrong boresight nor a wrong
+    lever arm is taken for errors of measurements; nothing of this reaches the measured flight but
+    which rays are kept.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view, in their order.
+    views : sequence of View
+    rays : Rays
+    flying_height : float
+        Above ground, m.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no choice of interior parameters can be adjusted.
+    """
+    bundle = _adjusted(_loose(block, views, rays, flying_height))
+    gone = [one.row for one in bundle.rejected if one.kind == "image_point"]
+    kept = np.ones(len(rays), dtype=bool)
+    kept[gone] = False
+    T_m_c, cameras = bundle.T_m_c, bundle.cameras
+    moved = [
+        seen_at(
+            replace(
+                view,
+                camera=view.camera.with_interior(cameras[block.images.camera_idx[i]].interior),
+                T_m_c=T_m_c[i : i + 1],
+            ),
+            view.shrink,
+        )
+        for i, view in enumerate(views)
+    ]
+    x_m = bundle.state.x_m[np.isfinite(bundle.state.x_m[:, 0])]
+    return Oriented(views=tuple(moved), surface=ground.through(x_m), kept=kept, bundle=bundle)
+
+
+def _adjusted(block: Block) -> Bundle:
+    """Return the adjustment with the most interior parameters that the block bears."""
+    reasons: list[str] = []
+    for free in FREE:
+
+        def network(of: Block, free: tuple[str, ...] = free) -> Network:
+            return mounted_orientation(of, free=free)
+
+        try:
+            return adjust_rejecting(block, network, sigma0="estimated")
+        except AdjustmentError as error:
+            reasons.append(str(error))
+    raise AdjustmentError(reasons[-1])
+
+
+def _loose(block: Block, views: Sequence[View], rays: Rays, flying_height: float) -> Block:
+    """Return the block with these rays alone, oriented by its trajectory as approximate values."""
+    number, idx = np.unique(rays.point, return_inverse=True)
+    full, sigma = np.zeros((len(rays), 2)), np.zeros(len(rays))
+    for k, view in enumerate(views):
+        own = rays.view == k
+        full[own] = view.full(rays.colrow[own])
+        sigma[own] = view.shrink * np.hypot(rays.sigma_px[own], LEAST_SIGMA_PX)
+    return replace(
+        block,
+        cameras=tuple(
+            replace(camera, prior=Prior(declared=(True,) * 6, sigma=_SIGMA))
+            for camera in block.cameras
+        ),
+        points=tuple(map(str, number)),
+        image_points=ImagePoints(image_idx=rays.view, point_idx=idx, colrow=full, sigma_px=sigma),
+        trajectory=_approximate(block.trajectory, flying_height),
+        control=NO_POINTS,
+        check=NO_POINTS,
+        distances=Distances(),
+        smallest_angle=SMALLEST_ANGLE,
+    )
+
+
+_SIGMA = (LEVER_M,) * 3 + (float(LOOSE_ATTITUDE),) * 3
+
+
+def _approximate(trajectory: Trajectory, flying_height: float) -> Trajectory:
+    """Return a trajectory whose standard deviations are those of approximate values."""
+    position = np.maximum(trajectory.sigma_position, LOOSE_POSITION * flying_height)
+    attitude = np.maximum(trajectory.sigma_attitude, LOOSE_ATTITUDE)
+    return Trajectory(
+        exposures=trajectory.exposures,
+        T_m_b=trajectory.T_m_b,
+        R_g_m=trajectory.R_g_m,
+        sigma_position=np.where(np.isfinite(position), position, flying_height),
+        sigma_attitude=np.where(np.isfinite(attitude), attitude, 0.2),
+    )

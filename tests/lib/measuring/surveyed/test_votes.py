@@ -1,0 +1,35 @@
+from acx4lib.measuring.surveyed.votes import Candidate, elected
+
+
+def spot(point, view, east, *, radius=0.3, bright=True, correlation=0.9):
+    return Candidate(
+        point=point,
+        view=view,
+        offset_m=(east, 0.0),
+        pixel_m=0.2,
+        radius_m=radius,
+        bright=bright,
+        correlation=correlation,
+        colrow=(1.0, 2.0),
+        sigma_px=0.02,
+    )
+
+
+def test_a_target_is_off_alike_in_all_pictures():
+    true = [spot(0, view, 0.5) for view in range(3)]
+    false = [spot(0, 0, 3.0, correlation=0.99), spot(0, 1, -2.0), spot(0, 2, 5.0)]
+    assert elected([*false, *true]) == true
+
+
+def test_a_spot_of_another_size_or_brightness_gives_no_vote():
+    assert elected([spot(0, 0, 0.5), spot(0, 1, 0.5, radius=0.9)]) == []
+    assert elected([spot(0, 0, 0.5), spot(0, 1, 0.5, bright=False)]) == []
+
+
+def test_a_point_in_one_picture_needs_four_others_beside_it():
+    assert elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in range(1, 4))]) == []
+    assert len(elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in range(1, 5))])) == 5
+
+
+def test_nobody_is_elected_without_candidates():
+    assert elected([]) == []

@@ -1,0 +1,91 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.mounting import single_step
+from acx4lib.errors import FlightError
+from acx4lib.flight.reader import read
+from acx4lib.measuring.levels import MeasureOptions
+from acx4lib.measuring.measure import measure_flight
+from support.pictures import measured
+
+EIGHT = ("C1-03", "C1-05", "C2-04", "C2-06", "C3-04", "C4-03", "C4-05", "C5-05")
+
+
+def test_tie_points_lie_within_a_tenth_of_a_pixel_of_the_exact_geometry(whole):
+    found = measured.tie_errors(whole.measured)
+    assert len(found.off) > 400
+    # a difference of n rays from their mean has (n - 1) / n of their variance
+    points = found.rows["point"].nunique()
+    n = 2 * (len(found.rows) - points)
+    assert np.sqrt(np.sum(found.off**2) / n) < 0.12
+    assert np.mean(np.hypot(*found.off.T) > 1) < 0.001
+
+
+def test_sigma_from_the_matching_is_what_errors_are(whole):
+    found = measured.tie_errors(whole.measured)
+    # half of normal errors are below 0.67 sigma
+    assert 0.4 < np.median(np.abs(found.z)) / 0.674 < 1.3
+
+
+def test_points_have_three_rays_where_three_pictures_show_them(whole):
+    count = measured.tie_errors(whole.measured).rows["point"].value_counts()
+    assert (count >= 3).mean() > 0.7
+
+
+def test_every_picture_is_covered(whole):
+    rows = measured.tie_errors(whole.measured).rows
+    for _, own in rows.groupby("image"):
+        cells = set(zip(own["col_px"] // (11608 / 3), own["row_px"] // (8708 / 3), strict=True))
+        assert len(cells) >= 8  # of nine; a corner may be beside the other pictures
+
+
+def test_what_is_written_is_a_flight_with_the_same_tables(whole):
+    flight = read(whole.measured)
+    assert len(flight.calibration.images) == 4
+    for name in ("flight.toml", "control_points.csv", "calibration/trajectory.csv"):
+        assert (whole.measured / name).read_bytes() == (whole.flight / name).read_bytes()
+    same = (folder / "calibration/images/C1-04.tif" for folder in (whole.flight, whole.measured))
+    assert os.path.samefile(*same)  # linked, not copied
+    assert not (whole.measured / "pairs").exists()
+
+
+def test_what_was_found_is_said(whole):
+    first, second, *others = whole.outcome.sentences
+    assert "tie points with" in first
+    assert "surveyed points found" in second
+    assert all("not found in" in line for line in others)
+
+
+def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 here alone
+
+    with ThreadPoolExecutor(2) as pool:
+        measure_flight(whole.flight, tmp_path / "again", executor=pool)
+    name = "calibration/image_points.csv"
+    assert (tmp_path / "again" / name).read_bytes() == (whole.measured / name).read_bytes()
+
+
+def test_a_ground_at_a_wrong_height_is_refused_with_what_to_look_at(whole, tmp_path):
+    with pytest.raises(FlightError, match="are trajectory, mount_.* and --ground right"):
+        measure_flight(whole.flight, tmp_path / "out", options=MeasureOptions(ground_m=-9000.0))
+    assert not (tmp_path / "out" / "calibration" / "image_points.csv").exists()
+
+
+@pytest.mark.repeats
+def test_eight_exposures_give_the_camera_from_pictures_trajectory_and_control(tmp_path):
+    flight = measured.flown(tmp_path, EIGHT, reduce=4)
+    measure_flight(flight, tmp_path / "measured")
+    found = measured.tie_errors(tmp_path / "measured", reduce=4)
+    points = found.rows["point"].nunique()
+    assert np.sqrt(np.sum(found.off**2) / 2 / (len(found.rows) - points)) < 0.1
+    assert np.mean(np.hypot(*found.off.T) > 1) < 0.001
+    measured_flight = read(tmp_path / "measured")
+    free = measured_flight.estimate_mounting
+    fit = single_step(measured_flight.calibration, free=free).calibration
+    truth = json.loads((tmp_path / "flight.truth.json").read_text())["cameras"]["CAM"]
+    for one in parameters(fit):
+        assert abs(one.value - truth[one.name]) < 4 * one.sigma, one.name

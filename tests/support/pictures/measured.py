@@ -1,0 +1,92 @@
+"""Pictures of the design `single-head`, and what the simulator says of measurements in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4sim.designs import PLANS, single_head
+from acx4sim.files.flights import photograph
+from acx4sim.files.writer import write
+from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, station
+
+FEW = ("C1-04", "C2-03", "C2-04", "C4-04")
+"""Two opposite strips, and one that crosses them at another height."""
+
+
+def flown(folder: Path, exposures: tuple[str, ...] = FEW, *, reduce: int = 8) -> Path:
+    """Write the flight with pictures of some exposures and no image points in that block."""
+    path = folder / "flight"
+    write(photograph(single_head(), exposures, reduce=reduce), path)
+    (path / "calibration" / "image_points.csv").unlink()
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Errors of measurements by the simulator's exact geometry, pixels of the pictures.
+
+    `off` are those of columns and rows; `z` the same over their standard deviations.
+    """
+
+    rows: pd.DataFrame
+    off: np.ndarray
+    z: np.ndarray
+
+
+def tie_errors(flight: Path, *, reduce: int = 8) -> Errors:
+    """The rays of a tie point against their weighted mean on the exact ground."""
+    rows, at, camera = _rows(flight, tie=True)
+    g = _by_image(rows, at, lambda s, r: ground_from_pixels(s, camera, _colrow(r)), 3)
+    code, names = pd.factorize(rows["point"])
+    weight = rows["sigma_px"].to_numpy() ** -2.0
+    total = np.bincount(code, weight)
+    mean = np.stack([np.bincount(code, weight * g[:, k]) / total for k in range(3)], axis=1)[code]
+    seen = _by_image(
+        rows.assign(n=np.arange(len(rows))),
+        at,
+        lambda s, r: pixels_from_ground(s, camera, mean[r["n"]]),
+        2,
+    )
+    off = _colrow(rows) - seen
+    left = 1 - weight / total[code]
+    sigma = rows["sigma_px"].to_numpy() * np.sqrt(np.maximum(left, 1e-3))
+    assert len(names) > 50
+    return Errors(rows, off / reduce, off / sigma[:, None])
+
+
+def target_errors(flight: Path, truth: dict, *, reduce: int = 8) -> Errors:
+    """Surveyed points against where the exact camera has them."""
+    rows, at, camera = _rows(flight, tie=False)
+    seen = _by_image(
+        rows,
+        at,
+        lambda s, r: pixels_from_ground(
+            s, camera, np.array([truth["control_points"][p] for p in r["point"]])
+        ),
+        2,
+    )
+    off = _colrow(rows) - seen
+    return Errors(rows, off / reduce, off / rows["sigma_px"].to_numpy()[:, None])
+
+
+def _rows(flight, *, tie):
+    rows = pd.read_csv(flight / "calibration" / "image_points.csv", dtype={"point": str})
+    rows = rows[rows["point"].str.startswith("T") == tie].reset_index(drop=True)
+    plan = PLANS["single-head"]()
+    at = {name: station(plan, f"calibration/{name}", seed=1) for name in rows["image"].unique()}
+    return rows, at, plan.cameras["CAM"]
+
+
+def _colrow(rows):
+    return rows[["col_px", "row_px"]].to_numpy()
+
+
+def _by_image(rows, at, function, width):
+    out = np.zeros((len(rows), width))
+    for name, index in rows.groupby("image").groups.items():
+        out[index] = function(at[name], rows.loc[index])
+    return out
