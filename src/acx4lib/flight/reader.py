@@ -318,7 +318,10 @@ def _notes(tables: BlockTables) -> Iterator[str]:
             sum(tables.rays[name] == 1 for name in ties),
             f"of {len(ties)} tie points are measured only once",
         ),
-        (len(images), f"of {len(tables.images)} images have no measurements: {_some(images)}"),
+        (
+            len(images) if measured else 0,
+            f"of {len(tables.images)} images have no measurements: {_some(images)}",
+        ),
         (rows - int(used_exposures(tables).sum()), f"of {rows} trajectory rows belong to no image"),
         (
             control - int(measured_control(tables).sum()),

@@ -36,6 +36,9 @@ def missing(flight: Flight, stage: str) -> str:
         return (
             f"block {block} is measured in heads, which the flight has no block heads to calibrate"
         )
+    if not len(flight.blocks[block].image_points):
+        unmeasured = f"nothing is measured in block {block}"
+        return "" if stage == "synthetic" else f"{unmeasured}; its heads are as flight.toml has them"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
     if stage == "synthetic" and flight.synthetic is None:

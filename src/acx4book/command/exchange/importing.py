@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from acx4book.command.exchange import pictures
+
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
 Every kind says on the screen, and in import.md of the flight, which conventions it assumed, what it
@@ -16,3 +18,4 @@ Example:
 """
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
+app.command(help=pictures.HELP)(pictures.pictures)
