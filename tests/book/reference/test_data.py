@@ -22,7 +22,7 @@ MES_2 23FD1305x00026_01306 1.0 2.0
 
 SETS = (
     *("dbat-camcal", "dbat-sxb", "ign-uce-m3", "nist-strd", "noaa-dss-dg"),
-    *("surround-rig", "sxb-photos"),
+    *("rededge-dual", "rededge3-flight", "sxb-photos"),
 )
 
 
