@@ -10,6 +10,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
@@ -319,8 +320,10 @@ def _covariance(
     together: Array = np.sum(by_control, axis=0)
     by_body = np.zeros((n, len(exposures), 6))
     by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
-    cov_body = fits[0].network.block.trajectory.cov[exposures]
-    cov += np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+    trajectory = fits[0].network.block.trajectory
+    cov += np.einsum("iea,eab,jeb->ij", by_body, trajectory.cov[exposures], by_body)
+    if (shared := shared_errors(trajectory, exposures)) is not None:
+        cov += shared.among(np.moveaxis(by_body, 1, 0))
     return cov + together @ together.T
 
 

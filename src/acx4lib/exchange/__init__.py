@@ -1,6 +1,8 @@
 """Other programs' files in and out.
 
-`brought` is what an import brings of a flight, and what it says of it; `flight_folder` writes it,
-and `written_toml` its settings. `opencv` turns a camera into OpenCV's model, and back. This is the
-only room that knows conventions that are not the library's own.
+`safe` reads files of strangers, `trajectories` what says where images were taken, `programs` the
+projects of other programs. `brought` is what an import brings of a flight, `flight_folder` writes
+it, and `written_toml` its settings. `lens` refits any program's lens into the library's camera, and
+back; `opencv` is a case of it. This is the only room that knows conventions that are not the
+library's own.
 """

@@ -212,7 +212,7 @@ def table_files(flight: Flight) -> list[Path]:
     tables = [f"{name}.csv" for name in (*TABLES, "control_points", "distances")]
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
-    geoid, inside = Path(flight.grid.heights), flight.path.resolve()
+    geoid, inside = Path(str(flight.grid.heights)), flight.path.resolve()
     if geoid.is_relative_to(inside):
         names.append(geoid.relative_to(inside))
     return [name for name in names if (flight.path / name).is_file()]

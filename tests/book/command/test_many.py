@@ -90,8 +90,9 @@ def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
     [
         (
             ["acx5", "--seeds", "1"],
-            "--seeds are of a simulated design: unknown design 'acx5'; known:",
+            "--seeds: unknown flight 'acx5'; known:",
         ),
+        (["no.toml", "--seeds", "1"], "no.toml:1: "),
         (["single-head", "--seeds", "3-1"], "--seeds: '3-1' names no seeds; give whole numbers"),
         (["a", "b", "--jobs", "2", "--cluster", "tcp://x:1"], "--jobs are of this computer"),
         (

@@ -29,9 +29,24 @@ Crs = Annotated[
         metavar="EPSG:N", show_default=False, help="Projected CRS of the flight, in metres."
     ),
 ]
+Heights = Annotated[
+    str,
+    typer.Option(
+        metavar="SYSTEM",
+        help="Of the flight: ellipsoidal, a vertical CRS, a geoid grid file, an undulation in m.",
+    ),
+]
 
 TO_DO = 8
 """Lines on what a flight still lacks that are shown."""
+
+
+def heights_of(text: str) -> str | float:
+    """Return the heights of a flight by the text of an option: a number is an undulation."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def place(brought: Brought, out: Path) -> None:

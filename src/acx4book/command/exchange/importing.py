@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from acx4book.command.exchange import pictures
+from acx4book.command.exchange import pictures, projects, trajectories
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -18,4 +18,9 @@ Example:
 """
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
-app.command(help=pictures.HELP)(pictures.pictures)
+
+app.command("sbet", help=trajectories.SBET_HELP)(trajectories.sbet)
+app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
+app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)
+app.command("pictures", help=pictures.HELP)(pictures.pictures)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import logging
 import struct
@@ -17,6 +16,8 @@ import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.pictures import xmp
+from acx4lib.exchange.safe import opened
+from acx4lib.flight.problems import quoted
 
 _XMP_TAG = 700
 _EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
@@ -92,7 +93,7 @@ class Tags:
 
     def wrong(self, name: str, found: str, expected: str) -> FlightError:
         """Return the error for a tag of this picture."""
-        return FlightError([f"{self.path}: {name}: {found[:60]}; {expected}"])
+        return opened.refusal(str(self.path), 1, name, quoted(found), expected)
 
 
 def rational(value: object) -> float:
@@ -120,7 +121,8 @@ def read(path: Path) -> Tags:
     FlightError
         For any other file, one that is damaged, or XMP that is no XML.
     """
-    data = _bytes(path)
+    source = opened.read(path)
+    data = source.data
     try:
         with _in_silence():
             of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
@@ -128,10 +130,6 @@ def read(path: Path) -> Tags:
     except _BROKEN as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FlightError([f"{path}: is no TIFF or JPEG that can be read ({reason})"]) from None
-    try:
-        found = xmp.properties(packet) if packet else {}
-    except ValueError as error:
-        raise FlightError([f"{path}: its XMP {error}"]) from None
     width, height, samples, bits = size
     return Tags(
         path=path,
@@ -140,8 +138,8 @@ def read(path: Path) -> Tags:
         samples=samples,
         bits=bits,
         exif=exif,
-        xmp=found,
-        sha256=hashlib.sha256(data).hexdigest(),
+        xmp=xmp.properties(packet, path) if packet else {},
+        sha256=source.sha256,
     )
 
 
@@ -154,13 +152,6 @@ def _in_silence() -> Iterator[None]:
         yield
     finally:
         logger.disabled = before
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise FlightError([f"{path}: cannot be read ({error.strerror or error})"]) from None
 
 
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:

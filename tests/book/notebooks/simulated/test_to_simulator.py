@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.notebooks.simulated import of_design, to_simulator
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.gnss_shift import parameters as gnss_parameters
+from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
 from acx4lib.planning import design, text
@@ -117,6 +117,21 @@ def test_the_run_of_a_plan_has_the_sigma_that_the_plan_predicts(name, tmp_path):
     ratios = agreement(plan, flown(plan, tmp_path / "flight"))
     assert len(ratios) >= 9
     assert {key: r for key, r in ratios.items() if abs(r - 1) > CLOSE} == {}
+
+
+@pytest.mark.repeats
+def test_sigma_of_delays_differs_from_flight_to_flight_and_so_from_the_plan(tmp_path):
+    """Their velocities and rates are those of the wind; the mean of flights has little of it."""
+    speeds = {
+        name: {**s, "speed_m_s": v} for (name, s), v in zip(TWO.items(), 3 * [55, 85], strict=True)
+    }
+    stages = {"mounting": {"estimate": ESTIMATE, "gnss": ["delay", "attitude_delay"]}}
+    plan = text.from_values(values(**of_strips(**speeds), stages=stages))
+    found = [agreement(plan, flown(plan, tmp_path / f"{seed}", seed)) for seed in range(1, 13)]
+    for name, spread in (("gnss_delay_s", 0.06), ("attitude_delay_s", 0.12)):
+        ratio = np.array([one["single_step", name] for one in found])
+        assert ratio.std() == pytest.approx(spread, rel=0.5)
+        assert ratio.mean() == pytest.approx(1.0, abs=1.5 * spread)
 
 
 def test_a_plan_is_flown_with_its_own_settings_strips_and_points(tmp_path):

@@ -11,7 +11,7 @@ from acx4book.report.words import parameter_title
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.observations.trajectory import position_errors
 from acx4lib.bundle.uses import mounted_orientation
-from acx4lib.calibration import gnss_shift, mounting
+from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
@@ -81,7 +81,7 @@ def test_drifts_are_the_same_by_order_as_by_even_times(striped):
         gnss=GNSS,
     )
     assert_allclose(b.state.drift, 4.0 * a.state.drift, atol=1e-8)
-    by_minute, by_exposure = (gnss_shift.parameters(bundle)[2:] for bundle in (a, b))
+    by_minute, by_exposure = (trajectory_errors.parameters(bundle)[2:] for bundle in (a, b))
     assert by_minute[0].name == "gnss_drift_A_east_m_per_min"
     assert by_exposure[0].name == "gnss_drift_A_east_m_per_exposure"
     assert (by_minute[0].unit, by_exposure[0].unit) == ("m/min", "m/exposure")
@@ -97,8 +97,8 @@ def test_errors_over_seeds_are_as_large_as_the_covariance_says():
     options = {"blocks": ("calibration",), "tie_points": {"calibration": 100}}
     for seed in flown.SEEDS:
         truth, bundle = shifted_flight(seed, options)
-        cov = gnss_shift.reported_covariance(bundle) / bundle.solution.sigma0_sq
-        listed = [*parameters(mounting.from_bundle(bundle)), *gnss_shift.parameters(bundle)]
+        cov = trajectory_errors.reported_covariance(bundle) / bundle.solution.sigma0_sq
+        listed = [*parameters(mounting.from_bundle(bundle)), *trajectory_errors.parameters(bundle)]
         errors = np.array([p.value for p in listed]) - truth
         chi_squares.append(flown.chi_square(errors, cov))
     assert chi_squares[0][1] == 14 + 2 + 15
@@ -170,7 +170,7 @@ def test_a_lever_arm_beside_a_shift_is_known_as_well_as_directions_are_balanced(
 def test_a_shift_is_as_precise_as_the_mean_of_the_positions():
     block = level((0, 0, 180, 0))
     bundle = adjust(mounted_orientation(block, free=(), free_mount=MOUNT[3:], gnss=("shift",)))
-    cov = gnss_shift.reported_covariance(bundle)[3:, 3:] / bundle.solution.sigma0_sq
+    cov = trajectory_errors.reported_covariance(bundle)[3:, 3:] / bundle.solution.sigma0_sq
     assert_allclose(np.sqrt(np.diag(cov)), 0.5 / np.sqrt(12), rtol=1e-3)
 
 
@@ -178,7 +178,7 @@ def test_a_drift_is_as_precise_as_the_slope_of_a_line():
     block = blocks.in_strips(level((0, 180), per_strip=4), 4)
     bundle = adjust(mounted_orientation(block, free=(), gnss=("drift",)))
     t = block.trajectory.time_s[:4]
-    p = gnss_shift.parameters(bundle)[0]
+    p = trajectory_errors.parameters(bundle)[0]
     unit = np.sqrt(bundle.solution.sigma0_sq)
     assert p.sigma / unit == pytest.approx(60 * 0.5 / np.sqrt(4 * np.var(t)), rel=1e-3)
 
@@ -200,20 +200,20 @@ def test_the_covariance_is_that_of_the_whole_normal_matrix(striped):
 
 def test_in_one_direction_a_shift_and_the_lever_arm_are_one_unknown():
     bundle = single_step(level((0, 0, 0)), free=("f",), gnss=("shift",))
-    lines = gnss_shift.not_determined(bundle)
+    lines = trajectory_errors.not_determined(bundle)
     assert [line.split()[0] for line in lines] == ["gnss_shift_east_m", "gnss_shift_north_m"]
     assert "left open by the observations" in lines[0]
     assert "strips flown in opposite directions" in lines[0]
     camera = [line.split()[1] for line in not_determined(mounting.from_bundle(bundle))]
     assert camera == ["lever_x_m", "lever_y_m"]
     held = single_step(level((0, 0, 0)), free=("f",), fix=("lever_arm",), gnss=("shift",))
-    assert gnss_shift.not_determined(held) == []
+    assert trajectory_errors.not_determined(held) == []
 
 
 def test_without_control_a_shift_is_one_of_the_ground(striped):
     block = blocks.in_strips(blocks.standard(control=None), 4)
     bundle = single_step(block, free=("f",), fix=("lever_arm",), gnss=GNSS)
-    lines = gnss_shift.not_determined(bundle)
+    lines = trajectory_errors.not_determined(bundle)
     assert {line.split()[0] for line in lines} >= {
         f"gnss_shift_{axis}_m" for axis in ("east", "north", "height")
     }
@@ -236,7 +236,7 @@ def test_a_drift_is_judged_by_what_it_adds_up_to():
             ),
         )
         assert unit < 0.1
-        assert np.all(gnss_shift.is_determined(known) == determined)
+        assert np.all(trajectory_errors.is_determined(known) == determined)
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -303,7 +303,7 @@ def test_the_summary_says_what_is_held_and_that_the_shift_is_the_blocks_own(fold
 
 def test_with_the_lever_arm_held_the_summary_says_that(noisy):
     bundle = single_step(noisy, fix=("lever_arm",), gnss=("shift",))
-    found, held, _ = gnss_shift.notes(bundle)
+    found, held, _ = trajectory_errors.notes(bundle)
     assert "(height)" in found
     assert held.startswith("the lever arm's z is held")
 
@@ -312,7 +312,7 @@ def test_weights_that_know_of_slow_errors_are_said(striped):
     process = GaussMarkov(share=0.9, time_constant_s=600.0)
     timed = replace(striped.trajectory, time_s=np.arange(12.0), slow_positions=process)
     bundle = single_step(replace(striped, trajectory=timed))
-    assert gnss_shift.notes(bundle) == [
+    assert trajectory_errors.notes(bundle) == [
         "errors of positions are taken to be correlated: 0.9 of their sigma, with a time constant "
         "of 600 s"
     ]
@@ -320,5 +320,5 @@ def test_weights_that_know_of_slow_errors_are_said(striped):
 
 def test_by_default_nothing_is_estimated_and_nothing_said(noisy):
     bundle = single_step(noisy)
-    assert gnss_shift.parameters(bundle) == []
-    assert gnss_shift.notes(bundle) == gnss_shift.not_determined(bundle) == []
+    assert trajectory_errors.parameters(bundle) == []
+    assert trajectory_errors.notes(bundle) == trajectory_errors.not_determined(bundle) == []
