@@ -42,8 +42,8 @@ def two_heights() -> Solution:
     col = colrow_from_xy(camera, pinhole(f_mm, xyz))[:, 0]
     return Solution(
         text=(
-            f"{low:.2f} px at 55 m, {high:.2f} px at 120 m. Heads that are turned to fit at one of the "
-            f"heights miss each other by {low - high:.2f} px at the other."
+            f"{low:.2f} px at 55 m, {high:.2f} px at 120 m. Heads that are turned to fit at one of "
+            f"the heights miss each other by {low - high:.2f} px at the other."
         ),
         value=low - high,
         again=float(col[1] - col[0] - (col[3] - col[2])),
@@ -69,9 +69,10 @@ def unit_of_focal_length() -> Solution:
     right = 2 * np.degrees(np.arctan(1280 / 2 / F_PX))
     return Solution(
         text=(
-            f"5.47125 mm over {1000 * PIXEL_MM:g} µm are {found[0]:.0f} px, a field of {right:.0f}° "
-            f"over 1280 columns. 1459 read as mm would be a telescope with a field of {wrong:.2f}°. "
-            "A focal length of more pixels than a tenth of the width is in pixels."
+            f"5.47125 mm over {1000 * PIXEL_MM:g} µm are {found[0]:.0f} px: a field of "
+            f"{right:.0f}° over 1280 columns. 1459 mm would be a telescope with a field of "
+            f"{wrong:.2f}°. "
+            "A number above a tenth of the columns is in pixels."
         ),
         value=found[0],
         again=found[1],

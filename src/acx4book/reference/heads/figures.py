@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,7 +15,8 @@ from acx4book.reference import data
 from acx4book.reference.heads.parallax import BASES_M, predicted_px
 from acx4book.reference.heads.solved import FIVE, solved
 from acx4book.typesetting import style
-from acx4lib.expected import Array
+from acx4book.typesetting.pictures import HALO
+from acx4lib.expected import Raster
 from acx4lib.production.stripes import stacked
 from acx4lib.synthetic_image.rendering import render_plan
 
@@ -43,8 +46,9 @@ def shares(table: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys([*table["head"], *table["other"]]))
     n, place = len(names), {name: k for k, name in enumerate(names)}
     values = np.full((n, n), np.nan)
-    for row in table.itertuples():
-        values[place[row.other], place[row.head]] = 100 * row.share
+    pairs: list[Any] = table.to_dict("records")
+    for pair in pairs:
+        values[place[pair["other"]], place[pair["head"]]] = 100 * pair["share"]
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 0.42 * n + 1.2))
         style.bare(ax)
@@ -53,8 +57,9 @@ def shares(table: pd.DataFrame) -> Figure:
         ax.set_xticks(range(n - 1), labels[:-1], rotation=35, ha="right", rotation_mode="anchor")
         ax.set_yticks(range(1, n), labels[1:])
         ax.set(ylim=(n - 0.5, 0.5), xlim=(-0.5, n - 1.5))
-        for row in table.itertuples():
-            _cell(ax, place[row.head], place[row.other], 100 * row.share, chained=row.chain)
+        for pair in pairs:
+            cell = place[pair["head"]], place[pair["other"]]
+            _cell(ax, *cell, 100 * pair["share"], chained=pair["chain"])
     return fig
 
 
@@ -100,14 +105,17 @@ def shifts(table: pd.DataFrame) -> Figure:
                 fontsize=style.SMALL,
                 color=style.SOFT,
             )
-        for row in table.itertuples():
-            ax.plot([row.x_px, row.x_left_px], [row.y_px, row.y_left_px], color=style.EDGE, lw=1.2)
+        heads: list[Any] = table.to_dict("records")
+        for head in heads:
+            x, y = ([head[f"{axis}_px"], head[f"{axis}_left_px"]] for axis in "xy")
+            ax.plot(x, y, color=style.EDGE, lw=1.2)
             ax.annotate(
-                style.plain(row.head),
-                (row.x_px, row.y_px),
+                style.plain(head["head"]),
+                (x[0], y[0]),
                 xytext=(5, 4),
                 textcoords="offset points",
                 fontsize=style.SMALL,
+                path_effects=HALO,
             )
         ax.plot(table["x_px"], table["y_px"], "o", color=style.BRICK, label="rotations alone")
         ax.plot(table["x_left_px"], table["y_left_px"], "s", color=style.BLUE, label="places free")
@@ -135,11 +143,11 @@ def falloffs(table: pd.DataFrame) -> Figure:
     groups = list(table.groupby(["head", "other"], sort=False))
     with style.applied():
         fig, axes = style.subplots(2, 2, figsize=(style.WIDTH, 4.6), sharex=True, sharey=True)
-        for ax, ((head, other), own) in zip(axes.flat, groups, strict=True):
+        for ax, (names, own) in zip(axes.flat, groups, strict=True):
             ax.plot(own["radius_px"], own["seen"], "o", color=style.INK, ms=4, label="tie points")
             for name, colour in (("factory", style.ORANGE), ("library", style.BLUE)):
                 ax.plot(own["radius_px"], own[name], color=colour, label=name)
-            ax.set_title(f"{style.plain(head)} / {style.plain(other)}")
+            ax.set_title(" over ".join(style.plain(str(name)) for name in names))
         for ax in axes[1]:
             ax.set_xlabel("radius (px)")
         for ax in axes[:, 0]:
@@ -175,8 +183,8 @@ def stack(*, folder: str = "") -> Figure | None:
     return fig
 
 
-def _shown(band: Array) -> Array:
+def _shown(band: Raster) -> Raster:
     """Return a band in 8 bit, stretched between its percentiles."""
     low, high = np.percentile(band, [1, 99])
     unit = np.clip((band - low) / (high - low), 0, 1) ** (1 / 1.6)
-    return np.asarray(np.rint(unit * LEVELS) * (255 / LEVELS), np.uint8)
+    return (np.rint(unit * LEVELS) * (255 / LEVELS)).astype(np.uint8)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from acx4book.reference.heads.solved import Solved, solved
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.exchange.opencv import FLIP
+from acx4lib.exchange.lens import FLIP
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import opk_from_rotation
 from acx4lib.tie_points.ties import overlaps

@@ -2,50 +2,48 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
 from acx4book.reference.heads.parallax import BASES_M, predicted_px
 from acx4book.typesetting.plain_text import shown
+from acx4lib.expected import Array
 
 
 def chain(table: pd.DataFrame) -> str:
     """Say which pairs tie, and which chain binds all heads."""
-    order = table.sort_values("share")
-    least, most = order.iloc[0], order.iloc[-1]
-    links = table[table["chain"]]
-    weakest = links.sort_values("share").iloc[0]
+    pairs: list[Any] = sorted(table.to_dict("records"), key=lambda pair: pair["share"])
+    links = [pair for pair in pairs if pair["chain"]]
     tied = int((table["ties"] > 0).sum())
     return (
-        f"Of {len(table)} pairs {tied} tie. {_pair(most)} agree best: {most['share']:.0%} of the "
-        f"corners with texture found their partner. {_pair(least)} agree least, {least['share']:.0%}: "
-        "what is bright to one of them is dark to the other. The strongest chain that binds all "
-        f"heads has {len(links)} links, {', '.join(_pair(row) for _, row in links.iterrows())}; its "
-        f"weakest is {_pair(weakest)} with {weakest['share']:.0%}."
+        f"Of {len(table)} pairs, {tied} tie. {_pair(pairs[-1])} agree best: "
+        f"{pairs[-1]['share']:.0%} of the corners with texture found their partner. "
+        f"{_pair(pairs[0])} agree least, with {pairs[0]['share']:.0%}: much of what is bright to "
+        f"one is dark to the other. The strongest chain has {len(links)} links; its weakest is "
+        f"{_pair(links[0])}, with {links[0]['share']:.0%}."
     )
 
 
-def _pair(row: pd.Series) -> str:
-    return f"{shown(row['head'])} with {shown(row['other'])}"
+def _pair(pair: Any) -> str:
+    return f"{shown(pair['head'])} and {shown(pair['other'])}"
 
 
 def agreement(pairs: pd.DataFrame, rotations: pd.DataFrame) -> str:
     """Say how well pairs and rotations agree with each other and with the trial."""
-    trial = rotations.filter(like="minus_trial").to_numpy()
+    trial, number = _less(rotations, "xyz", "trial"), f"{pairs['ties'].sum():,}"
     sigma = rotations.filter(regex="[xyz]_sigma").to_numpy()
     return (
-        f"All {_grouped(pairs['ties'].sum())} tie points together leave {_left_px(pairs):.2f} px in "
-        "a coordinate. "
-        f"The mean of a pair is {pairs['mean_px'].max():.2f} px at most, so no pair of bands pulls "
-        f"in a direction of its own. From the trial the angles differ by {_rms(trial):.4f}° (RMS) "
-        f"and {np.abs(trial).max():.4f}° at most. The noise of matching alone would give standard deviations of "
-        f"{rotations['noise_deg'].max():.4f}° at most. Loops of pairs contradict each other by "
-        f"more, since neighbouring tie points share errors; they give {sigma.max():.4f}°."
+        f"All {number.replace(',', ' ')} tie points together leave {_left_px(pairs):.2f} px in a "
+        f"coordinate. The mean of a pair is {pairs['mean_px'].max():.2f} px at most: no pair of "
+        "bands pulls in a direction of its own. From the trial the angles differ by "
+        f"{_rms(trial):.4f}° (RMS), and by {np.abs(trial).max():.4f}° at most. The noise of "
+        f"matching alone would make standard deviations of {rotations['noise_deg'].max():.4f}° "
+        "at most. But "
+        "neighbouring tie points share errors. By how much pairs contradict each other around "
+        f"closed loops does not depend on that; it makes them {sigma.max():.4f}° at most."
     )
-
-
-def _grouped(number: float) -> str:
-    return f"{int(number):,}".replace(",", " ")
 
 
 def _left_px(pairs: pd.DataFrame) -> float:
@@ -53,20 +51,25 @@ def _left_px(pairs: pd.DataFrame) -> float:
     return float(np.sqrt(np.average(pairs["rms_px"] ** 2, weights=pairs["ties"])))
 
 
-def _rms(values: np.ndarray) -> float:
+def _less(table: pd.DataFrame, axes: str, whose: str) -> Array:
+    """Return the rotations less those of others, degrees."""
+    return table.filter(regex=f"[{axes}]_minus_{whose}").to_numpy(dtype=float)
+
+
+def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
 def readings(table: pd.DataFrame) -> str:
     """Say which readings of the factory's angles the pixels allow."""
-    best, other = table["median_px"].iloc[[0, 2]]
-    order = abs(table["median_px"].iloc[0] - table["median_px"].iloc[1])
+    best, reversed_order, other, _ = table["median_px"].tolist()
     return (
-        f"The pixels decide one question out of two. From head to reference the heads miss each "
-        f"other by {best:.1f} px, the other way by {other:.0f} px. The order of the three rotations "
-        f"changes the misfit by {order:.3f} px, far less than what parallax leaves: angles of half a "
-        "degree commute as well as exactly. The order written first is that of the maker's own "
-        "software."
+        "The pixels decide one question of two. As rotations from head to reference the angles "
+        f"leave {best:.1f} px, as rotations from reference to head {other:.0f} px. The order of "
+        f"the three changes the median by {abs(best - reversed_order):.3f} px only: it hardly "
+        "matters "
+        "for angles of half a degree. The order in the first line is that of the maker's own "
+        "software, and the one that the import takes."
     )
 
 
@@ -74,57 +77,58 @@ def parallax(table: pd.DataFrame) -> str:
     """Say how large the parallax should be, and what was found."""
     height, f = table["height_m"].iloc[0], table["f_px"].iloc[0]
     near, far = (predicted_px(base, height_m=height, f_px=f) for base in BASES_M)
-    before, after = (table[[f"x{way}_px", f"y{way}_px"]].to_numpy() for way in ("", "_left"))
+    before, after = (
+        table[[f"x{way}_px", f"y{way}_px"]].to_numpy(dtype=float) for way in ("", "_left")
+    )
     bases = np.hypot(table["base_x_mm"], table["base_y_mm"])
     return (
-        f"Predicted, for bases of {1000 * BASES_M[0]:.0f} to {1000 * BASES_M[1]:.0f} mm at "
-        f"{height:.0f} m: {near:.2f} to {far:.2f} px. Found, as the RMS of a coordinate of what "
-        f"rotations alone differ from the factory's: {_rms(before):.2f} px, and "
-        f"{np.hypot(*before.T).max():.2f} px in the head that differs most. With the places free, "
-        f"{_rms(after):.2f} px are left, and the places stand {bases.min():.0f} to "
-        f"{bases.max():.0f} mm from their references, {np.median(bases):.0f} mm in the middle. So a "
-        "large part of what rotations differ by is no error of the factory, but parallax; the "
-        "rest, and bases that are longer than such a camera is wide, are lenses that are not quite "
-        "as they were calibrated. A place and a rotation differ by a tenth of their effect, in the "
-        "corners of the image; a principal point that is off by a pixel does the same."
+        f"Predicted for bases of {1000 * BASES_M[0]:.0f} to {1000 * BASES_M[1]:.0f} mm, from "
+        f"{height:.0f} m: {near:.2f} to {far:.2f} px. Found by rotations alone: {_rms(before):.2f} "
+        f"px in a coordinate (RMS), and {np.hypot(*before.T).max():.2f} px in the head that "
+        "differs "
+        f"most. With the places free, {_rms(after):.2f} px are left, and heads stand "
+        f"{bases.min():.0f} to {bases.max():.0f} mm from their references, with a median of "
+        f"{np.median(bases):.0f} mm. So nearly half of what rotations alone differ by is parallax, "
+        "and no error of the factory. The rest, and the longest of the bases, say that the lenses "
+        "are not quite as they were calibrated: in the corners the effects of a place and of a "
+        "rotation differ by a tenth of themselves, and a wrong distortion looks the same."
     )
 
 
 def falloff(table: pd.DataFrame) -> str:
     """Say how well the response agrees with the factory's vignetting."""
-    last = table.groupby(["head", "other"], sort=False).tail(1)
-    row = last.loc[last["factory"].abs().idxmax()]
-    off = (table["library"] - table["factory"]).to_numpy()
+    outer: list[Any] = table.groupby(["head", "other"], sort=False).tail(1).to_dict("records")
+    ring = max(outer, key=lambda one: abs(one["factory"]))
+    off = (table["library"] - table["factory"]).to_numpy(dtype=float)
     return (
-        f"Where the lenses differ, it is seen: {shown(row['head'])} falls off against "
-        f"{shown(row['other'])} by {row['factory']:.1f} % by the factory, {row['seen']:.1f} % at the "
-        f"tie points, {row['library']:.1f} % in the library's response at a radius of "
-        f"{row['radius_px']:.0f} px. Over all rings the response differs from the factory's by "
-        f"{_rms(off):.1f} % (RMS). What both heads of a pair have in common no ratio can tell: most "
-        "of the falloff of every lens."
+        f"The largest difference of two lenses is that of {_pair(ring)}: at a radius of "
+        f"{ring['radius_px']:.0f} px the first has lost {-ring['factory']:.1f} % more than the "
+        f"second by the factory, {-ring['seen']:.1f} % at the tie points, "
+        f"{-ring['library']:.1f} % by "
+        f"the library's response. Over all rings the two differ by {_rms(off):.1f} % (RMS). "
+        "What both heads of a pair have in common, most of their falloff, no ratio can tell."
     )
 
 
 def five(pairs: pd.DataFrame, rotations: pd.DataFrame) -> str:
     """Say the same of the camera with five heads."""
-    trial = rotations.filter(like="minus_trial").to_numpy()
-    links = ", ".join(_pair(row) for _, row in pairs[pairs["chain"]].iterrows())
+    links = [_pair(pair) for pair in pairs[pairs["chain"]].to_dict("records")]
     return (
-        f"The five heads of the older camera leave {_left_px(pairs):.2f} px; the chain is {links}. The rotations differ from the trial's by {_rms(trial):.4f}° (RMS)."
+        f"The older camera has no angles of the factory. Its tie points leave "
+        f"{_left_px(pairs):.2f} px in a coordinate; the chain is {', '.join(links[:-1])}, and "
+        f"{links[-1]}. From the trial the angles differ by "
+        f"{_rms(_less(rotations, 'xyz', 'trial')):.4f}° (RMS)."
     )
 
 
 def answer(pairs: pd.DataFrame, rotations: pd.DataFrame, five_rotations: pd.DataFrame) -> str:
     """Return the chapter's answer."""
-    trial = np.concatenate(
-        [table.filter(like="minus_trial").to_numpy() for table in (rotations, five_rotations)]
-    )
-    factory = rotations.filter(regex="[xy]_minus_factory").to_numpy()
+    trial = np.concatenate([_less(one, "xyz", "trial") for one in (rotations, five_rotations)])
+    factory = _rms(_less(rotations, "xy", "factory"))
     return (
-        "Yes. The pictures and their metadata are enough: tie points bind heads from blue to "
-        "infrared through bands that are alike, three angles a head leave "
-        f"{_left_px(pairs):.2f} px in a coordinate, and an independent trial found the same angles to {_rms(trial):.4f}°. The factory's angles, "
-        f"{_rms(factory):.3f}° away, are right for ground far away; at this height parallax is a "
-        "part of the rotations, and whoever flies at another height needs other ones. There is no "
-        "control point and no INS: how the camera sits on the aircraft these pictures do not tell."
+        "Yes. Bands that are alike bind all heads, from blue to infrared; three angles a head "
+        f"leave {_left_px(pairs):.2f} px in a coordinate, and an independent trial found the same "
+        f"angles to {_rms(trial):.4f}°. The factory's are {factory:.3f}° away, nearly half of it "
+        "parallax: at another height the heads need other angles. How the camera sits on the "
+        "aircraft these pictures do not tell, since they have no control point and no INS."
     )

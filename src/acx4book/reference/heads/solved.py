@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from acx4book.reference import data
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
-from acx4lib.exchange.opencv import FLIP
+from acx4lib.exchange.lens import FLIP
 from acx4lib.exchange.pictures import folder, rig
 from acx4lib.exchange.pictures.rig import Head
 from acx4lib.exchange.pictures.tags import Tags, read
@@ -79,8 +79,9 @@ class Solved:
         """Return the head to which the angles of another are printed."""
         if all(head.reference is None for head in self.heads):
             return self.place(GREEN)
-        named = {head.index: i for i, head in enumerate(self.heads)}
-        return named[self.heads[k].reference] if not self.leads(k) else 0
+        named = [head.index for head in self.heads]
+        own = self.heads[k].reference
+        return 0 if own is None or self.leads(k) else named.index(own)
 
     def leads(self, k: int) -> bool:
         """Tell whether a head is the reference of its rig."""

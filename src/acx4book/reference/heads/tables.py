@@ -26,7 +26,7 @@ def rotations(table: pd.DataFrame, caption: str, *, name: str) -> str:
 
 def beside(table: pd.DataFrame, caption: str, *, name: str) -> str:
     """Return the heads' rotations less those of the factory, and of the trial, as MyST."""
-    columns = {}
+    columns: dict[str, pd.Series] = {}
     for whose in ("factory", "trial"):
         if not table[f"x_minus_{whose}_deg"].isna().all():
             columns |= {f"{whose} {a} (°)": table[f"{a}_minus_{whose}_deg"] for a in "xyz"}

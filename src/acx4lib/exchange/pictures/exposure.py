@@ -61,9 +61,11 @@ def time_of(tags: Tags) -> dt.datetime | None:
     if not text:
         return None
     try:
-        time = dt.datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 EXIF has no zone
+        time = dt.datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S")
     except ValueError:
-        raise tags.wrong("DateTimeOriginal", text, "must be a time as 2023:10:14 11:48:22") from None
+        raise tags.wrong(
+            "DateTimeOriginal", text, "must be a time as 2023:10:14 11:48:22"
+        ) from None
     digits = tags.text("SubsecTimeOriginal", "SubsecTime")
     sign = -1 if digits.startswith("-") else 1
     part = digits.lstrip("-")
@@ -107,10 +109,10 @@ def sigma_of(tags: Tags) -> tuple[float, float, float] | None:
     """Return sigma of east, north and height, m; None where the metadata have none."""
     rtk = [tags.number(name) for name in RTK]
     if all(value is not None and value > 0 for value in rtk):
-        east, north, height = (float(value or 0) for value in rtk)
-        return east, north, height
+        east, north, up = (float(value or 0) for value in rtk)
+        return east, north, up
     plan, height = (tags.number(name) for name in ACCURACY)
-    return (plan, plan, height) if plan and height and plan > 0 and height > 0 else None
+    return (plan, plan, height) if plan and height and min(plan, height) > 0 else None
 
 
 def attitude_of(tags: Tags) -> Attitude | None:

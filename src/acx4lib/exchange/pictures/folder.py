@@ -17,8 +17,9 @@ from acx4lib.exchange.pictures import exposure, radiometry, rig
 from acx4lib.exchange.pictures.lens import Lens, lens_of
 from acx4lib.exchange.pictures.rig import Head
 from acx4lib.exchange.pictures.tags import Tags, read
+from acx4lib.expected import Array
 from acx4lib.flight.setup import LEVER, camera_table
-from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 
 SUFFIXES = (".tif", ".tiff", ".jpg", ".jpeg")
@@ -89,7 +90,7 @@ def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brou
         pictures={f"{block}/{one.file}": one.tags.path for shot in shots for one in shot.taken},
         assumed=tuple(_assumed(shots, heads)),
         found=tuple(_found(shots, heads, lenses, first)),
-        left_out=tuple([*others, *without]),
+        left_out=(*others, *without),
     )
 
 
@@ -103,23 +104,21 @@ def _read_all(source: Path) -> list[Taken]:
     paths = sorted(p for p in source.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
     if not 0 < len(paths) <= MOST:
         kinds = ", ".join(SUFFIXES)
-        raise FlightError([f"{source}: holds {len(paths)} pictures ({kinds}); 1 to {MOST} are read"])
-    found, problems = [], []
+        raise FlightError(
+            [f"{source}: holds {len(paths)} pictures ({kinds}); 1 to {MOST} are read"]
+        )
+    taken: list[Taken] = []
+    problems: list[str] = []
     for path in paths:
         try:
             tags = read(path)
-            found.append(
-                Taken(
-                    tags=tags,
-                    head=rig.head_of(tags),
-                    file=f"images/{path.relative_to(source).as_posix()}",
-                )
-            )
+            file = f"images/{path.relative_to(source).as_posix()}"
+            taken.append(Taken(tags=tags, head=rig.head_of(tags), file=file))
         except FlightError as error:
             problems += error.problems
     if problems:
         raise FlightError(problems)
-    return found
+    return taken
 
 
 def _alike(taken: Sequence[Taken]) -> tuple[list[Taken], list[str]]:
@@ -201,7 +200,7 @@ def _settings(
     crs: str,
 ) -> dict[str, Any]:
     mounts = rig.mountings(heads)
-    cameras = {name: _camera(lens, mounts[name]) for name, lens in lenses.items()}
+    cameras = {name: _camera(lens.camera, mounts[name]) for name, lens in lenses.items()}
     places = np.array([_place(shot) for shot in shots])
     out: dict[str, Any] = {
         "name": source.resolve().name or "pictures",
@@ -215,14 +214,14 @@ def _settings(
     if len(heads) > 1:
         first = lenses[heads[0].name].camera
         ideal = replace(first, name=SYNTHETIC, interior=Interior(f=first.interior.f))
-        cameras[SYNTHETIC] = _camera(Lens(camera=ideal, said="", fitted_px=0.0), rig.DOWN)
+        cameras[SYNTHETIC] = _camera(ideal, rig.DOWN)
         out["synthetic"] = {"camera": SYNTHETIC, "heads": [head.name for head in heads]}
     return out
 
 
-def _camera(lens: Lens, R_b_c: np.ndarray) -> dict[str, Any]:
+def _camera(camera: Camera, R_b_c: Array) -> dict[str, Any]:
     """Return the table of a camera; nothing is known of its lever arm."""
-    mounted = replace(lens.camera, T_b_c=Pose(R=R_b_c, r=np.zeros(3)))
+    mounted = replace(camera, T_b_c=Pose(R=R_b_c, r=np.zeros(3)))
     table = camera_table(mounted)
     zero = ("k1", "k2", "k3", "p1", "p2", "b1")
     return {
@@ -248,7 +247,7 @@ def _tables(shots: Sequence[Shot]) -> dict[str, dict[str, list[Any]]]:
         "exposure": [shot.name for shot, _ in rows],
         "file": [one.file for _, one in rows],
     }
-    points = {name: [] for name in ("image", "point", "col_px", "row_px")}
+    points: dict[str, list[Any]] = {n: [] for n in ("image", "point", "col_px", "row_px")}
     return {"images.csv": images, "image_points.csv": points, "trajectory.csv": _trajectory(shots)}
 
 
@@ -325,11 +324,11 @@ def _found(
     n = sum(len(shot.taken) for shot in shots)
     whole = sum(len(shot.taken) == len(heads) for shot in shots)
     f = [lens.camera.interior.f for lens in lenses.values()]
-    left = max(lens.fitted_px for lens in lenses.values())
+    left = max((lens.fitted for lens in lenses.values()), key=lambda one: one.largest_px)
     said = [
-        f"{n} pictures of {len(heads)} heads, {len(shots)} exposures, {whole} of them with all heads",
+        f"{n} pictures of {len(heads)} heads at {len(shots)} exposures, {whole} of these complete",
         f"focal lengths {min(f):.3f} to {max(f):.3f} mm; "
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
-        f"lenses rewritten with k1 to p2 of the flight: {left:.3f} px are left at most",
+        f"lenses rewritten with k1 to p2 of the flight leave {left}",
     ]
     return [*said, *radiometry.sentences([first[head.name] for head in heads])]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib.errors import FlightError
+from acx4lib.exchange.lens import Left
 from acx4lib.exchange.opencv import from_opencv
 from acx4lib.exchange.pictures.tags import Tags
 from acx4lib.geometry.camera import Camera
@@ -19,6 +20,9 @@ CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCent
 WIDTH_35_MM = 36.0
 PX_OF_WIDTH = 0.1
 """Focal lengths in pixels are more than this share of the width in pixels; in mm they are less."""
+
+WORST_PX = 1.0
+"""Largest distance to the lens of the metadata; more is no lens, or no perspective one."""
 
 _PER_MM = {2: 1 / 25.4, 3: 1 / 10, 4: 1.0, 5: 1000.0}
 """Lengths per mm of EXIF's units: inch, cm, mm, micrometre."""
@@ -34,13 +38,13 @@ class Lens:
         Without mounting.
     said : str
         What it was made of, for the user.
-    fitted_px : float
-        Largest distance, anywhere in the image, to the lens of the metadata.
+    fitted : Left
+        Distances to the lens of the metadata.
     """
 
     camera: Camera
     said: str
-    fitted_px: float
+    fitted: Left
 
 
 def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Lens:
@@ -138,7 +142,12 @@ def _dewarped(tags: Tags, name: str) -> Lens:
         distortion = [0.0] * 5
     said = f"calibration from XMP, {DEWARP}"
     return _made(
-        tags, name, _any_pixel(tags), (fx, fy, middle[0] + cx, middle[1] + cy), distortion, said=said
+        tags,
+        name,
+        _any_pixel(tags),
+        (fx, fy, middle[0] + cx, middle[1] + cy),
+        distortion,
+        said=said,
     )
 
 
@@ -203,10 +212,10 @@ def _made(
         )
     except (ValueError, ArithmeticError) as error:
         raise FlightError([f"{tags.path}: its lens is none: {error}"]) from None
-    if not np.isfinite(left) or left > 1.0:
-        expected = "the distortion cannot be written with k1 to p2"
-        raise tags.wrong(DISTORTION, f"{left:.3g} px are left", expected)
+    if not left.largest_px <= WORST_PX:
+        expected = f"must be written with k1 to p2 to {WORST_PX:g} px"
+        raise tags.wrong(DISTORTION, f"{left.largest_px:.3g} px are left", expected)
     # so that flight.toml has digits that mean something
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
     interior = replace(camera.interior, **numbers)
-    return Lens(camera=camera.with_interior(interior), said=said, fitted_px=left)
+    return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

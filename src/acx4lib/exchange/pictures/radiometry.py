@@ -71,7 +71,7 @@ def sentences(pictures: Sequence[Tags]) -> list[str]:
             for t, one in falls
         ]
         said.append(
-            f"vignetting of {len(falls)} heads, {min(corner):.2f} to {max(corner):.2f} of the middle "
-            "in the corners, not applied"
+            f"vignetting of {len(falls)} heads, corners with {min(corner):.2f} to "
+            f"{max(corner):.2f} of the middle, not applied"
         )
     return said

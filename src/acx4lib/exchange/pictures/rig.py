@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acx4lib.exchange.opencv import FLIP
+from acx4lib.exchange.lens import FLIP
 from acx4lib.exchange.pictures.tags import Tags
 from acx4lib.expected import Array
 

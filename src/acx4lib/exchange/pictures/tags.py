@@ -55,7 +55,7 @@ class Tags:
     def text(self, *names: str) -> str:
         """Return the first of some XMP properties or EXIF tags that is there, or nothing."""
         for name in names:
-            if name in self.xmp and self.xmp[name]:
+            if self.xmp.get(name):
                 return self.xmp[name][0]
             if name in self.exif:
                 return str(self.exif[name]).strip("\0 ")
@@ -168,13 +168,14 @@ def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
 def _flat(page: Any) -> dict[str, Any]:
     """Return the tags of a picture, of EXIF and of GPS by their names."""
     own = {tag.name: tag.value for tag in page.tags.values() if tag.code != _XMP_TAG}
-    parts = (own.pop("ExifTag", {}), own.pop("GPSTag", {}))
-    return {**own, **{name: v for part in parts if isinstance(part, dict) for name, v in part.items()}}
+    parts = [part for part in (own.pop("ExifTag", 0), own.pop("GPSTag", 0)) if part]
+    return {**own, **{name: part[name] for part in parts for name in part}}
 
 
 def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a JPEG."""
-    size, exif, packet = (0, 0, 0, 0), {}, b""
+    exif: dict[str, Any] = {}
+    size, packet = (0, 0, 0, 0), b""
     for marker, part in _segments(data):
         if marker in _SIZES:
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
