@@ -199,11 +199,9 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
     Returns
     -------
     RelativeOrientation
-        Of one perspective centre, since the scale of the image is not known; no exposure, and no
-        covariance.
+        Of one perspective centre, without exposures and covariance.
     """
     expected.sequence("heads", heads, Camera)
-    expected.instance("synthetic", synthetic, Camera)
     n, R_b_h = len(heads), np.stack([head.T_b_c.R for head in heads])
     xyz = np.tile([0.0, 0.0, heads[0].interior.f], (n, 1))
     return RelativeOrientation(

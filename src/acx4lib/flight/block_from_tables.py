@@ -17,6 +17,7 @@ from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Tra
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
+from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.text.table_files import read_table
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
@@ -50,6 +51,18 @@ class BlockTables:
         """All tables that it has."""
         always = (self.images, self.image_points, self.trajectory, self.control)
         return always if self.distances is None else (*always, self.distances)
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """What is wrong with its tables; heads with a picture each need no measurement."""
+        files = self.images.text.get("file", ())
+        pictured = self.name == "heads" and bool(files) and all(files)
+        return tuple(
+            problem
+            for table in self.tables
+            for problem in table.problems
+            if not (pictured and table is self.image_points and problem.found == NO_ROWS)
+        )
 
     @cached_property
     def rays(self) -> Counter[str]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.exchange.pictures.tags import Tags, rational
+from acx4lib.flight.problems import quoted
 
 CAPTURE = ("MicaSense:CaptureId", "drone-dji:CaptureUUID", "Camera:CaptureUUID")
 GIMBAL = tuple(f"drone-dji:Gimbal{name}Degree" for name in ("Roll", "Pitch", "Yaw"))
@@ -63,9 +64,8 @@ def time_of(tags: Tags) -> dt.datetime | None:
     try:
         time = dt.datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S")
     except ValueError:
-        raise tags.wrong(
-            "DateTimeOriginal", text, "must be a time as 2023:10:14 11:48:22"
-        ) from None
+        expected = "must be a time as 2023:10:14 11:48:22"
+        raise tags.wrong("DateTimeOriginal", quoted(text), expected) from None
     digits = tags.text("SubsecTimeOriginal", "SubsecTime")
     sign = -1 if digits.startswith("-") else 1
     part = digits.lstrip("-")
@@ -95,12 +95,12 @@ def _angle(tags: Tags, name: str) -> float | None:
     value = tags.exif.get(name)
     if value is None:
         return None
-    if not isinstance(value, tuple) or len(value) != 6:
-        raise tags.wrong(name, str(value), "must be three ratios")
-    d, m, s = (rational(value[i : i + 2]) for i in (0, 2, 4))
-    degrees = d + m / 60 + s / 3600
-    if not np.isfinite(degrees):
-        raise tags.wrong(name, str(value), "must be three ratios")
+    parts = value if isinstance(value, tuple) else ()
+    if len(parts) == 6:
+        parts = tuple(rational(parts[i : i + 2]) for i in (0, 2, 4))
+    degrees = sum(rational(part) / 60**k for k, part in enumerate(parts))
+    if len(parts) != 3 or not np.isfinite(degrees):
+        raise tags.wrong(name, quoted(str(value)), "must be three ratios")
     negative = str(tags.exif.get(f"{name}Ref", "")).strip("\0 ").upper() in ("S", "W")
     return -degrees if negative else degrees
 

@@ -17,6 +17,7 @@ from acx4lib.exchange.pictures import exposure, radiometry, rig
 from acx4lib.exchange.pictures.lens import Lens, lens_of
 from acx4lib.exchange.pictures.rig import Head
 from acx4lib.exchange.pictures.tags import Tags, read
+from acx4lib.exchange.safe.opened import refusal
 from acx4lib.expected import Array
 from acx4lib.flight.setup import LEVER, camera_table
 from acx4lib.geometry.camera import Camera, Interior
@@ -100,13 +101,11 @@ def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brou
 def _read_all(source: Path) -> list[Taken]:
     """Return all pictures of a folder."""
     if not source.is_dir():
-        raise FlightError([f"{source}: is no folder; pictures are brought by the folder"])
+        raise refusal(str(source), 1, "folder", "is no folder", "must be one with pictures")
     paths = sorted(p for p in source.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
     if not 0 < len(paths) <= MOST:
-        kinds = ", ".join(SUFFIXES)
-        raise FlightError(
-            [f"{source}: holds {len(paths)} pictures ({kinds}); 1 to {MOST} are read"]
-        )
+        found = f"holds {len(paths)} pictures ({', '.join(SUFFIXES)})"
+        raise refusal(str(source), 1, "folder", found, f"must hold 1 to {MOST}")
     taken: list[Taken] = []
     problems: list[str] = []
     for path in paths:
@@ -148,9 +147,9 @@ def _shots(taken: Sequence[Taken]) -> list[Shot]:
         names = [one.head.name for one in group]
         again = next((name for name in names if names.count(name) > 1), "")
         if again:
-            paths = [str(one.tags.path) for one in group if one.head.name == again]
-            msg = f"{paths[0]}: {rig.INDEX}, {rig.BAND}: {again} as in {paths[1]}; once an exposure"
-            raise FlightError([msg])
+            first, second, *_ = [one.tags for one in group if one.head.name == again]
+            found = f"{again} as in {first.path} of the same exposure"
+            raise second.wrong(f"{rig.INDEX}, {rig.BAND}", found, "must be another head's")
     groups.sort(key=lambda group: (_when(group[0].tags), str(group[0].tags.path)))
     names = [exposure.name_of(group[0].tags) for group in groups]
     times = Counter(names)
@@ -172,9 +171,8 @@ def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
     """Return the exposures that have a position, and what is said of the others."""
     placed = [shot for shot in shots if exposure.place_of(shot.taken[0].tags) is not None]
     if not placed:
-        path = shots[0].taken[0].tags.path
-        expected = "no picture has a position, and a flight needs them"
-        raise FlightError([f"{path}: GPSLatitude, GPSLongitude, GPSAltitude: missing; {expected}"])
+        tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
+        raise tags.wrong("GPSLatitude, GPSLongitude, GPSAltitude", "missing", expected)
     without = [shot.name for shot in shots if shot not in placed]
     said = [f"{len(without)} exposures without a position: {_some(without)}"] if without else []
     return placed, said

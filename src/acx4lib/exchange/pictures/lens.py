@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.errors import FlightError
 from acx4lib.exchange.lens import Left
 from acx4lib.exchange.opencv import from_opencv
 from acx4lib.exchange.pictures.tags import Tags
+from acx4lib.flight.problems import quoted
 from acx4lib.geometry.camera import Camera
 
 FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUnits"
@@ -72,7 +72,7 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     """
     model = tags.text("Camera:ModelType") or "perspective"
     if model != "perspective":
-        raise tags.wrong("Camera:ModelType", model, "only perspective lenses are read")
+        raise tags.wrong("Camera:ModelType", quoted(model), "only perspective lenses are read")
     if known_pixel_mm and pixel_mm(tags) is None:
         known = {"FocalPlaneXResolution": 1 / known_pixel_mm, "FocalPlaneResolutionUnit": 4}
         tags = replace(tags, exif={**tags.exif, **known})
@@ -133,7 +133,7 @@ def _dewarped(tags: Tags, name: str) -> Lens:
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        raise tags.wrong(DEWARP, text, "must be numbers") from None
+        raise tags.wrong(DEWARP, quoted(text), "must be numbers") from None
     if len(numbers) != 9:
         raise tags.wrong(DEWARP, f"{len(numbers)} numbers", "must be 9")
     fx, fy, cx, cy, *distortion = numbers
@@ -211,11 +211,13 @@ def _made(
             pixel_mm=pixel,
         )
     except (ValueError, ArithmeticError) as error:
-        raise FlightError([f"{tags.path}: its lens is none: {error}"]) from None
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
     if not left.largest_px <= WORST_PX:
         expected = f"must be written with k1 to p2 to {WORST_PX:g} px"
         raise tags.wrong(DISTORTION, f"{left.largest_px:.3g} px are left", expected)
     # so that flight.toml has digits that mean something
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
+    if not any(distortion):
+        numbers |= dict.fromkeys(("k1", "k2", "k3", "p1", "p2"), 0.0)
     interior = replace(camera.interior, **numbers)
     return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

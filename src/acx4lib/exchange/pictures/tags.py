@@ -73,9 +73,9 @@ class Tags:
         try:
             found = tuple(float(part) for part in parts)
         except ValueError:
-            raise self.wrong(name, ", ".join(parts), "must be numbers") from None
+            raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
         if not np.all(np.isfinite(found)):
-            raise self.wrong(name, ", ".join(parts), "must be finite numbers")
+            raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
         if found and n is not None and len(found) != n:
             raise self.wrong(name, f"{len(found)} numbers", f"must be {n}")
         return found
@@ -88,12 +88,12 @@ class Tags:
             return None
         value = rational(self.exif[name])
         if not np.isfinite(value):
-            raise self.wrong(name, str(self.exif[name]), "must be a number")
+            raise self.wrong(name, quoted(str(self.exif[name])), "must be a number")
         return value
 
     def wrong(self, name: str, found: str, expected: str) -> FlightError:
         """Return the error for a tag of this picture."""
-        return opened.refusal(str(self.path), 1, name, quoted(found), expected)
+        return opened.refusal(str(self.path), 1, name, found, expected)
 
 
 def rational(value: object) -> float:
@@ -128,8 +128,9 @@ def read(path: Path) -> Tags:
             of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
             size, exif, packet = of(data)
     except _BROKEN as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FlightError([f"{path}: is no TIFF or JPEG that can be read ({reason})"]) from None
+        said = str(error) if isinstance(error, ValueError) else "its bytes contradict its header"
+        expected = "must be a TIFF or a JPEG that is whole"
+        raise source.wrong("file", " ".join(said.split()), expected) from None
     width, height, samples, bits = size
     return Tags(
         path=path,

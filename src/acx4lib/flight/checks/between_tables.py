@@ -44,22 +44,10 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
         yield from _distance_problems(tables.distances, tables.image_points)
     yield from _strip_problems(tables, toml)
     yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
-    yield from _unmeasured(tables)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
         yield from _other_cameras(tables.images, toml, ", since measured_in is 'heads'")
-
-
-def _unmeasured(tables: BlockTables) -> Iterator[Problem]:
-    """Yield a problem where nothing is measured; of heads, pictures of all images do as well."""
-    points, files = tables.image_points, tables.images.text.get("file", ())
-    if points.problems or len(points) or (tables.name == "heads" and files and all(files)):
-        return
-    expected = "at least one row under the header"
-    if tables.name == "heads":
-        expected += f", or a picture of every image: column file of {tables.images.file}"
-    yield points.problem(0, "file", "has no rows", expected)
 
 
 def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:

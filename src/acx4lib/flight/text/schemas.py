@@ -58,7 +58,6 @@ SCHEMAS = {
         required=("image", "point", "col_px", "row_px"),
         optional=("sigma_px",),
         keys=(("image", "point"),),
-        rows=False,
     ),
     "trajectory.csv": Schema(
         required=("exposure", "height_m"),
