@@ -21,7 +21,7 @@ import typer
 
 from acx4book.command import compare, render, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
-from acx4book.command.exchange import importing
+from acx4book.command.exchange import export, importing
 from acx4book.command.planning import plan, simulate
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
@@ -160,6 +160,7 @@ def report(
 
 app.command(help=compare.HELP)(compare.compare)
 app.add_typer(importing.app, name="import")
+app.command(help=export.HELP)(export.export)
 app.command(help=render.HELP)(render.render)
 app.command(help=teaching.LAB_HELP)(teaching.lab)
 app.command(help=teaching.GRADE_HELP)(teaching.grade)

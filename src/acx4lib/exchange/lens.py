@@ -30,6 +30,9 @@ FLIP = np.array([1.0, -1.0])
 NODES = (61, 46)
 """Points along and across the image through which a lens is fitted."""
 
+NOTHING = 1e-13
+"""An effect at the image's border, in focal lengths, that only rounding has."""
+
 STEPS = 100
 """Largest number of iterations of `inverse`."""
 
@@ -241,6 +244,21 @@ def inverse(forward: Model, wanted: Array, start: Array) -> Array:
     return np.where(good[:, None], at, np.nan)
 
 
+def on_fisheye(ideal: Array) -> Array:
+    """Return points (n, 2) whose length is the angle from the axis, of ideal points."""
+    r = np.hypot(*ideal.T)
+    scale: Array = np.divide(np.arctan(r), r, out=np.ones_like(r), where=r > 0)
+    return ideal * scale[:, None]
+
+
+def off_fisheye(points: Array) -> Array:
+    """Return the ideal points of points whose length is the angle; NaN from 90 degrees on."""
+    angle = np.hypot(*points.T)
+    ahead = np.where(angle < np.pi / 2, angle, np.nan)
+    scale: Array = np.divide(np.tan(ahead), angle, out=np.ones_like(angle), where=angle != 0)
+    return points * scale[:, None]
+
+
 def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
     """Return OpenCV's coefficients k1, k2, p1, p2, k3 by linear least squares, and what is left.
 
@@ -258,7 +276,8 @@ def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
     across = [y * radial[0], y * radial[1], r2 + 2 * y * y, 2 * x * y, y * radial[2]]
     A = np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
     size = np.abs(A).max(axis=0)  # so that high powers count as much as low ones
-    coefficients = np.linalg.lstsq(A / size, off.T.ravel(), rcond=None)[0] / size
+    effects = np.linalg.lstsq(A / size, off.T.ravel(), rcond=None)[0]
+    coefficients = np.where(np.abs(effects) > NOTHING, effects, 0.0) / size
     return coefficients, _left(A @ coefficients - off.T.ravel(), f_px)
 
 

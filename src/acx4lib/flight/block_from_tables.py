@@ -14,10 +14,10 @@ import numpy as np
 
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
-from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.text.table_files import read_table
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose

@@ -132,7 +132,7 @@ class GridSystem:
         """The heights as a word for readers: a file by its name, a number with its meaning."""
         if isinstance(self.heights, str):
             return Path(self.heights).name
-        return f"{self.heights:g} m less than ellipsoidal"
+        return f"undulation {self.heights:g} m"
 
     def undulation(self, lonlat: Array) -> Array:
         """Return ellipsoidal minus flight heights, m, shape (n,); not finite off the geoid grid."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from acx4book.command.exchange import pictures, projects, trajectories
+from acx4book.command.exchange import blocks, pictures, projects, trajectories
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -21,6 +21,8 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=HELP)
 
 app.command("sbet", help=trajectories.SBET_HELP)(trajectories.sbet)
 app.command("metashape", help=projects.METASHAPE)(projects.metashape)
+app.command("colmap", help=projects.COLMAP)(projects.colmap)
 app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
 app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)
+app.command("opensfm", help=blocks.OPENSFM)(blocks.opensfm)
 app.command("pictures", help=pictures.HELP)(pictures.pictures)

@@ -9,7 +9,7 @@ import typer
 
 from acx4book.command.exchange import bring
 
-METASHAPE = """Read a project of Metashape: cameras, images, measured markers, control, orientations.
+METASHAPE = """Read a project of Metashape: cameras, images, markers, control, orientations.
 
 SOURCE is an XML file that Metashape exported (File > Export > Export Cameras, or Export Markers),
 a project's .psx with its folder .files beside it, or a chunk.zip of that folder.
@@ -73,5 +73,51 @@ def metashape(
 
     brought = reading.read(
         source, camera=camera, orientations=orientations, block=block, crs=crs, chunk=chunk
+    )
+    bring.place(brought, out)
+
+
+COLMAP = """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
+
+SOURCE is the folder of a model, often sparse/0, with cameras, images and points3D as .bin or .txt;
+rigs and frames of COLMAP 3.12 and later are read, too. Measurements that belong to no point are
+left out. A model has no coordinate system: with --crs its x, y, z are east, north and height of
+that system, or its earth-centred coordinates, and --orientations adjusted makes a trajectory of
+its poses, on which a boresight means nothing.
+
+\b
+Example:
+  acx4 import colmap sparse/0 --out my_flight
+  acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
+"""
+
+PixelUm = Annotated[
+    float | None,
+    typer.Option(
+        "--pixel-um",
+        metavar="UM",
+        show_default=False,
+        min=0.1,
+        max=1000,
+        help="Pixel size, which the files do not have; by default 5.",
+    ),
+]
+
+
+def colmap(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    orientations: Annotated[
+        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
+    ] = "none",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a model of COLMAP has of a flight."""
+    from acx4lib.exchange.programs.colmap import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
     )
     bring.place(brought, out)

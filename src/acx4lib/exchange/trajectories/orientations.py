@@ -10,10 +10,10 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe.opened import Opened
-from acx4lib.exchange.trajectories.columns import UNITS
+from acx4lib.exchange.trajectories.columns import UNITS, position_of
 from acx4lib.exchange.trajectories.listed import Listed
 from acx4lib.expected import Array
-from acx4lib.flight.problems import Problem, lines_of
+from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.text.schemas import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
@@ -21,6 +21,10 @@ from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 OPK, RPH = ("omega", "phi", "kappa"), ("roll", "pitch", "heading")
 GRID, GEOGRAPHIC = ("east", "north"), ("lat", "lon")
 TURN_DEG = 360.0
+METRES_A_DEGREE = 111_320.0
+AGREED_M = 1.0
+"""Within this, and the last digit, positions in two forms must agree."""
+
 ORDERS = ("opk", "pok")
 NORTHS = ("grid", "true")
 
@@ -182,18 +186,30 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
 
 
 def lonlat_of(listed: Listed, found: Oriented, meaning: Meaning) -> Array:
-    """Return longitude and latitude, deg, shape (n, 2), by the CRS where the list has none."""
-    if found.lonlat is not None:
+    """Return longitude and latitude, deg, shape (n, 2), of east and north if it has both."""
+    if found.lonlat is not None and (found.east_north is None or not meaning.crs):
         return found.lonlat
     grid = grid_system(listed.source, meaning, "east and north, and attitudes against true north")
     return _reached(listed, grid.lonlat_from_grid(np.asarray(found.east_north)))
 
 
 def apart(listed: Listed, found: Oriented, meaning: Meaning) -> float:
-    """Return the largest distance of the grid positions from the geographic ones, m."""
+    """Return the largest distance of the grid positions from the geographic ones, m.
+
+    Raises
+    ------
+    FlightError
+        Where it is more than the last digit of the geographic ones explains.
+    """
     grid = grid_system(listed.source, meaning, "positions in two forms")
     off = grid.grid_from_lonlat(np.asarray(found.lonlat)) - np.asarray(found.east_north)
-    return float(np.hypot(*off.T).max())
+    far = np.hypot(*off.T)
+    k_lat = listed.at("lat")
+    decimals = min(len(row.cells[k_lat].partition(".")[2]) for row in listed.rows)
+    allowed = AGREED_M + METRES_A_DEGREE * 10.0**-decimals
+    expected = f"must be within {allowed:.4g} m of lat, lon in {meaning.crs}; is --crs right?"
+    _refuse(listed, "east, north", ~(far <= allowed), expected)
+    return float(far.max())
 
 
 def _rotation(opk: Array, order: str) -> Array:
@@ -277,12 +293,13 @@ def _reached(listed: Listed, values: Array) -> Array:
 
 def _refuse(listed: Listed, name: str, wrong: Any, expected: str) -> None:
     rows, file = listed.rows, listed.source.file
+    at = position_of(listed.columns, name)
     problems = [
         Problem(
             file=file,
             line=rows[k].number,
             column=name,
-            found=" ".join(rows[k].cells)[:80],
+            found=quoted(" ".join(rows[k].cells) if at is None else rows[k].cells[at]),
             expected=expected,
         )
         for k in np.flatnonzero(wrong).tolist()
@@ -312,16 +329,14 @@ def grid_file(meaning: Meaning) -> dict[str, Path]:
 
 def heights_said(meaning: Meaning) -> str:
     """Return the sentence on heights."""
-    number = isinstance(meaning.heights, float)
-    named = (
-        f"{meaning.heights} m less than ellipsoidal" if number else f"those of {meaning.heights}"
-    )
-    system = "ellipsoidal" if meaning.heights == "ellipsoidal" else named
-    if meaning.ellipsoidal and meaning.heights != "ellipsoidal":
+    heights = meaning.heights
+    named = f"by {heights}" if isinstance(heights, str) else f"by an undulation of {heights:g} m"
+    system = "ellipsoidal" if heights == "ellipsoidal" else named
+    if meaning.ellipsoidal and heights != "ellipsoidal":
         system = f"ellipsoidal there, and {named} in the flight"
     ground = (
         ""
         if meaning.ground_m is None
-        else (f"; above {meaning.ground_m:g} m they carry the scale of the map, which is taken out")
+        else f"; above {meaning.ground_m:g} m they carry the scale of the map, which is taken out"
     )
     return f"Heights are {system}{ground}."

@@ -165,14 +165,23 @@ def correlated(**apriori):
     return replace(plan, values={**plan.values, "apriori": {**plan.values["apriori"], **apriori}})
 
 
-def test_correlated_errors_of_a_plan_are_flown_and_two_time_constants_are_refused():
+def test_correlated_errors_of_a_plan_are_flown_each_with_its_time_constant():
     gnss = {"gnss_correlated_share": 0.9, "gnss_correlation_s": 60.0}
-    flight = to_simulator.simulate(correlated(**gnss), seed=1, options=Options())
-    slow = {"gnss": 0.9, "attitude": 0.0, "time_constant_s": 60.0}
-    assert flight.truth["options"]["slow_errors"] == slow
     attitude = {"attitude_correlated_share": 0.5, "attitude_correlation_s": 90.0}
-    with pytest.raises(FlightError, match="apriori: a simulated flight has one time constant"):
-        to_simulator.simulated(correlated(**gnss, **attitude))
+    flown_with = {
+        "gnss": 0.9,
+        "gnss_constant_s": 60.0,
+        "attitude": 0.5,
+        "attitude_constant_s": 90.0,
+    }
+    for apriori, expected in (
+        (gnss, {**flown_with, "attitude": 0.0, "attitude_constant_s": 600.0}),
+        ({**gnss, **attitude}, flown_with),
+    ):
+        flight = to_simulator.simulate(correlated(**apriori), seed=1, options=Options())
+        assert flight.truth["options"]["slow_errors"] == expected
+    white = to_simulator.simulate(text.from_values(values()), seed=1, options=Options())
+    assert white.truth["options"]["slow_errors"] is None
 
 
 def test_what_the_simulator_does_not_have_is_named():

@@ -58,7 +58,7 @@ class Calibration:
 
     def colrow(self, ideal: Array) -> Array:
         """Return the library's pixels of ideal points, shape (n, 2)."""
-        points = _on_the_fisheye(ideal) if self.type == "fisheye" else ideal
+        points = lens.on_fisheye(ideal) if self.type == "fisheye" else ideal
         return self._pixels(_distorted(self.others, points))
 
     def ideal(self, colrow: Array) -> Array:
@@ -66,7 +66,7 @@ class Calibration:
         start = self.hole.points(colrow)
         start[:, 0] -= self.others.get("b2", 0.0) / self.hole.fx * start[:, 1]
         points = lens.inverse(lambda at: _distorted(self.others, at), start, start)
-        return _off_the_fisheye(points) if self.type == "fisheye" else points
+        return lens.off_fisheye(points) if self.type == "fisheye" else points
 
     def _pixels(self, distorted: Array) -> Array:
         colrow = self.hole.colrow(distorted)
@@ -83,17 +83,3 @@ def _distorted(others: Mapping[str, float], points: Array) -> Array:
     dx = (p1 * (r2 + 2 * x * x) + 2 * p2 * x * y) * more
     dy = (p2 * (r2 + 2 * y * y) + 2 * p1 * x * y) * more
     return np.stack([x * radial + dx, y * radial + dy], axis=1)
-
-
-def _on_the_fisheye(ideal: Array) -> Array:
-    """Return points at the distance of the angle from the axis, not of its tangent."""
-    r = np.hypot(*ideal.T)
-    scale: Array = np.divide(np.arctan(r), r, out=np.ones_like(r), where=r > 0)
-    return ideal * scale[:, None]
-
-
-def _off_the_fisheye(points: Array) -> Array:
-    angle = np.hypot(*points.T)
-    ahead = np.where(angle < np.pi / 2, angle, np.nan)
-    scale: Array = np.divide(np.tan(ahead), angle, out=np.ones_like(angle), where=angle != 0)
-    return points * scale[:, None]

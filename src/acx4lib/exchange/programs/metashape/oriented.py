@@ -19,23 +19,14 @@ from acx4lib.exchange.programs.metashape.shots import (
     rotation,
 )
 from acx4lib.exchange.programs.shared import proof, tables
+from acx4lib.exchange.programs.shared.adjusted import MEANS_NOTHING, Flown
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array, Index
-from acx4lib.flight.text.in_memory import Columns
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, transform
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flown:
-    """A trajectory, or none, and what is said of it."""
-
-    table: Columns | None = None
-    assumed: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,12 +166,8 @@ def _adjusted(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         there = tables.grid_poses_of_ecef(grid, Pose(R=T_b.R[None], r=T_b.r[None]))
         enh.append(there[0][0])
         opk.append(there[1][0])
-    assumed = (
-        "The trajectory is what Metashape adjusted, camera and body being one: the boresight and "
-        "the lever arm that a calibration finds on it mean nothing",
-    )
     table = tables.trajectory_in_grid(list(known), np.array(enh), np.array(opk))
-    return Flown(table=table, assumed=assumed)
+    return Flown(table=table, assumed=(MEANS_NOTHING,))
 
 
 def similarity(chunk: Chunk, shot: Shot) -> Similarity:

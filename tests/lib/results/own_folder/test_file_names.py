@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acx4lib.production.file_names import file_stem
+from acx4lib.results.own_folder.file_names import file_stem
 from support.flights import payloads
 
 every_name = pytest.mark.parametrize("name", payloads.NAMES.values(), ids=payloads.NAMES)
