@@ -101,9 +101,8 @@ def export(
     found = calibrated.read(results, method=method, heads=kind.heads)
     made = _made(kind, found, orientations, flight)
     taken.require_near(made, allow)
-    names = ", ".join(camera.name for camera in found.cameras)
-    title = f"{to}: {names} by {found.method}"
-    taken.write(made, out, title=title)
+    title = f"{to}: {found.title}"
+    taken.write(made, out, title=title, origin=found.origin)
     _show(title, found, made)
     terminal.show(f"{out}: {', '.join([*made.files, taken.STATEMENT])}")
 

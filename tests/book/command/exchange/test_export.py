@@ -3,6 +3,7 @@
 import pytest
 
 from acx4lib.exchange.outward.kinds import KINDS
+from acx4lib.results import provenance
 from support.run_results import estimated, leave_calibration
 
 
@@ -26,6 +27,13 @@ def test_every_kind_is_written_said_and_the_same_again(acx4, rig, tmp_path, kind
     assert len(names) >= 3  # at least one file, export.md, the mark
     for name in names:
         assert (outs[0] / name).read_bytes() == (outs[1] / name).read_bytes()
+
+
+def test_what_is_written_says_which_flight_it_is_of(acx4, rig, tmp_path):
+    acx4("export", rig, "--to", "toml", "--out", tmp_path / "out")
+    text = (tmp_path / "out" / "export.md").read_text()
+    digest = provenance.read(rig).digest
+    assert f"Calibrated on the flight 'small'; SHA-256 of its tables {digest}.\n" in text
 
 
 def test_images_of_a_later_flight_are_oriented_by_it(acx4, rig, tmp_path):
