@@ -63,7 +63,7 @@ def read(node: Node) -> Control:
             if at is not None:
                 images.append(seen.one("shot_id").text())
                 points.append(name)
-                normalised.append(at.numbers(2))
+                normalised.append([at.one(k).number(project.NORMALISED) for k in (0, 1)])
     return Control(
         names=tuple(names),
         lonlath=np.array(places).reshape(-1, 3),

@@ -24,6 +24,7 @@ VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
 LENGTH = Range(-1e8, 1e8)
+NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
 
 
@@ -148,8 +149,8 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
     names = tuple(name for name, _ in found)
     models = tuple(shot.one("camera").text() for _, shot in found)
-    R_v_w = exp(np.array([_three(shot.one("rotation"), TURN) for _, shot in found]))
-    t = np.array([_three(shot.one("translation"), LENGTH) for _, shot in found])
+    R_v_w = exp(np.array([three(shot.one("rotation"), TURN) for _, shot in found]))
+    t = np.array([three(shot.one("translation"), LENGTH) for _, shot in found])
     alone = zip(names, names, models, strict=True)
     rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
     return Shots(
@@ -162,7 +163,8 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     )
 
 
-def _three(node: Node, allowed: Range) -> list[float]:
+def three(node: Node, allowed: Range) -> list[float]:
+    """Return three numbers inside a range."""
     values = node.numbers(3)
     for value in values:
         if value not in allowed:
@@ -175,7 +177,7 @@ def _gps(shot: Node) -> list[float]:
     position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
     if position is None or (dop is not None and dop.number() >= 999_999):
         return [np.nan] * 3
-    return _three(position, LENGTH)
+    return three(position, LENGTH)
 
 
 def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -206,11 +208,16 @@ def rig_mounts(node: Node | None) -> dict[str, Pose]:
         return {}
     return {
         name: Pose(
-            R=exp(np.array(_three(one.one("rotation"), TURN))),
-            r=np.array(_three(one.one("translation"), LENGTH)),
+            R=exp(np.array(three(one.one("rotation"), TURN))),
+            r=np.array(three(one.one("translation"), LENGTH)),
         ).inverse
         for name, one in node.items()
     }
+
+
+def points(node: Node) -> dict[str, list[float]]:
+    """Return the coordinates of object points by their names."""
+    return {name: three(one.one("coordinates"), LENGTH) for name, one in node.items()}
 
 
 def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
@@ -230,7 +237,7 @@ def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
             continue
         images.append(row.cell(0, "image"))
         names.append(row.cell(1, "track"))
-        points.append(row.numbers(3, 5, "x, y"))
+        points.append(row.numbers(3, 5, "x, y", NORMALISED))
     return images, names, np.array(points).reshape(-1, 2)
 
 

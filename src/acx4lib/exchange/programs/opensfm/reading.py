@@ -138,9 +138,7 @@ def _of_library(T_r_v: Pose) -> Pose:
 def _images(found: Project, root: Node, shots: Shots, refitted: Refitted) -> Oriented:
     """Return shots, points and measurements."""
     known = root.maybe("points")
-    x_w = (
-        {} if known is None else {n: one.one("coordinates").numbers(3) for n, one in known.items()}
-    )
+    x_w = {} if known is None else project.points(known)
     source = found.maybe(project.TRACKS)
     images, names, points = ([], [], np.zeros((0, 2))) if source is None else project.tracks(source)
     row_of = {name: row for row, name in enumerate(shots.names)}
