@@ -93,10 +93,15 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     if chosen not in usable:
         raise FlightError([_missing(found, chosen, there, heads=heads)])
     flight = read_kept(at / provenance.KEPT)
+    try:
+        calibration = _calibration(found, chosen, flight)
+    except (ValueError, KeyError, np.linalg.LinAlgError) as error:  # a run does not write such
+        what = f"{at / 'parameters.csv'}:1: {_key(chosen)}: {error}"
+        raise FlightError([f"{what}; must be what a run wrote, run all stages again"]) from None
     return Calibrated(
         flight=flight,
         method=chosen,
-        calibration=_calibration(found, chosen, flight),
+        calibration=calibration,
         others=tuple(name for name in usable if name != chosen),
     )
 

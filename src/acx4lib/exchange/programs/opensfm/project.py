@@ -16,6 +16,9 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose, exp
 
+OPENSFM = "opensfm"
+"""Folder of OpenSfM's files in a project of ODM."""
+
 RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
 MODELS = ("camera_models.json", "cameras.json")
 """Cameras before the adjustment, by OpenSfM; and by ODM those that it found."""
@@ -49,6 +52,8 @@ class Project:
         """Return the first file of these names that is there."""
         for name in names:
             path = self.folder / self.names.get(name, name)
+            if name.startswith("../") and self.folder.name != OPENSFM:
+                continue  # above the folder is ODM's only if it has this name
             if path.is_symlink() or path.exists():
                 return self.read.setdefault(path.name, opened.read(path))
         return None
@@ -95,7 +100,7 @@ def project_of(source: Path) -> Project:
     if not source.is_dir():
         kind = MODELS[0] if _is_cameras(source) else RECONSTRUCTION
         return Project(folder=source.parent, names={kind: source.name} | _none_but(kind))
-    for folder in (source, source / "opensfm"):
+    for folder in (source, source / OPENSFM):
         known = Project(folder=folder)
         if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *MODELS)):
             return known
