@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acx4lib.exchange.brought import Brought
-from acx4lib.exchange.programs.metashape import files, markers, oriented
+from acx4lib.exchange.programs.metashape import alone, files, markers, oriented
 from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.sensors import Sensor, sensors
@@ -43,13 +43,14 @@ def read(
     block: str | None = None,
     crs: str | None = None,
     chunk: str | None = None,
+    pixel_um: float | None = None,
 ) -> Brought:
-    """Read a chunk.
+    """Read a chunk, or the cameras of a file without images.
 
     Parameters
     ----------
     source : Path
-        XML that Metashape exported, a ``.psx`` or a ``chunk.zip``.
+        XML that Metashape exported, a ``.psx`` or a ``chunk.zip``, or a calibration.
     camera : str
         Which calibration is taken where there are both: adjusted or initial.
     orientations : str
@@ -61,6 +62,8 @@ def read(
         The flight's projected CRS; by default the chunk's own, or its UTM zone.
     chunk : str, optional
         Label of the chunk; by default the active one.
+    pixel_um : float, optional
+        Pixel size where the file has none.
 
     Raises
     ------
@@ -68,6 +71,8 @@ def read(
         Where the file is no project of Metashape, or something in it cannot be.
     """
     whole = files.chunk(source, label=chunk)
+    if alone.has_none_but_cameras(whole):
+        return alone.read(whole, wanted=camera, pixel_um=pixel_um)
     of = sensors(whole.root, wanted=camera)
     every, doubled = shots(whole.root, of)
     used = {i: one for i, one in every.items() if one.enabled}
@@ -77,7 +82,7 @@ def read(
         raise whole.root.one("cameras").wrong("has no camera that is used", "must have one")
     named = {one.camera for one in used.values()}
     lenses = {one.name: one.lens for one in of.values() if one.name in named}
-    fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=None))
+    fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=pixel_um))
     system = _system(whole, used, wanted=crs)
     names = markers.labels(whole.root)
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)

@@ -127,4 +127,4 @@ def _shift(element: Element) -> Shift:
 
 def _optional(element: Element, tag: str) -> float:
     found = element.maybe(tag)
-    return 0.0 if found is None else found.number(COEFFICIENT)
+    return 0.0 if found is None else found.number(allowed=COEFFICIENT)

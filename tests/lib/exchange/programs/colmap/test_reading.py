@@ -162,3 +162,15 @@ def test_eleven_pictures_are_met_as_colmap_meets_them(form):
     assert rms(brought) == pytest.approx(0.797, abs=0.002)
     assert len(brought.tables["calibration/images.csv"]["image"]) == 11
     assert "79314 measurements that belong to no point" in brought.left_out
+
+
+@pytest.mark.parametrize("write", [colmap.write_text, colmap.write_binary])
+def test_cameras_alone_are_brought_with_their_rig(tmp_path, write):
+    folder = write(tmp_path / "m")
+    whole = reading.read(folder, crs=scene.CRS)
+    for path in folder.iterdir():
+        if path.stem in ("images", "points3D", "frames"):
+            path.unlink()
+    brought = reading.read(folder)
+    assert not brought.tables
+    assert brought.settings["cameras"] == whole.settings["cameras"]
