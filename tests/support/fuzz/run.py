@@ -19,7 +19,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[2]
 
-ALL = ("flights", "strangers.cases")
+ALL = ("flights.cases", "strangers.cases")
 """Modules that make cases."""
 
 
@@ -60,7 +60,7 @@ class Report:
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
-def run(work: Path, *, cases: int, seed: int, what: str = "flights") -> Report:
+def run(work: Path, *, cases: int, seed: int, what: str = "flights.cases") -> Report:
     """Work through the cases of a seed in one process; a new one where it was killed.
 
     Parameters

@@ -12,6 +12,7 @@ import numpy as np
 
 from acx4lib.exchange.outward.kinds import KINDS as EXPORTS
 from support import run_results
+from support.pictures import tagged
 from support.projects import colmap, metashape, opf
 
 CRS = ("--crs", "EPSG:31982")
@@ -158,6 +159,16 @@ def _sbet(folder: Path) -> None:
     (folder / "events.csv").write_text(EVENTS)
 
 
+def _pictures(folder: Path) -> None:
+    """Write two heads of one exposure, and a JPEG of another camera."""
+    for index in (0, 1):
+        head = tagged.micasense(index, relatives=[0.1 * index, 0.2 * index, 0.0])
+        tagged.write(folder / f"IMG_0001_{index + 1}.tif", head)
+    angles = {"GimbalYawDegree": 10, "GimbalPitchDegree": -90, "GimbalRollDegree": 0}
+    of_dji = {f"drone-dji:{name}": value for name, value in angles.items()}
+    tagged.write(folder / "DJI_0001.JPG", of_dji, attributes=True)
+
+
 def _results(folder: Path) -> None:
     made = run_results.leave_calibration(folder / "made", run_results.estimated("CAM"))
     shutil.copytree(made, folder / "results")
@@ -207,6 +218,7 @@ SOURCES: dict[str, Source] = {
     "orientations": Source(
         write=_files(eo__csv=ORIENTATIONS), source="eo.csv", options=(*CRS, "--of", "camera")
     ),
+    "pictures": Source(write=_pictures),
     "export": Source(write=_results, source="results", options=("--allow", "1")),
 }
 """By the name of the kind."""
