@@ -124,8 +124,9 @@ def camera(name: str, width: float, height: float, parameters: Array, wrong: Wro
     wanted = lens.MODELS[name].names
     if len(parameters) != len(wanted):
         raise wrong(f"{name} has {len(parameters)} parameters", f"must be {', '.join(wanted)}")
-    if not np.isfinite(parameters).all() or (parameters[: lens.MODELS[name].first - 2] <= 0).any():
-        raise wrong(f"{name} {parameters.tolist()}", "must be finite, focal lengths positive")
+    require_size(parameters, wrong)
+    if (parameters[: lens.MODELS[name].first - 2] <= 0).any():
+        raise wrong(f"{name} {parameters.tolist()}", "focal lengths must be positive")
     return Camera(
         model=name, width=int(width), height=int(height), parameters=tuple(parameters.tolist())
     )
