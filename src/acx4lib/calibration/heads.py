@@ -186,6 +186,33 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     )
 
 
+def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> RelativeOrientation:
+    """Return the orientation of heads that no measurement has calibrated: as they are declared.
+
+    Parameters
+    ----------
+    heads : sequence of Camera
+        The first one is the reference.
+    synthetic : Camera
+        Its declared mounting turns the body frame into the synthetic frame.
+
+    Returns
+    -------
+    RelativeOrientation
+        Of one perspective centre, without exposures and covariance.
+    """
+    expected.sequence("heads", heads, Camera)
+    n, R_b_h = len(heads), np.stack([head.T_b_c.R for head in heads])
+    xyz = np.tile([0.0, 0.0, heads[0].interior.f], (n, 1))
+    return RelativeOrientation(
+        heads=tuple(heads),
+        xyz_mm=xyz,
+        opk=Pose(R=synthetic.T_b_c.R.T @ R_b_h, r=xyz).opk,
+        cov_joint=np.zeros((15 * n, 15 * n)),
+        n_exposures=0,
+    )
+
+
 def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
     """Return every head's images at the exposures that all heads have, and these exposures."""
     sets = []

@@ -59,7 +59,11 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
         if brought.settings and not edited:
             texts[SETTINGS] = _settings(folder, brought.settings)
-        pictures = {name: one for name, one in brought.pictures.items() if one != folder / name}
+        pictures = {
+            name: one
+            for name, one in brought.pictures.items()
+            if one.absolute() != (folder / name).absolute()
+        }
         names = [*texts, *pictures]
         if changed := marks.changes(folder, names):
             msg = f"{changed[0]}; move it away, or choose another folder"

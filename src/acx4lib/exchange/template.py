@@ -22,7 +22,7 @@ HEAD = """\
 
 name = {name}
 crs = {crs}  # projected CRS, in metres, of all east and north
-heights = {heights}  # or "ellipsoidal", a vertical CRS, a geoid grid file, an undulation in m
+heights = {heights}  # "ellipsoidal", a vertical CRS, a geoid grid file, or an undulation in m
 refraction = "none"  # or "standard"
 """
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
 from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
@@ -50,6 +51,18 @@ class BlockTables:
         """All tables that it has."""
         always = (self.images, self.image_points, self.trajectory, self.control)
         return always if self.distances is None else (*always, self.distances)
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """What is wrong with its tables; heads with a picture each need no measurement."""
+        files = self.images.text.get("file", ())
+        pictured = self.name == "heads" and bool(files) and all(files)
+        return tuple(
+            problem
+            for table in self.tables
+            for problem in table.problems
+            if not (pictured and table is self.image_points and problem.found == NO_ROWS)
+        )
 
     @cached_property
     def rays(self) -> Counter[str]:

@@ -21,8 +21,8 @@ from acx4lib.flight.text.schemas import SCHEMAS
 from acx4lib.flight.text.table import Table
 from acx4lib.results.own_folder.claims import OwnFolder
 
-MAY_LACK = ("image_points", "control_points")
-"""Tables that a flight to be measured may lack, or that may have a header only."""
+SETTINGS = "flight.toml"
+"""Is written last: with it the folder is a flight, into which no command writes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ def _empty(table: str, path: Path) -> Table:
 
 
 def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
-    """Copy a flight's settings, tables and pictures; image points follow later.
+    """Copy a flight's tables and pictures; image points and settings follow later.
 
     Pictures are linked where the file system can, so that they take no more space. Images without
     a picture and without measurements are left out.
@@ -136,7 +136,8 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     missing = [] if any("control_points" in name for name in names) else ["control_points.csv"]
     own.expect([*names, *pictures, *missing])
     for name in names:
-        _put(own.path / name, (flight.path / name).read_bytes())
+        if name != SETTINGS:
+            _put(own.path / name, (flight.path / name).read_bytes())
     for block, tables in unmeasured.tables.items():
         _put(own.path / block / "images.csv", _used_images(unmeasured, block, tables))
     for name in missing:
@@ -189,6 +190,12 @@ def _link(source: Path, target: Path) -> None:
         target.hardlink_to(source)
         return
     shutil.copyfile(source, target)
+
+
+def finished(unmeasured: Unmeasured, own: OwnFolder) -> None:
+    """Make a flight of a folder that has all tables, by its settings."""
+    _put(own.path / SETTINGS, (unmeasured.flight.path / SETTINGS).read_bytes())
+    own.seal()
 
 
 def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:

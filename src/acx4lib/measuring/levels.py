@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.errors import FlightError
+from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.expected import Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
-from acx4lib.measuring.oriented import refined
+from acx4lib.measuring.oriented import approximate, firm, refined
 from acx4lib.measuring.pictures.corners import corners
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.overlaps import overlapping
@@ -131,8 +131,8 @@ def match_block(
         except FlightError:
             if best is None:
                 raise
-            return best
-        found = refined(block, views, rays, flying_height=_height(views, surface))
+            break
+        found = refined(approximate(block, _height(views, surface)), views, rays)
         views, surface = found.views, found.surface
         level = Matched(
             views=found.views,
@@ -142,10 +142,22 @@ def match_block(
             reduced=shrink[0] // of_file,
         )
         if best is not None and level.weight < best.weight:
-            return best
+            break
         best = level
     assert best is not None  # there is always a first level
     return best
+
+
+def placed(block: Block, matched: Matched) -> Matched:
+    """Return a matched block moved to where its trajectory says that it is.
+
+    Its pictures agree with each other already; surveyed points need more.
+    """
+    try:
+        found = refined(firm(block), matched.views, matched.rays)
+    except AdjustmentError:
+        return matched
+    return replace(matched, views=found.views, surface=found.surface)
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:

@@ -15,7 +15,7 @@ from acx4lib.flight.reader import Flight, read
 from acx4lib.geometry.camera import mountings
 from acx4lib.measuring import flights
 from acx4lib.measuring.flights import Measured, Unmeasured
-from acx4lib.measuring.levels import Matched, MeasureOptions, match_block
+from acx4lib.measuring.levels import Matched, MeasureOptions, match_block, placed
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.store import Matching
@@ -104,7 +104,7 @@ def measure_flight(
                 out.append(one)
             flights.write_points(own, name, rows)
         matching.forget()
-        own.seal()
+        flights.finished(unmeasured, own)
     read(folder)
     return out
 
@@ -124,6 +124,7 @@ def _measured(
     views = views_of(flight, block, [path for path in files if path is not None])
     surface = _ground(unmeasured, block, options)
     matched = match_block(block, views, surface, options=options, matching=matching, tell=tell)
+    matched = placed(block, matched)
     control = unmeasured.tables[name].control
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     names = control.text["point"]

@@ -21,11 +21,12 @@ from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.views import View, seen_at
 from acx4lib.measuring.points import Rays
 
-LOOSE_POSITION = 0.005
-"""Standard deviation of a position as an approximate value, in flying heights."""
+LOOSE_POSITION, LOOSE_ATTITUDE = 0.005, float(np.radians(1.0))
+"""Standard deviations of positions, in flying heights, and of attitudes as approximate values."""
 
-LOOSE_ATTITUDE = np.radians(1.0)
-"""Standard deviation of an attitude, and of a boresight, as an approximate value."""
+FIRM_POSITION_M, FIRM_ATTITUDE = 0.2, float(np.radians(0.02))
+"""Least standard deviations where the trajectory is to say where the block is: room for a lever arm
+that is not declared, and for delays."""
 
 LEVER_M = 1.0
 """Standard deviation of a lever arm as an approximate value."""
@@ -58,28 +59,25 @@ class Oriented:
     bundle: Bundle
 
 
-def refined(block: Block, views: Sequence[View], rays: Rays, *, flying_height: float) -> Oriented:
+def refined(block: Block, views: Sequence[View], rays: Rays) -> Oriented:
     """Adjust the rays of points, reject gross errors, and refine orientations and ground.
 
-    The trajectory is only an approximate value here, so that neither a wrong boresight nor a wrong
-    lever arm is taken for errors of measurements; nothing of this reaches the measured flight but
-    which rays are kept.
+    Nothing of this reaches the measured flight but which rays are kept.
 
     Parameters
     ----------
     block : Block
-        With one image for each view, in their order.
+        With one image for each view, in their order, and a trajectory as `approximate` or `firm`
+        make it.
     views : sequence of View
     rays : Rays
-    flying_height : float
-        Above ground, m.
 
     Raises
     ------
     AdjustmentError
         Where no choice of interior parameters can be adjusted.
     """
-    bundle = _adjusted(_loose(block, views, rays, flying_height))
+    bundle = _adjusted(_with_rays(block, views, rays))
     gone = [one.row for one in bundle.rejected if one.kind == "image_point"]
     kept = np.ones(len(rays), dtype=bool)
     kept[gone] = False
@@ -114,8 +112,8 @@ def _adjusted(block: Block) -> Bundle:
     raise AdjustmentError(reasons[-1])
 
 
-def _loose(block: Block, views: Sequence[View], rays: Rays, flying_height: float) -> Block:
-    """Return the block with these rays alone, oriented by its trajectory as approximate values."""
+def _with_rays(block: Block, views: Sequence[View], rays: Rays) -> Block:
+    """Return the block with these rays alone, and what a mounting may be off by."""
     number, idx = np.unique(rays.point, return_inverse=True)
     full, sigma = np.zeros((len(rays), 2)), np.zeros(len(rays))
     for k, view in enumerate(views):
@@ -130,7 +128,6 @@ def _loose(block: Block, views: Sequence[View], rays: Rays, flying_height: float
         ),
         points=tuple(map(str, number)),
         image_points=ImagePoints(image_idx=rays.view, point_idx=idx, colrow=full, sigma_px=sigma),
-        trajectory=_approximate(block.trajectory, flying_height),
         control=NO_POINTS,
         check=NO_POINTS,
         distances=Distances(),
@@ -138,17 +135,38 @@ def _loose(block: Block, views: Sequence[View], rays: Rays, flying_height: float
     )
 
 
-_SIGMA = (LEVER_M,) * 3 + (float(LOOSE_ATTITUDE),) * 3
+_UNKNOWN_M, _UNKNOWN = 100.0, 0.2  # what a flight states as not known is still near
+_SIGMA = (LEVER_M,) * 3 + (LOOSE_ATTITUDE,) * 3
 
 
-def _approximate(trajectory: Trajectory, flying_height: float) -> Trajectory:
-    """Return a trajectory whose standard deviations are those of approximate values."""
-    position = np.maximum(trajectory.sigma_position, LOOSE_POSITION * flying_height)
-    attitude = np.maximum(trajectory.sigma_attitude, LOOSE_ATTITUDE)
-    return Trajectory(
-        exposures=trajectory.exposures,
-        T_m_b=trajectory.T_m_b,
-        R_g_m=trajectory.R_g_m,
-        sigma_position=np.where(np.isfinite(position), position, flying_height),
-        sigma_attitude=np.where(np.isfinite(attitude), attitude, 0.2),
+def approximate(block: Block, flying_height: float) -> Block:
+    """Return a block whose trajectory has the standard deviations of approximate values.
+
+    So neither a wrong boresight nor a wrong lever arm is taken for errors of measurements.
+
+    Parameters
+    ----------
+    block : Block
+    flying_height : float
+        Above ground, m.
+    """
+    return _with_sigma(block, LOOSE_POSITION * flying_height, LOOSE_ATTITUDE)
+
+
+def firm(block: Block) -> Block:
+    """Return a block whose trajectory says where it is, as well as it is known."""
+    return _with_sigma(block, FIRM_POSITION_M, FIRM_ATTITUDE)
+
+
+def _with_sigma(block: Block, position_m: float, attitude: float) -> Block:
+    given = block.trajectory
+    position = np.maximum(given.sigma_position, position_m)
+    attitudes = np.maximum(given.sigma_attitude, attitude)
+    trajectory = Trajectory(
+        exposures=given.exposures,
+        T_m_b=given.T_m_b,
+        R_g_m=given.R_g_m,
+        sigma_position=np.where(np.isfinite(position), position, _UNKNOWN_M),
+        sigma_attitude=np.where(np.isfinite(attitudes), attitudes, _UNKNOWN),
     )
+    return replace(block, trajectory=trajectory)

@@ -30,7 +30,7 @@ SETS = (
         "nist-strd",
         "noaa-dss-dg",
     ),
-    *("surround-rig", "sxb-photos"),
+    *("rededge-dual", "rededge3-flight", "sxb-photos"),
 )
 
 

@@ -1,4 +1,4 @@
-"""Four exposures of a simulated flight, measured once."""
+"""Three exposures of a simulated flight, measured once."""
 
 import json
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def views(whole):
-    """The four views with their refined orientations, and the ground."""
+    """The three views with their refined orientations, and the ground."""
     return whole.outcome.matched.views
 
 

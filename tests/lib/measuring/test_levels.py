@@ -17,7 +17,7 @@ def test_levels_grow_by_no_more_than_a_step_to_the_size_asked_for(views):
 
 
 def test_pictures_that_are_small_have_one_level(views):
-    assert sizes_of([replace(view, shrink=16) for view in views], 1) == [[16] * 4]
+    assert sizes_of([replace(view, shrink=16) for view in views], 1) == [[16] * 3]
 
 
 def test_options_are_checked():
@@ -33,4 +33,4 @@ def test_the_last_level_knows_most(whole):
     rays = matched.rays
     half = replace(matched, rays=rays[: len(rays) // 2])
     assert matched.weight > half.weight
-    assert matched.weight == pytest.approx(np.sum((8 * rays.sigma_px) ** -2.0))
+    assert matched.weight == pytest.approx(np.sum((6 * rays.sigma_px) ** -2.0))

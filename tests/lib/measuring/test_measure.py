@@ -1,5 +1,4 @@
 import json
-import os
 
 import numpy as np
 import pytest
@@ -32,24 +31,28 @@ def test_sigma_from_the_matching_is_what_errors_are(whole):
 
 
 def test_points_have_three_rays_where_three_pictures_show_them(whole):
-    count = measured.tie_errors(whole.measured).rows["point"].value_counts()
-    assert (count >= 3).mean() > 0.7
+    found = measured.tie_errors(whole.measured).rows
+    count = found["point"].value_counts()
+    low = found[found["image"] == "C1-04"]
+    seen_by_all = low[(low["col_px"] > 3000) & (low["col_px"] < 8500)]
+    assert (count >= 3).sum() > 80
+    assert (count[seen_by_all["point"]] >= 3).mean() > 0.5
 
 
 def test_every_picture_is_covered(whole):
     rows = measured.tie_errors(whole.measured).rows
-    for _, own in rows.groupby("image"):
+    for _, own in rows.groupby("image"):  # a third of a picture may be beside the others
         cells = set(zip(own["col_px"] // (11608 / 3), own["row_px"] // (8708 / 3), strict=True))
-        assert len(cells) >= 8  # of nine; a corner may be beside the other pictures
+        assert len(cells) >= 6
 
 
 def test_what_is_written_is_a_flight_with_the_same_tables(whole):
     flight = read(whole.measured)
-    assert len(flight.calibration.images) == 4
+    assert len(flight.calibration.images) == 3
     for name in ("flight.toml", "control_points.csv", "calibration/trajectory.csv"):
         assert (whole.measured / name).read_bytes() == (whole.flight / name).read_bytes()
-    same = (folder / "calibration/images/C1-04.tif" for folder in (whole.flight, whole.measured))
-    assert os.path.samefile(*same)  # linked, not copied
+    picture = "calibration/images/C1-04.tif"
+    assert (whole.flight / picture).samefile(whole.measured / picture)  # linked, not copied
     assert not (whole.measured / "pairs").exists()
 
 
@@ -70,7 +73,7 @@ def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
 
 
 def test_a_ground_at_a_wrong_height_is_refused_with_what_to_look_at(whole, tmp_path):
-    with pytest.raises(FlightError, match="are trajectory, mount_.* and --ground right"):
+    with pytest.raises(FlightError, match=r"are trajectory, mount_.* and --ground right"):
         measure_flight(whole.flight, tmp_path / "out", options=MeasureOptions(ground_m=-9000.0))
     assert not (tmp_path / "out" / "calibration" / "image_points.csv").exists()
 

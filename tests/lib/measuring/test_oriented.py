@@ -3,7 +3,7 @@ import numpy as np
 from acx4lib.flight.block import select_images
 from acx4lib.measuring.flights import read_unmeasured
 from acx4lib.measuring.measure import views_of
-from acx4lib.measuring.oriented import refined
+from acx4lib.measuring.oriented import approximate, refined
 from acx4lib.measuring.points import Rays
 
 
@@ -18,18 +18,18 @@ def block_and_views(whole):
 def test_a_ray_that_misses_the_others_is_rejected(whole):
     block, views = block_and_views(whole)
     rays = whole.outcome.matched.rays
-    many = np.flatnonzero(np.bincount(rays.point)[rays.point] == 4)[7]
+    many = np.flatnonzero(np.bincount(rays.point)[rays.point] == 3)[7]
     colrow = rays.colrow.copy()
-    colrow[many] += [9.0, -7.0]
+    colrow[many] += [4.0, 12.0]
     spoilt = Rays(point=rays.point, view=rays.view, colrow=colrow, sigma_px=rays.sigma_px)
-    found = refined(block, views, spoilt, flying_height=600.0)
+    found = refined(approximate(block, 600.0), views, spoilt)
     assert not found.kept[many]
     assert np.mean(found.kept) > 0.97
 
 
 def test_orientation_and_ground_come_near_the_truth(whole):
     block, views = block_and_views(whole)
-    found = refined(block, views, whole.outcome.matched.rays, flying_height=600.0)
+    found = refined(approximate(block, 600.0), views, whole.outcome.matched.rays)
     camera = whole.truth["cameras"]["CAM"]
     interior = found.views[0].camera.interior
     assert abs(interior.k1 - camera["k1"]) < 1e-6

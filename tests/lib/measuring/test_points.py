@@ -50,7 +50,7 @@ def test_three_rays_are_needed_only_where_three_pictures_show_the_place():
 def test_of_two_points_on_the_same_texture_the_one_with_more_rays_stays():
     rays = three_views()
     moved = rays.colrow.copy()
-    moved[5] = [92, 96]  # beside the point 0 in view 1
+    moved[5] = [97, 103]  # beside the point 0 in view 1
     near = type(rays)(point=rays.point, view=rays.view, colrow=moved, sigma_px=rays.sigma_px)
     shown = np.full(7, 2)
     assert set(chosen(near, shown, apart_px=10).point) == {0, 1}

@@ -68,7 +68,8 @@ def heights_of(text: str) -> str | float:
     try:
         undulation = float(text)
     except ValueError:
-        return text
+        file = Path(text)  # PROJ finds a grid by its whole path alone
+        return str(file.absolute()) if file.is_file() else text
     if not abs(undulation) <= LARGEST_UNDULATION_M:
         terminal.refuse(f"--heights: {text}: must be at most {LARGEST_UNDULATION_M:g} m either way")
     return undulation
@@ -92,7 +93,7 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
         known = {}
     named = known.get("heights", "ellipsoidal")
     if isinstance(named, str) and (out / named).is_file():
-        named = str(out / named)
+        named = str((out / named).absolute())
     return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
 
 

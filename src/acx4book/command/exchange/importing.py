@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from acx4book.command.exchange import blocks, projects, trajectories
+from acx4book.command.exchange import blocks, pictures, projects, trajectories
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -41,7 +41,7 @@ class Grouped(TyperGroup):
             if kind is not None:
                 module = str(getattr(kind.callback, "__module__", "")).rpartition(".")[2]
                 rows.setdefault(TITLES.get(module, "Others"), []).append(
-                    (name, kind.get_short_help_str(limit=70))
+                    (name, kind.get_short_help_str(limit=150))
                 )
         for title, listed in rows.items():
             if listed:
@@ -63,3 +63,4 @@ app.command("bundler", help=blocks.BUNDLER)(blocks.bundler)
 app.command("bingo", help=blocks.BINGO)(blocks.bingo)
 app.command("patb", help=blocks.PATB)(blocks.patb)
 app.command("odm-control", help=blocks.ODM_CONTROL)(blocks.odm_control)
+app.command("pictures", help=pictures.HELP)(pictures.pictures)

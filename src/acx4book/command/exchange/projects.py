@@ -12,7 +12,8 @@ from acx4book.command.exchange import bring
 METASHAPE = """Read a project of Metashape: cameras, images, markers, control, orientations.
 
 SOURCE is an XML file that Metashape exported (File > Export > Export Cameras, or Export Markers),
-a project's .psx with its folder .files beside it, or a chunk.zip of that folder.
+a calibration that it saved, a project's .psx with its folder .files beside it, or a chunk.zip of
+that folder.
 
 Only marker locations that were measured are taken, not those that Metashape computed itself. Tie
 points are not in these files. The trajectory is what was measured of the cameras, where position
@@ -48,13 +49,24 @@ Camera = Annotated[
     Literal["adjusted", "initial"],
     typer.Option(help="Which calibration is taken where the project has both."),
 ]
+PixelUm = Annotated[
+    float | None,
+    typer.Option(
+        "--pixel-um",
+        metavar="UM",
+        show_default=False,
+        min=0.1,
+        max=1000,
+        help="Pixel size, which the files do not have; by default 5.",
+    ),
+]
 Orientations = Annotated[
     Literal["initial", "adjusted", "none"],
     typer.Option(help="Trajectory: what was measured of the cameras, what was adjusted, or none."),
 ]
 
 
-def metashape(
+def metashape(  # noqa: PLR0913, PLR0917 options of a command
     source: Source,
     out: bring.Out,
     block: Block = None,
@@ -67,12 +79,19 @@ def metashape(
             metavar="LABEL", show_default=False, help="Which chunk; by default the active one."
         ),
     ] = None,
+    pixel_um: PixelUm = None,
 ) -> None:
     """Write what a project of Metashape has of a flight."""
     from acx4lib.exchange.programs.metashape import reading  # noqa: PLC0415 quick help
 
     brought = reading.read(
-        source, camera=camera, orientations=orientations, block=block, crs=crs, chunk=chunk
+        source,
+        camera=camera,
+        orientations=orientations,
+        block=block,
+        crs=crs,
+        chunk=chunk,
+        pixel_um=pixel_um,
     )
     bring.place(brought, out)
 
@@ -90,18 +109,6 @@ Example:
   acx4 import colmap sparse/0 --out my_flight
   acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
 """
-
-PixelUm = Annotated[
-    float | None,
-    typer.Option(
-        "--pixel-um",
-        metavar="UM",
-        show_default=False,
-        min=0.1,
-        max=1000,
-        help="Pixel size, which the files do not have; by default 5.",
-    ),
-]
 
 
 def colmap(

@@ -57,7 +57,7 @@ def one_focal_length(camera: Camera) -> Brown:
     if hole.fx == hole.fy:
         return brown(camera)
     start = np.array([0.5 * (hole.fx + hole.fy), hole.cx, hole.cy, *coefficients])
-    values, left = lens.model_of(camera, _seen, start)
+    values, left = lens.model_of(camera, lambda own, ideal: pixels([*own, 0.0], ideal), start)
     f, cx, cy = values[:3].tolist()
     return _of(Pinhole(fx=f, fy=f, cx=cx, cy=cy), values[3:], left)
 
@@ -77,13 +77,21 @@ def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:
     return Brown(hole=hole, k1=k1, k2=k2, k3=k3, p1=p1, p2=p2, left=left)
 
 
-def _seen(values: Array, ideal: Array) -> Array:
-    """Return the pixels of ideal points, values f, cx, cy, k1, k2, p1, p2, k3."""
-    f, cx, cy, k1, k2, p1, p2, k3 = values
+def pixels(values: Array | list[float], ideal: Array) -> Array:
+    """Return the pixels of ideal points, shape (n, 2), by one focal length and b1.
+
+    Parameters
+    ----------
+    values : ndarray, shape (9,)
+        f, cx, cy in px; k1, k2, p1, p2, k3; b1, which stretches the ideal x and not its distortion.
+    ideal : ndarray, shape (n, 2)
+        y down.
+    """
+    f, cx, cy, k1, k2, p1, p2, k3, b1 = values
     x, y = ideal.T
     r2 = x * x + y * y
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    u = x * (radial + b1) + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
     v = y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
     return np.stack([f * u + cx, f * v + cy], axis=1)
 

@@ -92,11 +92,12 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
         raise FlightError([_missing(found, chosen, there, heads=heads)])
+    provenance.read(at)  # raises where the kept flight was changed
     flight = read_kept(at / provenance.KEPT)
     return Calibrated(
         flight=flight,
         method=chosen,
-        calibration=_calibration(found, chosen, flight),
+        calibration=_read(found, chosen, flight),
         others=tuple(name for name in usable if name != chosen),
     )
 
@@ -121,6 +122,16 @@ def _missing(found: folder.Results, method: str, there: Sequence[str], *, heads:
     else:
         reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
     return f"{found.folder}: no calibration of {what} that can be exported; {reason}"
+
+
+def _read(found: folder.Results, method: str, flight: Flight) -> Calibration:
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            return _calibration(found, method, flight)
+    except (KeyError, ValueError) as error:
+        said = " ".join(str(error).split())
+        problem = f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({said})"
+        raise FlightError([f"{problem}; run all stages again"]) from None
 
 
 def _calibration(found: folder.Results, method: str, flight: Flight) -> Calibration:

@@ -330,7 +330,11 @@ def grid_file(meaning: Meaning) -> dict[str, Path]:
 def heights_said(meaning: Meaning) -> str:
     """Return the sentence on heights."""
     heights = meaning.heights
-    named = f"by {heights}" if isinstance(heights, str) else f"by an undulation of {heights:g} m"
+    named = (
+        f"by {Path(heights).name}"
+        if isinstance(heights, str)
+        else f"by an undulation of {heights:g} m"
+    )
     system = "ellipsoidal" if heights == "ellipsoidal" else named
     if meaning.ellipsoidal and heights != "ellipsoidal":
         system = f"ellipsoidal there, and {named} in the flight"

@@ -98,7 +98,7 @@ def _kept(path: Path) -> Both | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             there, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
     except _BROKEN:
         return None

@@ -15,7 +15,7 @@ RADII_PX = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Radii of the templates: every disc is near one of them."""
 
 LEAST_CORRELATION = 0.75
-MOST = 5
+MOST = 8
 """Discs that are looked at more closely around one place."""
 
 LEAST_SIGMA_PX = 0.02
@@ -24,7 +24,8 @@ LEAST_SIGMA_PX = 0.02
 LARGEST_MISFIT = 0.12
 """Of the residuals' root mean square, as a share of the disc's contrast."""
 
-_BLUR, _BLUR_WEIGHT, _SAMPLES = 0.5, 0.05, 4
+_BLUR, _SAMPLES = 0.5, 4
+_WEIGHT = 0.05  # of the usual blur and the template's radius: small discs determine neither
 _SMALL_PX, _PHASES = 1.8, ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 _PLAY = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
 
@@ -61,17 +62,17 @@ def discs(grey: Array) -> list[Disc]:
     grey : ndarray of float32, shape (rows, cols)
         Without NaN.
     """
-    starts = sorted(_starts(grey), reverse=True)[: 2 * MOST]
-    found: list[Disc] = []
-    for correlation, radius, col, row in starts:
-        disc = centred(grey, col, row, radius, correlation=correlation)
-        if disc is not None and not any(_same(disc, other) for other in found):
-            found.append(disc)
-    return found[:MOST]
+    starts: list[tuple[float, float, float, float]] = []
+    for one in sorted(_starts(grey), reverse=True):
+        if len(starts) < MOST and not any(_same(one, other) for other in starts):
+            starts.append(one)
+    found = (centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
+    return [disc for disc in found if disc is not None]
 
 
-def _same(a: Disc, b: Disc) -> bool:
-    return np.hypot(a.col - b.col, a.row - b.row) < max(1.0, a.radius_px)
+def _same(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Tell whether two starts are of the same disc; the clearer one has the better radius."""
+    return np.hypot(a[2] - b[2], a[3] - b[3]) < max(1.5, b[1])
 
 
 def _starts(grey: Array) -> list[tuple[float, float, float, float]]:
@@ -150,13 +151,14 @@ def centred(
     if contrast == 0:
         return None
 
+    start = np.array([0.0, 0.0, np.log(radius), np.log(_BLUR), ground / contrast, 1.2])
+
     def misfit(p: Array) -> Array:
         share = _image(x - p[0], y - p[1], np.exp(p[2]), np.exp(p[3]))
-        usual = _BLUR_WEIGHT * (p[3] - np.log(_BLUR))
+        usual = _WEIGHT * (p[2:4] - start[2:4])
         return np.append(p[4] + p[5] * share - values / contrast, usual)
 
-    start = np.array([0.0, 0.0, np.log(radius), np.log(_BLUR), ground / contrast, 1.2])
-    fit = least_squares(misfit, start, method="lm", max_nfev=300)
+    fit = least_squares(misfit, start, method="lm", max_nfev=120)
     return _judged(fit.x, fit.fun, np.asarray(fit.jac), (col, row, radius, contrast, correlation))
 
 

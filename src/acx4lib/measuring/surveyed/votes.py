@@ -12,16 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array
 
-SAME_POINT_PX, OTHER_POINT_PX = 3.0, 6.0
+SAME_POINT_PX, OTHER_POINT_PX = 2.5, 3.0
 """Largest differences between offsets of one point in two pictures, and of two points."""
 
-OTHER_POINTS = 0.25
-"""Weight of the vote of another point."""
+OTHERS = 2
+"""Other points that must agree, where as many have candidates: a bright stone, too, is at the same
+place in all pictures, but not beside every point."""
 
-ALIKE = 1.5
-"""Largest ratio of the diameters on the ground of two targets."""
+ALIKE, ALIKE_PX = 1.5, 0.5
+"""Largest ratio, or else difference, of the radii on the ground of two targets."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,33 +63,33 @@ def elected(candidates: Sequence[Candidate]) -> list[Candidate]:
     """
     if not candidates:
         return []
-    votes = _votes(candidates)
+    by_views, by_points = _votes(candidates)
+    enough = min(OTHERS, len({one.point for one in candidates}) - 1)
+    votes = by_views + by_points + 0.1 * np.array([one.correlation for one in candidates])
+    votes[(by_points < enough) | (by_views + by_points == 0)] = 0
     best: dict[tuple[int, int], int] = {}
     for k, one in enumerate(candidates):
         other = best.get((one.point, one.view))
-        if other is None or votes[k] > votes[other]:
+        if votes[k] > 0 and (other is None or votes[k] > votes[other]):
             best[one.point, one.view] = k
-    return [candidates[k] for k in sorted(best.values()) if votes[k] >= 1.0]
+    return [candidates[k] for k in sorted(best.values())]
 
 
-def _votes(candidates: Sequence[Candidate]) -> Array:
-    """Return how much each candidate is supported by those of other pictures and points."""
+def _votes(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Return how many other pictures of its point, and other points, support each candidate."""
     offset = np.array([c.offset_m for c in candidates])
     pixel = np.array([c.pixel_m for c in candidates])
-    radius = np.log([c.radius_m for c in candidates])
+    radius = np.array([c.radius_m for c in candidates])
     bright = np.array([c.bright for c in candidates])
     point, view = (np.array([getattr(c, n) for c in candidates]) for n in ("point", "view"))
-    score = np.array([c.correlation for c in candidates])
-    out = np.zeros(len(candidates))
+    out = np.zeros((2, len(candidates)))
     for k in range(len(candidates)):
-        away = np.hypot(*(offset - offset[k]).T) / np.maximum(pixel, pixel[k])
-        alike = (bright == bright[k]) & (np.abs(radius - radius[k]) < np.log(ALIKE))
+        coarser = np.maximum(pixel, pixel[k])
+        away = np.hypot(*(offset - offset[k]).T) / coarser
+        sizes = np.maximum(radius, radius[k]) / np.minimum(radius, radius[k])
+        alike = (sizes < ALIKE) | (np.abs(radius - radius[k]) < ALIKE_PX * coarser)
+        alike &= bright == bright[k]
         same = alike & (point == point[k]) & (view != view[k]) & (away < SAME_POINT_PX)
         other = alike & (point != point[k]) & (away < OTHER_POINT_PX)
-        out[k] = _once(view[same]) + OTHER_POINTS * _once(point[other])
-    return out + 0.1 * score * (out > 0)
-
-
-def _once(who: Index) -> int:
-    """Return how many different ones there are."""
-    return len(np.unique(who))
+        out[:, k] = len(np.unique(view[same])), len(np.unique(point[other]))
+    return out[0], out[1]

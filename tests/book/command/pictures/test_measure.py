@@ -20,9 +20,6 @@ def test_pictures_become_a_flight_that_is_read(acx4, flight, tmp_path):
     assert lines[1].startswith("calibration: ")
     assert lines[-1] == str(out)
     assert len(read(out).calibration.image_points) > 100
-    status, said, err = acx4("check", out)
-    assert status == 0
-    assert "image files    2 of 2" in said
 
 
 def test_a_flight_is_not_measured_into_itself(acx4, flight):
@@ -35,9 +32,10 @@ def test_a_height_of_the_ground_is_asked_for_where_nothing_tells_it(acx4, flight
     own = shutil.copytree(flight, tmp_path / "own", copy_function=shutil.os.link)
     (own / "control_points.csv").unlink()
     shutil.rmtree(own / "validation")
-    status, _, err = acx4("measure", own, "--out", tmp_path / "out")
+    status, _, err = acx4("measure", own, "--out", tmp_path / "out")  # the same folder again below
     assert status == 2
     assert "no control points tell the height of the ground; give it by --ground HEIGHT" in err
-    status, _, _ = acx4("measure", own, "--out", tmp_path / "out", "--ground", 430)
+    status, _, err = acx4("measure", own, "--out", tmp_path / "out", "--ground", 430)
+    assert err == ""
     assert status == 0
     assert not len(read(tmp_path / "out").calibration.control)

@@ -9,7 +9,7 @@ from acx4lib.errors import FlightError
 from acx4lib.exchange.outward import calibrated
 from acx4lib.exchange.outward.relative import to_first
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
-from support.run_results import edit_summary, estimated, leave_calibration
+from support.run_results import edit, edit_summary, estimated, leave_calibration
 
 
 def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
@@ -89,3 +89,36 @@ def test_a_calibration_whose_data_contradict_each_other_is_not_exported(tmp_path
         calibrated.read(results)
     with pytest.raises(FlightError, match="single_step that can be exported; too much: one"):
         calibrated.read(results, method="single_step")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        (
+            "covariance",
+            lambda t: t.loc.__setitem__((1, "value"), 1.0),
+            "expected a symmetric matrix",
+        ),
+        ("parameters", lambda t: t.replace("LEFT", "OTHER", inplace=True), "'OTHER'"),
+        ("parameters", lambda t: t.replace({"value": {t["value"][0]: -1.0}}, inplace=True), "f="),
+    ],
+)
+def test_tables_that_hold_no_calibration_are_one_line(tmp_path, name, change, said):
+    """Where no mark says that they were changed."""
+    results = leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), method="rig")
+    edit(results, name, change)
+    (results / ".acx4.json").unlink()
+    with pytest.raises(FlightError, match="hold no calibration") as raised:
+        calibrated.read(results)
+    (problem,) = raised.value.problems
+    assert said in problem
+    assert problem.endswith("run all stages again")
+
+
+def test_a_kept_flight_that_was_changed_is_refused(tmp_path):
+    results = leave_calibration(tmp_path, estimated("CAM"))
+    (results / ".acx4.json").unlink()
+    with (results / "flight" / "flight.toml").open("a") as file:
+        file.write("# more\n")
+    with pytest.raises(FlightError, match=r"flight\.toml changed since the run"):
+        calibrated.read(results)

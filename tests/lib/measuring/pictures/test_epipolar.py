@@ -26,7 +26,7 @@ def test_a_shift_across_the_line_is_its_distance(views, surface, rng):
     a, b = seen(views, surface, rng)
     off = [distances(views[0], views[1], a, b + step)[:, 0] for step in ([2.0, 0], [0, 2.0])]
     both = np.hypot(*off)
-    assert np.all((both > 1.5) & (both < 2.05))
+    assert np.all((both > 1.2) & (both < 2.05))  # across lines that are not quite straight
 
 
 def test_a_wrong_orientation_is_no_false_match(views, surface, rng):

@@ -6,7 +6,7 @@ from acx4lib.measuring.pictures.pairs import MatchOptions, PairJob, found_in, ma
 from acx4lib.measuring.pictures.views import transferred
 
 
-@pytest.mark.parametrize("other", [1, 2, 3])
+@pytest.mark.parametrize("other", [1, 2])
 def test_opposite_and_crossing_strips_match(views, surface, other):
     at = corners(views[0], number=150, margin=13)
     found = found_in(views[0], views[other], surface, at, MatchOptions())
@@ -17,13 +17,13 @@ def test_opposite_and_crossing_strips_match(views, surface, other):
 
 
 def test_there_and_back_is_the_same_place(views, surface):
-    at = corners(views[2], number=60, margin=20)
-    there = found_in(views[2], views[1], surface, at, MatchOptions())
+    at = corners(views[0], number=60, margin=20)
+    there = found_in(views[0], views[1], surface, at, MatchOptions())
     whole = np.rint(there.colrow).astype(int)
-    back = found_in(views[1], views[2], surface, whole, MatchOptions())
+    back = found_in(views[1], views[0], surface, whole, MatchOptions())
     part = (there.colrow - whole)[back.which]  # the whole pixel beside the place was matched
-    here = transferred(views[1], views[2], surface, whole[back.which] + part)
-    moved = here - transferred(views[1], views[2], surface, whole[back.which].astype(float))
+    here = transferred(views[1], views[0], surface, whole[back.which] + part)
+    moved = here - transferred(views[1], views[0], surface, whole[back.which].astype(float))
     off = back.colrow + moved - at[there.which[back.which]]
     assert np.median(np.hypot(*off.T)) < 0.1
 

@@ -15,10 +15,16 @@ def spot(point, view, east, *, radius=0.3, bright=True, correlation=0.9):
     )
 
 
-def test_a_target_is_off_alike_in_all_pictures():
-    true = [spot(0, view, 0.5) for view in range(3)]
+def test_a_target_is_off_alike_in_all_pictures_and_at_other_points():
+    true = [spot(point, view, 0.5) for view in range(3) for point in range(3)]
     false = [spot(0, 0, 3.0, correlation=0.99), spot(0, 1, -2.0), spot(0, 2, 5.0)]
     assert elected([*false, *true]) == true
+
+
+def test_a_bright_stone_is_in_all_pictures_but_not_beside_every_point():
+    stone = [spot(0, view, 2.5, correlation=0.99) for view in range(4)]
+    true = [spot(point, view, 0.5) for view in range(2) for point in range(4)]
+    assert elected([*stone, *true]) == true
 
 
 def test_a_spot_of_another_size_or_brightness_gives_no_vote():
@@ -26,9 +32,10 @@ def test_a_spot_of_another_size_or_brightness_gives_no_vote():
     assert elected([spot(0, 0, 0.5), spot(0, 1, 0.5, bright=False)]) == []
 
 
-def test_a_point_in_one_picture_needs_four_others_beside_it():
-    assert elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in range(1, 4))]) == []
-    assert len(elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in range(1, 5))])) == 5
+def test_a_point_in_one_picture_needs_others_beside_it():
+    far = [spot(3, 1, 9.0), spot(4, 1, -9.0)]
+    assert elected([spot(0, 0, 0.5), spot(1, 1, 0.6), *far]) == []
+    assert len(elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in (1, 2)), *far])) == 3
 
 
 def test_nobody_is_elected_without_candidates():

@@ -65,30 +65,17 @@ def _file(camera: Camera) -> str:
 
 
 def _fitted(camera: Camera) -> tuple[Array, Left]:
-    """Return f, cx, cy, c1, c2, c3, P1, P2, b1, coefficients of points in units of f."""
+    """Return f, cx, cy, k1, k2, p1, p2, k3, b1, as `brown.pixels` has them."""
     one = brown.brown(camera)
-    f = one.hole.fy
-    start = np.array(
-        [f, one.hole.cx, one.hole.cy, one.k1, one.k2, one.k3, one.p2, one.p1, one.hole.fx / f - 1]
-    )
-    if one.hole.fx == one.hole.fy:
-        return start, one.left
-    return lens.model_of(camera, _seen, start)
-
-
-def _seen(values: Array, ideal: Array) -> Array:
-    f, cx, cy, c1, c2, c3, P1, P2, b1 = values
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1 + r2 * (c1 + r2 * (c2 + r2 * c3))
-    u = x * (radial + b1) + P1 * (r2 + 2 * x * x) + 2 * P2 * x * y
-    v = y * radial + P2 * (r2 + 2 * y * y) + 2 * P1 * x * y
-    return np.stack([f * u + cx, f * v + cy], axis=1)
+    f, b1 = one.hole.fy, one.hole.fx / one.hole.fy - 1
+    hole = (f, one.hole.cx, one.hole.cy)
+    start = np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3, b1])
+    return lens.model_of(camera, brown.pixels, start) if b1 else (start, one.left)
 
 
 def _calibration(camera: Camera, values: Array) -> str:
     f, cx, cy, *others = values.tolist()
-    c1, c2, c3, P1, P2, b1 = others
+    k1, k2, p1, p2, k3, b1 = others
     root = ET.Element("ExportAPERO")
     inner = ET.SubElement(root, "CalibrationInternConique")
     ET.SubElement(inner, "KnownConv").text = "eConvApero_DistM2C"
@@ -98,10 +85,10 @@ def _calibration(camera: Camera, values: Array) -> str:
     model = ET.SubElement(ET.SubElement(inner, "CalibDistortion"), "ModPhgrStd")
     radial = ET.SubElement(model, "RadialePart")
     write(radial, "CDist", (cx, cy))
-    for power, coefficient in enumerate((c1, c2, c3), start=1):
+    for power, coefficient in enumerate((k1, k2, k3), start=1):
         write(radial, "CoeffDist", (coefficient / f ** (2 * power),))
     ET.SubElement(radial, "PPaEqPPs").text = "true"
-    for name, value in (("P1", P1 / f), ("P2", P2 / f), ("b1", b1), ("b2", 0.0)):
+    for name, value in (("P1", p2 / f), ("P2", p1 / f), ("b1", b1), ("b2", 0.0)):
         write(model, name, (value,))
     return as_xml(root)
 

@@ -17,6 +17,9 @@ from acx4lib.geometry.frames import Pose
 Wrong = Callable[[str, str], FlightError]
 """From what is wrong and what was expected to the error that names the place."""
 
+NO_POINTS = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+"""Numbers and coordinates of no points."""
+
 UNMATCHED = -1
 """Number of the point of a measurement that belongs to none."""
 

@@ -93,6 +93,8 @@ def read(
         Where the folder has no model, or something in it cannot be.
     """
     model = _model(source)
+    if not model.images:
+        return _cameras_alone(model, pixel_um)
     _require(model)
     named = {i: f"camera {i}" for i in model.cameras}
     mounts = _mounts(model, is_metric=crs is not None)
@@ -119,11 +121,28 @@ def read(
     )
 
 
+def _cameras_alone(model: Model, pixel_um: float | None) -> Brought:
+    """Return the cameras and rigs of a folder without images; lever arms are taken to be in m."""
+    named = {i: f"camera {i}" for i in model.cameras}
+    fitted = _fitted(model, named, _mounts(model, is_metric=True), pixel_um)
+    metres = "Lever arms of cameras in rigs are metres: without images nothing tells their unit"
+    return Brought(
+        source="COLMAP's cameras",
+        sha256=checksums(model.sources),
+        settings=fitted.settings,
+        assumed=(ASSUMED[0], *fitted.assumed, *((metres,) if model.rigs else ())),
+        found=fitted.found,
+    )
+
+
 def _model(source: Path) -> Model:
     """Return the model of a folder."""
     for ending, read_files in ((".bin", binary.read), (".txt", text.read)):
         if (source / f"cameras{ending}").exists():
-            files = {name: opened.read(source / f"{name}{ending}") for name in NAMES}
+            needed = (
+                NAMES if any((source / f"{name}{ending}").exists() for name in NAMES[1:]) else ()
+            )
+            files = {name: opened.read(source / f"{name}{ending}") for name in (NAMES[0], *needed)}
             for name in MAYBE:
                 if (path := source / f"{name}{ending}").exists():
                     files[name] = opened.read(path)
@@ -141,8 +160,6 @@ def _model(source: Path) -> Model:
 
 def _require(model: Model) -> None:
     """Raise where images do not fit to cameras, to each other or to names of a flight."""
-    if not model.images:
-        raise model.sources[1].wrong("file", "has no image", "must have one")
     places: dict[str, Image] = {}
     seen: set[tuple[int, int]] = set()
     for image in model.images:
@@ -177,10 +194,9 @@ def _mounts(model: Model, *, is_metric: bool) -> dict[int, Pose]:
 def _fitted(
     model: Model, named: Mapping[int, str], mounts: Mapping[int, Pose], pixel_um: float | None
 ) -> Refitted:
+    used = {image.camera for image in model.images} or set(model.cameras)
     lenses = {
-        named[i]: _lens(one, mounts.get(i, AHEAD))
-        for i, one in model.cameras.items()
-        if any(image.camera == i for image in model.images)
+        named[i]: _lens(one, mounts.get(i, AHEAD)) for i, one in model.cameras.items() if i in used
     }
     try:
         return refitted(lenses, pixel_um=pixel_um)

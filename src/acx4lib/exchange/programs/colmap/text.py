@@ -19,13 +19,13 @@ from acx4lib.geometry.frames import Pose
 def read(files: Mapping[str, Opened]) -> Model:
     """Return a model from its files, by their names without endings; FlightError if one is wrong.
 
-    ``rigs`` and ``frames`` may be absent.
+    ``rigs`` and ``frames`` may be absent, and all but ``cameras`` where there are no images.
     """
-    ids, points = _points(files["points3D"])
+    ids, points = _points(files["points3D"]) if "points3D" in files else model.NO_POINTS
     return Model(
         sources=tuple(files.values()),
         cameras=_cameras(files["cameras"]),
-        images=tuple(_images(files["images"])),
+        images=tuple(_images(files["images"])) if "images" in files else (),
         point_ids=ids,
         points=points,
         rigs=tuple(_rigs(files["rigs"])) if "rigs" in files else (),

@@ -10,6 +10,9 @@ from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.flight.problems import quoted
 
+CALIBRATION = "calibration"
+"""Outermost element of a calibration that was saved alone."""
+
 DOCUMENT = "doc.xml"
 """The XML in each of a project's archives."""
 
@@ -42,8 +45,8 @@ def chunk(source: Path, *, label: str | None = None) -> Chunk:
     Parameters
     ----------
     source : Path
-        XML of cameras or markers that Metashape exported, a ``.psx`` beside its folder
-        ``.files``, or a ``chunk.zip``.
+        XML of cameras or markers that Metashape exported, or of a calibration alone, a ``.psx``
+        beside its folder ``.files``, or a ``chunk.zip``.
     label : str, optional
         Of the chunk; by default the active one.
 
@@ -58,6 +61,8 @@ def chunk(source: Path, *, label: str | None = None) -> Chunk:
     root = xml_tree.tree(file)
     if root.tag == "document" and "path" in root.attributes:
         return _of_project(file, root, label)
+    if root.tag == CALIBRATION:
+        return Chunk(root=root, frame=None, sources=(file,))
     if root.tag == "chunk":
         return _whole(root, (file,))
     if root.tag != "document":

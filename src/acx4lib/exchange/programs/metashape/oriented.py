@@ -42,7 +42,7 @@ class Similarity:
         return Pose(R=self.R @ T_c.R, r=self.r + self.scale * transform(self.R, T_c.r))
 
     def into_chunk(self, x_e: Array) -> Array:
-        """Return points of the ECEF frame, (n, 3), in the chunk."""
+        """Return a point of the ECEF frame, shape (3,), in the chunk."""
         return (x_e - self.r) @ self.R / self.scale
 
 
@@ -112,7 +112,9 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         "image up, roll with its right side down; positions are those of the camera",
         *((f"{off} references are disabled in Metashape, and are taken",) if off else ()),
     )
-    left = (f"{without} exposures without position and angles",) if without else ()
+    left = (
+        (f"{without} exposures without position and angles, with their images",) if without else ()
+    )
     return Flown(table=table, assumed=assumed, left_out=left)
 
 
@@ -158,25 +160,31 @@ def _adjusted(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
             "is no coordinate system on the Earth", "adjusted orientations need one"
         )
     grid = told(chunk, system.grid, element)
-    enh, opk = [], []
-    for one in known.values():
-        T_e = similarity(chunk, one).pose(one.T_c)  # type: ignore[arg-type]  # it has one
-        mount = one.sensor.lens.mount
-        T_b = T_e @ Pose(R=mount.R.T, r=np.zeros(3))
-        there = tables.grid_poses_of_ecef(grid, Pose(R=T_b.R[None], r=T_b.r[None]))
-        enh.append(there[0][0])
-        opk.append(there[1][0])
-    table = tables.trajectory_in_grid(list(known), np.array(enh), np.array(opk))
+    place = similarity(chunk)
+    bodies = [
+        place(one).pose(one.T_c @ one.sensor.lens.mount.inverse)
+        for one in known.values()
+        if one.T_c is not None
+    ]
+    T_e_b = Pose(R=np.stack([one.R for one in bodies]), r=np.stack([one.r for one in bodies]))
+    table = tables.trajectory_in_grid(list(known), *tables.grid_poses_of_ecef(grid, T_e_b))
     return Flown(table=table, assumed=(MEANS_NOTHING,))
 
 
-def similarity(chunk: Chunk, shot: Shot) -> Similarity:
-    """Return the transformation of the part of the chunk that an image belongs to."""
+def similarity(chunk: Chunk) -> Callable[[Shot], Similarity]:
+    """Return the transformation of the part of the chunk that an image belongs to, by the image."""
     transforms = {
-        component.attributes.get("id"): component.maybe("transform")
+        component.attributes.get("id", ""): _similarity(element)
         for component in chunk.root.each("components", "component")
+        if (element := component.maybe("transform")) is not None
     }
-    return _similarity(transforms.get(shot.component) or chunk.root.one("transform"))
+
+    def of(shot: Shot) -> Similarity:
+        if shot.component not in transforms:
+            transforms[shot.component] = _similarity(chunk.root.one("transform"))
+        return transforms[shot.component]
+
+    return of
 
 
 def _similarity(element: Element) -> Similarity:
@@ -238,8 +246,11 @@ def _measured_against(
 ) -> tuple[str, ...]:
     """Return the proof by surveyed markers: it has Metashape's own misfit in it."""
     rows = [k for k in measured if places.points[k] in known]
-    has_transform = any(True for _ in chunk.root.everywhere("transform"))
-    if not rows or system is None or not has_transform:
+    has_place = any(
+        chunk.root.maybe(*where)
+        for where in (("transform",), ("components", "component", "transform"))
+    )
+    if not rows or system is None or not has_place:
         return ()
     xyh = np.array([known[places.points[k]].xyh for k in rows])
     element = chunk.root.maybe("reference")
@@ -248,9 +259,8 @@ def _measured_against(
     lonlat = grid.lonlat_from_grid(enh[:, :2])
     height = enh[:, 2] + grid.undulation(lonlat)
     x_e = grid.ecef_from_geographic(np.column_stack([lonlat, height]))
-    x = np.stack(
-        [similarity(chunk, places.shots[k]).into_chunk(x_e[[j]])[0] for j, k in enumerate(rows)]
-    )
+    place = similarity(chunk)
+    x = np.stack([place(places.shots[k]).into_chunk(one) for k, one in zip(rows, x_e, strict=True)])
     of, T = _rows(places, rows)
     said = proof.said(proof.misfits(cameras, of, T, x, places.colrow[rows]))
     return (f"the surveyed markers are seen by Metashape's adjusted cameras to {said}",)

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from acx4lib.exchange.brought import Brought
-from acx4lib.exchange.programs.metashape import files, markers, oriented
+from acx4lib.exchange.programs.metashape import alone, files, markers, oriented
 from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.sensors import Sensor, sensors
 from acx4lib.exchange.programs.metashape.shots import Shot, location, shots
 from acx4lib.exchange.programs.shared import cameras, crs, tables
+from acx4lib.exchange.programs.shared.adjusted import Flown
 from acx4lib.exchange.programs.shared.cameras import Refitted
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.opened import checksums
@@ -42,13 +43,14 @@ def read(
     block: str | None = None,
     crs: str | None = None,
     chunk: str | None = None,
+    pixel_um: float | None = None,
 ) -> Brought:
-    """Read a chunk.
+    """Read a chunk, or the cameras of a file without images.
 
     Parameters
     ----------
     source : Path
-        XML that Metashape exported, a ``.psx`` or a ``chunk.zip``.
+        XML that Metashape exported, a ``.psx`` or a ``chunk.zip``, or a calibration.
     camera : str
         Which calibration is taken where there are both: adjusted or initial.
     orientations : str
@@ -60,6 +62,8 @@ def read(
         The flight's projected CRS; by default the chunk's own, or its UTM zone.
     chunk : str, optional
         Label of the chunk; by default the active one.
+    pixel_um : float, optional
+        Pixel size where the file has none.
 
     Raises
     ------
@@ -67,6 +71,8 @@ def read(
         Where the file is no project of Metashape, or something in it cannot be.
     """
     whole = files.chunk(source, label=chunk)
+    if alone.has_none_but_cameras(whole):
+        return alone.read(whole, wanted=camera, pixel_um=pixel_um)
     of = sensors(whole.root, wanted=camera)
     every, doubled = shots(whole.root, of)
     used = {i: one for i, one in every.items() if one.enabled}
@@ -76,12 +82,13 @@ def read(
         raise whole.root.one("cameras").wrong("has no camera that is used", "must have one")
     named = {one.camera for one in used.values()}
     lenses = {one.name: one.lens for one in of.values() if one.name in named}
-    fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=None))
+    fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=pixel_um))
     system = _system(whole, used, wanted=crs)
     names = markers.labels(whole.root)
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
     flown = oriented.trajectory(whole, used, system, wanted=orientations)
+    used = _with_trajectory(used, flown)
     table = {f"{folder}/images.csv": _images(used), **_points(folder, places, used)}
     control = _control(whole, known, system)
     if control:
@@ -113,6 +120,14 @@ def _system(chunk: Chunk, used: Mapping[str, Shot], *, wanted: str | None) -> Ch
         None,
     )
     return oriented.told(chunk, lambda: crs.chosen(text, at, wanted), element)
+
+
+def _with_trajectory(used: dict[str, Shot], flown: Flown) -> dict[str, Shot]:
+    """Return the images whose exposures are in the trajectory, if there is one."""
+    if flown.table is None:
+        return used
+    exposures = set(flown.table["exposure"])
+    return {i: one for i, one in used.items() if one.exposure in exposures}
 
 
 def _is_rig(used: Any) -> bool:
@@ -243,6 +258,10 @@ def _left_out(
     )
     frames = max(0, len(list(chunk.root.each("frames", "frame"))) - 1)
     tags = ("location", "translation", "rolling_shutter", "antenna")
+    bare = sum(
+        "master_id" in one.attributes and one.maybe("rotation") is None
+        for one in chunk.root.each("sensors", "sensor")
+    )
     odd = sum(
         one.maybe(tag) is not None for one in chunk.root.each("sensors", "sensor") for tag in tags
     )
@@ -254,5 +273,6 @@ def _left_out(
             if odd
             else ()
         ),
+        *((f"{bare} slaves have no rotation: their mountings are the master's",) if bare else ()),
         "tie points, which the XML does not have",
     )

@@ -114,7 +114,7 @@ def _chosen(element: Element, wanted: str) -> tuple[Calibration, str]:
 
 
 def calibration(element: Element) -> Calibration:
-    """Return what an element ``calibration`` says."""
+    """Return what an element ``calibration`` says, of a sensor or of a file of its own."""
     if element.maybe("fx") is not None:
         raise element.wrong(
             "has <fx>: PhotoScan before 1.2 wrote it, whose p1 and p2 mean other things",
@@ -135,16 +135,22 @@ def calibration(element: Element) -> Calibration:
 
 
 def _type(element: Element) -> str:
-    kind = element.attributes.get("type", "frame")
+    alone = element.maybe("projection")
+    kind = element.attributes.get("type", "frame") if alone is None else alone.text
     if kind not in lens.TYPES:
         expected = f"must be one of {', '.join(lens.TYPES)}"
+        if alone is not None:
+            raise alone.wrong(quoted(kind), expected)
         raise element.wrong(quoted(kind), expected, attribute="type")
     return kind
 
 
 def _resolution(element: Element) -> tuple[int, int]:
-    size = element.one("resolution")
-    width, height = (size.number(side, PIXELS) for side in ("width", "height"))
+    if element.maybe("width") is not None:
+        width, height = (element.one(side).number(allowed=PIXELS) for side in ("width", "height"))
+    else:
+        size = element.one("resolution")
+        width, height = (size.number(side, PIXELS) for side in ("width", "height"))
     return int(width), int(height)
 
 

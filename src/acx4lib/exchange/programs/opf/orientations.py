@@ -150,7 +150,7 @@ def _attitude(node: Node, enh: Array, system: Chosen) -> tuple[Array, Array]:
     angles = np.radians(node.one("angles_deg").numbers(3))
     given = node.maybe("sigmas_deg")
     sigma = np.zeros(3) if given is None else np.maximum(given.numbers(3), 0.0)
-    grid = GridSystem(crs=system.crs)
+    grid = crs.grid_of(system.crs)
     lonlat = grid.lonlat_from_grid(enh[None, :2])
     if kind == "yaw_pitch_roll":
         frame = mean_origin(grid, lonlat)
@@ -168,7 +168,7 @@ def _attitude(node: Node, enh: Array, system: Chosen) -> tuple[Array, Array]:
 def _meridians(node: Node, lonlat: Array, grid: GridSystem) -> Array:
     """Return the rotation from the axes of another grid to those of the flight's at a place."""
     try:
-        other = GridSystem(crs=node.text())
+        other = crs.grid_of(node.text())
     except ValueError as error:
         raise node.wrong(str(error), "must be a projected coordinate system") from None
     here, there = (one.convergence(lonlat)[0] for one in (grid, other))

@@ -100,7 +100,7 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
     ValueError
         For a lens that no camera of a flight has; the message begins with the camera's name.
     """
-    cameras, left = {}, {}
+    cameras, left, tables = {}, {}, {}
     for name, one in lenses.items():
         size = one.pixel_um or pixel_um or NOMINAL_UM
         try:
@@ -113,6 +113,7 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
                 pixel_mm=size / 1000,
             )
             cameras[name] = replace(camera, T_b_c=one.mount)
+            tables[name] = _table(cameras[name])
         except ValueError as error:
             msg = f"{name}: {error}"
             raise ValueError(msg) from None
@@ -129,7 +130,6 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
         f"{left[name]}"
         for name, camera in cameras.items()
     )
-    tables = {name: _table(camera) for name, camera in cameras.items()}
     return Refitted(cameras=cameras, settings={"cameras": tables}, assumed=assumed, found=found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pyproj
@@ -13,6 +14,9 @@ from pyproj.exceptions import CRSError, ProjError
 from acx4lib.expected import Array
 from acx4lib.geometry.crs.text import crs_fault
 from acx4lib.geometry.geodesy import GridSystem
+
+MADE = 64
+"""Number of systems that are kept: places of a project have few, and one takes PROJ long."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +45,7 @@ class Chosen:
 
     def grid(self) -> GridSystem:
         """Return both for computations; a ValueError where the geoid's grid is not here."""
-        return GridSystem(crs=self.crs, heights=self.heights)
+        return grid_of(self.crs, self.heights)
 
     def from_source(self, xyh: Array) -> Array:
         """Return coordinates of the project as east, north, height of the flight, shape (n, 3).
@@ -52,17 +56,28 @@ class Chosen:
             Where PROJ cannot do it exactly.
         """
         horizontal = None if self.source is None else _horizontal(self.source)
-        if horizontal is None or horizontal == _horizontal(pyproj.CRS(self.crs)):
+        if horizontal is None or horizontal == _horizontal(parsed(self.crs)):
             return np.asarray(xyh, dtype=float)
         try:
-            there = pyproj.Transformer.from_crs(
-                horizontal, pyproj.CRS(self.crs), always_xy=True, allow_ballpark=False
-            )
+            there = _between(horizontal, self.crs)
         except ProjError:
             msg = f"PROJ knows no exact way from {horizontal.name!r} to {self.crs}"
             raise ValueError(msg) from None
         east, north = there.transform(xyh[:, 0], xyh[:, 1])
         return np.column_stack([east, north, xyh[:, 2]])
+
+
+@lru_cache(maxsize=MADE)
+def grid_of(crs: str, heights: str | float = "ellipsoidal") -> GridSystem:
+    """Return a CRS and heights for computations; a ValueError where they cannot be used."""
+    return GridSystem(crs=crs, heights=heights)
+
+
+@lru_cache(maxsize=MADE)
+def _between(source: pyproj.CRS, crs: str) -> pyproj.Transformer:
+    return pyproj.Transformer.from_crs(
+        source, pyproj.CRS(crs), always_xy=True, allow_ballpark=False
+    )
 
 
 def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None:
@@ -84,7 +99,7 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     """
     source = parsed(text) if text else None
     if wanted is not None:
-        _ = GridSystem(crs=wanted)
+        _ = grid_of(wanted)
         return Chosen(crs=wanted, heights=heights_of(source), assumed=(), source=source)
     if source is None or not (source.is_projected or source.is_geographic):
         return None
@@ -100,11 +115,12 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
         )
     else:
         return None
-    _ = GridSystem(crs=crs)
+    _ = grid_of(crs)
     assumed = (said, _said_heights(source))
     return Chosen(crs=crs, heights=heights_of(source), assumed=assumed, source=source)
 
 
+@lru_cache(maxsize=MADE)
 def parsed(text: str) -> pyproj.CRS:
     """Return the CRS of a code or WKT; a ValueError says why it is none."""
     if fault := crs_fault(text):
@@ -117,6 +133,7 @@ def parsed(text: str) -> pyproj.CRS:
         raise ValueError(msg) from None
 
 
+@lru_cache(maxsize=MADE)
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
     crs = crs.source_crs if crs.is_bound and crs.source_crs else crs
@@ -165,7 +182,7 @@ def with_heights(system: Chosen, enh: Array, given: str | float) -> Array:
     """
     if given == system.heights:
         return enh
-    into, out_of = system.grid(), GridSystem(crs=system.crs, heights=given)
+    into, out_of = system.grid(), grid_of(system.crs, given)
     lonlat = into.lonlat_from_grid(enh[:, :2])
     more = out_of.undulation(lonlat) - into.undulation(lonlat)
     if not np.isfinite(more).all():

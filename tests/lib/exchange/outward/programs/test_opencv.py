@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.exchange.opencv import from_opencv
 from acx4lib.exchange.outward import calibrated
 from acx4lib.exchange.outward.programs import opencv
 from acx4lib.exchange.outward.relative import R_C_V
+from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 
@@ -50,3 +52,20 @@ def test_a_single_camera_has_no_other_head(single):
     assert list(made.files) == ["CAM.yaml"]
     assert_allclose(read(made.files["CAM.yaml"])["R"], np.eye(3))
     assert not any("R and T" in sentence for sentence in made.assumed)
+
+
+def test_a_camera_comes_back_from_its_file(shown):
+    """To twice what the refit loses, and its digits."""
+    made = opencv.cameras(shown.found)
+    for camera in shown.found.cameras:
+        own = read(made.files[f"{camera.name}.yaml"])
+        size = {k: getattr(camera, k) for k in ("width_px", "height_px", "pixel_mm")}
+        back, _ = from_opencv(
+            own["camera_matrix"], own["distortion_coefficients"][0], name=camera.name, **size
+        )
+        colrow = shown.colrow[shown.first_images()[camera.name]]
+        rays = [
+            correct(c.interior, xy_from_colrow(c, colrow)) / c.interior.f for c in (camera, back)
+        ]
+        apart = np.linalg.norm(rays[0] - rays[1], axis=1).max() * camera.interior.f / 0.005
+        assert apart <= 2.1 * made.lenses[camera.name].largest_px + 1e-6
