@@ -20,7 +20,7 @@ points are not in these files. The trajectory is what was measured of the camera
 and angles are there; with --orientations adjusted it is Metashape's own adjustment, and then a
 boresight means nothing.
 
-\\b
+\b
 Example:
   acx4 import metashape cameras.xml --out my_flight
   acx4 import metashape survey.psx --orientations adjusted --out my_flight

@@ -278,7 +278,7 @@ def _lost(marks: Measured, ties: Measured) -> tuple[str, ...]:
         (marks.lost, "marks in images that are left out"),
         (
             ties.lost,
-            "measurements of tie points in images that are left out, or second ones in one",
+            "measurements of tie points in other images, or second ones in one",
         ),
     )
     return tuple(f"{n} {what}" for n, what in counted if n)
