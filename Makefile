@@ -190,6 +190,7 @@ reference-data: .venv/.stamp-test ## bring the public measurements of data/refer
 
 reference-results: .venv/.stamp ## compute the comparisons with these anew, and store them
 	@$(BIN)/python -m acx4book.reference && echo data/reference/results
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.imports && echo data/benchmarks/imports.csv
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)

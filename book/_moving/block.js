@@ -71,7 +71,7 @@ class View {
     this.labels = this.layers.flatMap(({ labels, at }, layer) => labels.map((text, i) => ({
       layer, place: new Vector3().fromArray(at, 3 * i), shown: element("span", { textContent: text, ariaHidden: "true" }),
     })));
-    figure.querySelector(".view").replaceChildren(canvas, ...this.labels.map(({ shown }) => shown));
+    figure.querySelector(".view").append(canvas, ...this.labels.map(({ shown }) => shown)); // the drawing is printed
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.draw());
     this.orbit.enableZoom = false; // the wheel scrolls the page until the view has the focus

@@ -115,7 +115,8 @@ def record(
     random_m, random_deg = white.standard_normal((n, 3)), white.standard_normal((n, 3))
     if options.slow_errors is not None:
         of = options.slow_errors
-        walks = gauss_markov(time_s, of.time_constant_s, 6, slow)
+        constants = np.repeat([of.gnss_constant_s, of.attitude_constant_s], 3)
+        walks = gauss_markov(time_s, constants, slow)
         random_m = of.gnss * walks[:, :3] + np.sqrt(1 - of.gnss**2) * random_m
         random_deg = of.attitude * walks[:, 3:] + np.sqrt(1 - of.attitude**2) * random_deg
     minutes = (time_s - time_s[0])[:, None] / 60
@@ -152,19 +153,15 @@ def _through(times: Array, at: float) -> Array:
     return np.array([np.prod((at - o) / (t - o)) for t, o in zip(times, others, strict=True)])
 
 
-def gauss_markov(
-    time_s: Array, time_constant_s: float, n_walks: int, rng: np.random.Generator
-) -> Array:
+def gauss_markov(time_s: Array, time_constant_s: Array, rng: np.random.Generator) -> Array:
     """Draw processes of unit variance with a correlation that decreases exponentially with time.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
         Ascending.
-    time_constant_s : float
-        Time after which the correlation is 1/e.
-    n_walks : int
-        Number of independent processes.
+    time_constant_s : ndarray, shape (n_walks,)
+        For every process, the time after which the correlation is 1/e.
     rng : Generator
         Random numbers.
 
@@ -172,8 +169,8 @@ def gauss_markov(
     -------
     ndarray, shape (n, n_walks)
     """
-    walks = rng.standard_normal((len(time_s), n_walks))
-    kept = np.exp(-np.diff(time_s) / time_constant_s)
+    walks = rng.standard_normal((len(time_s), len(time_constant_s)))
+    kept = np.exp(-np.diff(time_s)[:, None] / time_constant_s)
     for i, share in enumerate(kept, 1):
         walks[i] = share * walks[i - 1] + np.sqrt(1 - share**2) * walks[i]
     return walks

@@ -63,22 +63,24 @@ class SlowErrors:
     ----------
     gnss, attitude : float
         Share of the standard deviation, 0 to 1: with 0.8, the white noise has 0.6 of it.
-    time_constant_s : float
-        Time after which the correlation is 1/e.
+    gnss_constant_s, attitude_constant_s : float
+        Time constants: after this time the correlation is 1/e.
     """
 
     gnss: float = 0.95
     attitude: float = 0.95
-    time_constant_s: float = 600.0
+    gnss_constant_s: float = 600.0
+    attitude_constant_s: float = 600.0
 
     def __post_init__(self) -> None:
         for name in ("gnss", "attitude"):
             if not 0 <= getattr(self, name) <= 1:
                 msg = f"{name} must be a share from 0 to 1, got {getattr(self, name)}"
                 raise ValueError(msg)
-        if not self.time_constant_s > 0:
-            msg = f"time_constant_s must be positive, got {self.time_constant_s}"
-            raise ValueError(msg)
+        for name in ("gnss_constant_s", "attitude_constant_s"):
+            if not getattr(self, name) > 0:
+                msg = f"{name} must be positive, got {getattr(self, name)}"
+                raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ import gc
 import os
 import re
 import shutil
+from contextlib import contextmanager
 
 import pytest
 from bs4 import BeautifulSoup
@@ -85,6 +86,23 @@ def browser():
         browser = playwright.chromium.launch(executable_path=chromium, args=flags)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def dark():
+    """Show a page, for a while, to a reader whose system is dark."""
+
+    @contextmanager
+    def shown_dark(page):
+        switch(page, "dark")
+        yield
+        switch(page, "light")
+
+    def switch(page, colours):
+        page.emulate_media(color_scheme=colours)
+        page.wait_for_function(f"document.documentElement.dataset.theme === '{colours}'")
+
+    return shown_dark
 
 
 @pytest.fixture(scope="session")

@@ -1,11 +1,16 @@
 """The built book in a browser, opened from disk, with no network."""
 
+import numpy as np
 import pytest
 
 from acx4book.typesetting import style
 
-WIDTHS, HEIGHT = (1280, 390), 900
-"""Of a desktop's window and a phone's, px."""
+HEIGHT = 900
+DESKTOP, PHONE = 1280, 390
+"""Widths of windows, px."""
+
+LETTERS = {DESKTOP: 11, PHONE: 9}
+"""Of figures, px at least. A figure of the whole column is 504 points wide."""
 
 DRAWN = """async () => {
     if (window.MathJax?.startup?.promise) await MathJax.startup.promise;
@@ -16,7 +21,31 @@ DRAWN = """async () => {
         failed: document.querySelectorAll('mjx-merror').length,
         missing: missing.map(i => i.src),
         overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+        scales: [...document.querySelectorAll('div.drawing svg')].map(
+            drawing => drawing.getBoundingClientRect().width / drawing.viewBox.baseVal.width),
     };
+}"""
+CUT_OFF = """async () => {
+    await new Promise(done => setTimeout(done, 100));  // the boxes that scroll are marked
+    const scrolls = box => /auto|scroll/.test(getComputedStyle(box).overflowX);
+    const wide = document.documentElement.clientWidth;
+    const cut = [];
+    const parts = 'article :is(mjx-container, table, pre, .drawing svg)';
+    for (const part of document.querySelectorAll(parts)) {
+        if (part.closest('details:not([open]), .toggle-hidden')) continue;
+        const {left, right, width} = part.getBoundingClientRect();
+        let box = part;
+        while (box && !scrolls(box)) box = box.parentElement;
+        const inside = box && box.closest('article');
+        const more = inside && box.scrollWidth > box.clientWidth + 1;
+        if (width && !more && (left < -1 || right > wide + 1))
+            cut.push(`cut off: ${part.textContent.trim().slice(0, 60)}`);
+        if (more && !box.hasAttribute('data-scrolls'))
+            cut.push(`scrolls, and nothing says so: ${part.textContent.trim().slice(0, 60)}`);
+        if (more && box.tabIndex < 0)
+            cut.push(`scrolls, and no key reaches it: ${part.textContent.trim().slice(0, 60)}`);
+    }
+    return cut;
 }"""
 IN_THE_DARK = """() => {
     const light = colour => Math.min(...colour.match(/[\\d.]+/g).slice(0, 3).map(Number));
@@ -31,16 +60,14 @@ IN_THE_DARK = """() => {
     };
 }"""
 
-PIXELS_PER_POINT = """() => [...document.querySelectorAll('div.drawing svg')].map(
-    drawing => drawing.getBoundingClientRect().width / drawing.viewBox.baseVal.width)"""
-
 
 class Window:
-    """A browser window of some width; it keeps what the browser complains of."""
+    """A browser window on a light desktop at first; it keeps what the browser complains of."""
 
-    def __init__(self, browser, html, *, colours):
-        size = {"width": WIDTHS[0], "height": HEIGHT}
-        self.page = browser.new_context(viewport=size, color_scheme=colours).new_page()
+    def __init__(self, browser, html):
+        context = browser.new_context(color_scheme="light", reduced_motion="reduce")
+        self.page = context.new_page()
+        self.widen(DESKTOP)
         self.html = html
         self.complaints = []
         self.page.on("pageerror", self.complain)
@@ -59,6 +86,9 @@ class Window:
         if request.failure != "net::ERR_ABORTED":  # the page was left before it came
             self.complain(f"{request.failure}: {request.url}")
 
+    def widen(self, width):
+        self.page.set_viewport_size({"width": width, "height": HEIGHT})
+
     def open(self, name):
         self.page.goto(f"{self.html.as_uri()}/{name}", wait_until="load")
         return self.page
@@ -69,8 +99,8 @@ def window(browser, html):
     """Open a window on the book, which is closed after the test."""
     windows = []
 
-    def open_window(colours="light"):
-        windows.append(Window(browser, html, colours=colours))
+    def open_window():
+        windows.append(Window(browser, html))
         return windows[-1]
 
     yield open_window
@@ -78,54 +108,54 @@ def window(browser, html):
         opened.page.context.close()
 
 
-def test_every_page_is_drawn_whole_and_in_peace(window, chapters):
-    """On the desktop, and when the window becomes as narrow as a phone."""
+def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters):
+    """On a phone, when its window becomes as wide as a desktop's, and there in the dark."""
     book = window()
     for name in [*chapters, "search.html"]:
-        book.page.set_viewport_size({"width": WIDTHS[0], "height": HEIGHT})
+        book.widen(PHONE)
         book.open(name)
-        for width in WIDTHS:
-            book.page.set_viewport_size({"width": width, "height": HEIGHT})
-            drawn = book.page.evaluate(DRAWN)
-            if drawn["rendered"] != drawn["expected"] or drawn["failed"]:
-                book.complain(f"mathematics: {drawn}")
-            if drawn["missing"]:
-                book.complain(f"images without content: {drawn['missing']}")
-            if drawn["overflow"] > 0:
-                book.complain(f"{drawn['overflow']} px wider than the window of {width} px")
+        drawn_whole(book, PHONE)
+        for cut in book.page.evaluate(CUT_OFF):
+            book.complain(cut)
+        book.widen(DESKTOP)
+        drawn_whole(book, DESKTOP)
+        if name in chapters and chapters[name].select("div.drawing"):
+            with dark(book.page):
+                light_on_the_dark(book)
     assert book.complaints == []
 
 
-def test_some_pages_have_mathematics(chapters):
-    """Or the comparison above would compare nothing."""
+def drawn_whole(book, width):
+    """Look for mathematics, images and letters that are not as they should be."""
+    drawn = book.page.evaluate(DRAWN)
+    if drawn["rendered"] != drawn["expected"] or drawn["failed"]:
+        book.complain(f"mathematics: {drawn}")
+    if drawn["missing"]:
+        book.complain(f"images without content: {drawn['missing']}")
+    if drawn["overflow"] > 0:
+        book.complain(f"{drawn['overflow']} px wider than the window of {width} px")
+    letters = min(drawn["scales"], default=np.inf) * style.SMALL
+    if letters < LETTERS[width]:
+        book.complain(f"letters of {letters:.1f} px in a window of {width} px")
+
+
+def light_on_the_dark(book):
+    """Look for ink of figures that is dark, and for light cards, on the dark page."""
+    seen = book.page.evaluate(IN_THE_DARK)
+    if seen["page"] > 60 or min(seen["text"], *seen["letters"]) < 180:
+        book.complain(f"not light on dark: {seen}")
+    if set(seen["cards"]) != {"rgba(0, 0, 0, 0)"}:
+        book.complain(f"a card behind a figure in the dark: {seen['cards']}")
+
+
+def test_some_pages_have_mathematics_and_drawings(chapters):
+    """Or the comparisons above would compare nothing."""
     assert len(chapters["frames-and-notation.html"].select("div.math")) >= 14
-
-
-def test_figures_are_light_on_the_dark_page(window, chapters):
-    book = window(colours="dark")
-    with_figures = [name for name, page in chapters.items() if page.select("div.drawing")]
-    assert with_figures
-    for name in with_figures:
-        seen = book.open(name).evaluate(IN_THE_DARK)
-        assert seen["page"] < 60, name
-        assert seen["text"] > 180, name
-        assert min(seen["letters"], default=255) > 180, name
-        assert set(seen["cards"]) == {"rgba(0, 0, 0, 0)"}, name
-
-
-def test_letters_of_figures_can_be_read_on_the_desktop_and_on_a_phone(window, chapters):
-    """The smallest letters have `style.SMALL` points; a figure of the whole column 504 of them."""
-    book = window()
-    for name in [name for name, page in chapters.items() if page.select("div.drawing")]:
-        book.open(name)
-        for width, px in zip(WIDTHS, (11, 9), strict=True):
-            book.page.set_viewport_size({"width": width, "height": HEIGHT})
-            scales = book.page.evaluate(PIXELS_PER_POINT)
-            assert min(scales) * style.SMALL >= px, (name, width)
+    assert any(page.select("div.drawing") for page in chapters.values())
 
 
 def test_the_button_switches_to_the_dark_and_back(window):
-    page = window(colours="light").open("intro.html")
+    page = window().open("intro.html")
     shown = set()
     for _ in range(3):
         page.locator("button.theme-switch-button:visible").first.click()

@@ -138,6 +138,9 @@ def test_nothing_was_executed(made):
     assert list(Path.cwd().glob("*PWNED*")) == []
 
 
+PICTURE = re.compile(r"(?<=;base64,)[\w+/=]+")
+"""May hold by chance what looks like a mark."""
+
 DATA = "script[type='application/json']"
 """Holds what a figure shows: a browser runs nothing of it and reads it as text."""
 
@@ -152,7 +155,7 @@ def test_no_part_of_a_name_is_alive(documents):
     alive = []
     for page, soup in documents.items():
         for element in soup.find_all(True):
-            if payloads.marks(f"{element.attrs} {inside(element)}"):
+            if payloads.marks(PICTURE.sub("", f"{element.attrs} {inside(element)}")):
                 alive.append((page, str(element)[:200]))
         alive += [
             (page, c) for c in soup.find_all(string=Comment.__instancecheck__) if payloads.marks(c)

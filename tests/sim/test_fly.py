@@ -22,7 +22,7 @@ def acx4(**options):
 def test_the_correlation_of_slow_errors_falls_exponentially():
     """The covariance of 20 000 processes, to four of its standard deviations."""
     time_s = np.array([0.0, 3.0, 6.0, 250.0, 1000.0])
-    walks = fly.gauss_markov(time_s, 300.0, 20_000, np.random.default_rng(5))
+    walks = fly.gauss_markov(time_s, np.full(20_000, 300.0), np.random.default_rng(5))
     expected = np.exp(-np.abs(time_s[:, None] - time_s) / 300.0)
     assert_allclose(walks @ walks.T / 20_000, expected, atol=4 * np.sqrt(2 / 20_000))
 
@@ -49,7 +49,7 @@ def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
 
 
 def test_slow_errors_of_an_endless_time_constant_are_one_shift():
-    forever = SlowErrors(gnss=1.0, attitude=1.0, time_constant_s=1e12)
+    forever = SlowErrors(gnss=1.0, attitude=1.0, gnss_constant_s=1e12, attitude_constant_s=1e12)
     position, attitude = errors(slow_errors=forever)
     assert_allclose(position - position[0], 0.0, atol=5e-6)
     assert_allclose(attitude - attitude[0], 0.0, atol=1e-6)

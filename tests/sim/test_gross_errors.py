@@ -116,7 +116,7 @@ def test_the_truth_with_its_mistakes_is_json_and_the_flight_hides_them(spoiled, 
         (lambda: GrossErrors(image_px=(9.0, 5.0)), "the lower first"),
         (lambda: acx4(gross_errors=GrossErrors(block="heads")), "'heads' is not simul"),
         (lambda: SlowErrors(gnss=-0.1), "gnss must be a share"),
-        (lambda: SlowErrors(time_constant_s=0.0), "time_constant_s must be positive"),
+        (lambda: SlowErrors(gnss_constant_s=0.0), "gnss_constant_s must be positive"),
         (lambda: acx4sim.Options(refraction="some"), "refraction is 'none' or 'standard'"),
     ],
 )

@@ -214,17 +214,30 @@ def approximate(block, *, df=0.3, boresight_deg=0.5, lever_m=None):
 
 
 def noisy(block, rng):
-    """Return the block with normal noise of the size that its sigmas state."""
+    """Return the block with normal noise of the size that its sigmas and correlations state."""
+    trajectory = block.trajectory
     noise = {
         "image_point": rng.normal(size=(len(block.image_points), 2))
         * block.image_points.sigma_px[:, None],
         "control_point": rng.normal(size=(len(block.control), 3)) * block.control.sigma_m,
-        "gnss": rng.normal(size=(len(block.trajectory), 3)) * block.trajectory.sigma_position,
-        "attitude": rng.normal(size=(len(block.trajectory), 3)) * block.trajectory.sigma_attitude,
+        "gnss": drawn(trajectory, trajectory.slow_positions, rng) * trajectory.sigma_position,
+        "attitude": drawn(trajectory, trajectory.slow_attitudes, rng) * trajectory.sigma_attitude,
     }
     for kind, by in noise.items():
         block = changed(block, kind, by)
     return block
+
+
+def drawn(trajectory, process, rng):
+    """Draw three components of white noise and, from exposure to exposure, of a slow process."""
+    white = rng.normal(size=(len(trajectory), 3))
+    if process.share == 0:
+        return white
+    walk = rng.normal(size=(len(trajectory), 3))
+    for i, apart in enumerate(np.diff(trajectory.time_s), start=1):
+        left = np.exp(-apart / process.time_constant_s)
+        walk[i] = left * walk[i - 1] + np.sqrt(1 - left**2) * walk[i]
+    return process.share * walk + np.sqrt(1 - process.share**2) * white
 
 
 def changed(block, kind, by):

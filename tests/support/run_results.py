@@ -1,8 +1,10 @@
 """A results folder as a run leaves it, made without notebooks."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 import acx4sim
@@ -10,13 +12,30 @@ from acx4book.notebooks import runner
 from acx4book.report.material import Material, read
 from acx4book.report.verdict.verdict import findings
 from acx4lib import flight
+from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, provenance, read_back, validations
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
+from acx4lib.results.rows import calibration_tables, orientation_tables
+from support.flights import written
 
 SINGLE = "mounting/single_step"
+LENS = Interior(
+    f=25.1, xp=0.03, yp=-0.02, k1=1.1e-5, k2=-2e-8, k3=1e-11, p1=4e-6, p2=-3e-6, b1=2e-4
+)
+
+ADJUSTED = {
+    **dict.fromkeys(("n_observations", "n_unknowns", "redundancy", "n_rejected"), 1),
+    "sigma0_squared": 1.25,
+    "chi_square_p": 0.3,
+    "converged": True,
+}
+"""What summary.json says of an adjustment at least."""
 
 
 def leave_results(folder, *, design="single-head", seed=2):
@@ -62,3 +81,60 @@ def state(folder_or_run, question):
     """Return what the verdict of a report says of one question: its state and the answer."""
     material = folder_or_run if isinstance(folder_or_run, Material) else read(folder_or_run)
     return next((f.state, f.answer) for f in findings(material) if f.question == question)
+
+
+def leave_calibration(folder, calibration, *, method="single_step", related=None):
+    """Write a small flight, and results that have one calibration of its cameras.
+
+    With `related`, that relative orientation of the heads instead, and their own calibrations.
+    """
+    kept = Path(folder) / "results"
+    blocks = ("heads", "calibration") if len(calibration.cameras) > 1 else ("calibration",)
+    flown = flight.read(written.write_flight(Path(folder) / "flight", blocks=blocks))
+    if related is None:
+        made = {f"mounting/{method}": calibration_tables("mounting", method, calibration)}
+    else:
+        made = {
+            "heads/bundle": calibration_tables("heads", "bundle", calibration),
+            "heads/relative_orientation": orientation_tables(
+                "heads", "relative_orientation", related
+            ),
+        }
+    with claims.claim(kept, command=runner.COMMAND) as own:
+        own.expect([*results.FILES, provenance.FILE])
+        for name, tables in made.items():
+            entry = {name: ADJUSTED} if name.startswith("mounting/") else {}
+            results.replace(kept, [name], tables=tables, summary=entry)
+        provenance.keep(own, flown)
+        own.seal()
+    return kept
+
+
+def estimated(*names, seed=1):
+    """Return a calibration of small flights' cameras: every parameter, full covariance."""
+    rng = np.random.default_rng(seed)
+    cameras = tuple(_camera(written.cameras()[name], k) for k, name in enumerate(names))
+    n = len(INTERIOR) + 6
+    sizes = np.tile([1e-3, *[2e-3] * 2, 1e-7, 1e-9, 1e-12, *[1e-7] * 2, 1e-5], (len(names), 1))
+    sigma = np.hstack([sizes, np.full((len(names), 3), 0.02), np.full((len(names), 3), 5e-5)])
+    root = rng.normal(size=(n * len(names), 2 * n * len(names))) * sigma.ravel()[:, None]
+    columns = np.arange(n * len(names)).reshape(len(names), n)
+    return Calibration(
+        cameras=cameras,
+        layout=Layout(
+            interior=columns[:, :9], mount=columns[:, 9:], pose=np.zeros((0, 6), dtype=np.intp)
+        ),
+        cov=root @ root.T / (2 * n),
+        sigma0_sq=1.25,
+        open_columns=np.zeros(n * len(names), dtype=bool),
+    )
+
+
+def _camera(declared, k):
+    opk = declared.T_b_c.opk + np.radians([0.3, -0.2, 0.1])
+    lens = replace(LENS, f=LENS.f + 0.01 * k)
+    return replace(
+        declared,
+        interior=lens,
+        T_b_c=Pose(R=rotation_from_opk(opk), r=np.array([0.1, -0.2 + 0.3 * k, 0.25])),
+    )

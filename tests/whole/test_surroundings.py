@@ -15,6 +15,7 @@ import pytest
 
 import acx4lib
 import acx4sim
+from support.helpers import repeats
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 SOURCES = Path(acx4lib.__file__).parents[1]
@@ -194,7 +195,8 @@ def twice(folder, env):
     return done.stdout.strip()
 
 
-def test_damaged_files_of_compiled_code_are_compiled_anew(tmp_path):
+@pytest.mark.parametrize("shares", [(0.6,), repeats((0.0, 0.6))], ids=len)
+def test_damaged_files_of_compiled_code_are_compiled_anew(tmp_path, shares):
     cache = tmp_path / "cache"
     env = {"NUMBA_CACHE_DIR": str(cache)}
     assert twice(tmp_path, env) == ""
@@ -202,7 +204,7 @@ def test_damaged_files_of_compiled_code_are_compiled_anew(tmp_path):
     whole = {path: path.read_bytes() for path in files}
     assert len(whole) == 2
     for suffix in (".nbi", ".nbc"):
-        for share in (0.0, 0.6):
+        for share in shares:
             for path, data in whole.items():
                 cut = int(share * len(data)) if path.suffix == suffix else len(data)
                 path.write_bytes(data[:cut])

@@ -21,6 +21,7 @@ import typer
 
 from acx4book.command import compare, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
+from acx4book.command.exchange import export, importing, new
 from acx4book.command.pictures import measure, render
 from acx4book.command.planning import plan, simulate
 
@@ -159,6 +160,9 @@ def report(
 
 
 app.command(help=compare.HELP)(compare.compare)
+app.add_typer(importing.app, name="import")
+app.command(help=new.HELP)(new.new)
+app.command(help=export.HELP)(export.export)
 app.command(help=measure.HELP)(measure.measure)
 app.command(help=render.HELP)(render.render)
 app.command(help=teaching.LAB_HELP)(teaching.lab)

@@ -58,7 +58,7 @@ class Where:
 def run_many(
     flights: Sequence[Path], results: Path, *, seeds: str | None, where: Where, settings: Settings
 ) -> None:
-    """Run many flights, or many seeds of designs, and show a line for each."""
+    """Run many flights, or many seeds of designs and plans, and show a line for each."""
     from acx4book.command.batch import runs  # noqa: PLC0415 quick help
     from acx4book.command.batch.jobs import TABLE  # noqa: PLC0415 quick help
 
@@ -81,20 +81,24 @@ def _jobs(
     flights: Sequence[Path], results: Path, seeds: str | None, settings: Settings
 ) -> list[Job]:
     from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
-    from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
 
     try:
         if seeds is None:
             return jobs.of_flights(flights, results, settings)
-        unknown = [str(design) for design in flights if str(design) not in DESIGNS]
-        if unknown:
-            terminal.refuse(
-                f"--seeds are of a simulated design: unknown design {unknown[0]!r}; "
-                f"known: {', '.join(DESIGNS)}"
-            )
-        return jobs.of_seeds([str(d) for d in flights], jobs.seeds_of(seeds), results, settings)
+        chosen = jobs.seeds_of(seeds)
+        return jobs.of_seeds([_simulated(f) for f in flights], chosen, results, settings)
     except ValueError as error:
         terminal.refuse(str(error) if seeds is None else f"--seeds: {error}")
+
+
+def _simulated(flight: Path) -> str:
+    """Return the name of a design, or the path of a plan from the root; refuse all others."""
+    from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
+    from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 quick help
+
+    name = str(flight)
+    by_name.check(name)
+    return str(jobs.absolute(flight)) if by_name.is_plan(name) else name
 
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:

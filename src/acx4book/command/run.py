@@ -22,9 +22,10 @@ converge or is not determined by its data.
 With --numbers-only the tables are the same, without notebooks: much sooner, and without the
 requirements of acx4lib[book].
 
-Of many flights, or with --seeds, --jobs or --cluster, DIR gets a folder for each, and flights.csv
-with a row for each; no notebooks, unless --with-notebooks. A flight that fails stops no other. What
-is there already, of the same flight, is not run again. The status is the largest of all.
+With --seeds, each FLIGHT is a design of acx4 simulate, or the file of a plan, and is flown by these
+seeds. Of many flights, or with --seeds, --jobs or --cluster, DIR gets a folder for each, and
+flights.csv with a row for each; no notebooks, unless --with-notebooks. A flight that fails stops no
+other. What is there already, of the same flight, is not run again. The status is the largest.
 
 \b
 Examples:
@@ -33,6 +34,7 @@ Examples:
   acx4 run my_flight --results my_results --stages mounting,validation
   acx4 run flights/* --results all_results --jobs 4
   acx4 run single-head --seeds 1-200 --results monte_carlo --jobs 2
+  acx4 run my_plan.toml --seeds 1-20 --results flown_20_times
   acx4 run flights/* --results all_results --cluster tcp://host:8786
 """
 
@@ -43,7 +45,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         typer.Argument(
             metavar="FLIGHT",
             show_default=False,
-            help="Folders with flight.toml; with --seeds, names of simulated designs.",
+            help="Folders with flight.toml; with --seeds, designs or PLAN.toml.",
         ),
     ],
     results: Annotated[
@@ -71,7 +73,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         typer.Option(
             metavar="A-B",
             show_default=False,
-            help="Simulate each FLIGHT, a design, with these seeds.",
+            help="Simulate each FLIGHT, a design or a plan, with these seeds.",
         ),
     ] = None,
     jobs: Annotated[

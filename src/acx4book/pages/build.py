@@ -21,7 +21,7 @@ from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
 from acx4book.pages.back import changelog, citation, clean, licences, release
-from acx4book.pages.benchmarks import commands, many, rendering, rendering_goals, speed
+from acx4book.pages.benchmarks import commands, imports, many, rendering, rendering_goals, speed
 from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
@@ -40,8 +40,11 @@ BENCHMARKS = Path("data", "benchmarks")
 
 FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
-RUN_PAGES = ("first-flight", "library")
+RUN_PAGES = ("first-flight", "library", "your-files")
 """Pages whose code is run, and what it prints shown."""
+
+WRAPPED = ("your-files",)
+"""Those of them whose output is sentences, not tables: long lines go on in the next."""
 
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
@@ -235,6 +238,7 @@ def texts_of_benchmarks(
     yield "rendering.md", rendering.page(rendered)
     yield "rendering-limits.md", rendering.limits(rendered)
     yield "many.md", many.page(many.read(BENCHMARKS))
+    yield from imports.texts(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
@@ -247,7 +251,7 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     for page in RUN_PAGES:
         pieces = example.snippets((book / f"{page}.md").read_text(encoding="utf-8"))
         for number, said in enumerate(example.outputs(pieces), 1):
-            yield f"{page}-{number}.txt", said
+            yield f"{page}-{number}.txt", imports.wrapped(said) if page in WRAPPED else said
 
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:

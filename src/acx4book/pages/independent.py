@@ -30,7 +30,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv",),
-    "11-surround-rig": ("data/reference/**/*.csv", "measured"),
+    "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
     "13-bad-starts": (),
     "14-failure-clinic": (),

@@ -2,5 +2,5 @@
 
 `data` says which files they are and where they lie, `comparisons` computes all, and `stored` shows
 the last ones where files are missing. One folder for each source, which also converts its
-conventions: `dbat`, `nist`, `noaa`, `ign`, `surround`. Begin with `comparisons`.
+conventions: `dbat`, `nist`, `noaa`, `ign`, `heads`. Begin with `comparisons`.
 """

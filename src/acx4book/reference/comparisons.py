@@ -14,11 +14,12 @@ import pandas as pd
 from acx4book.reference import data, stored
 from acx4book.reference.dbat import blocks, comparison
 from acx4book.reference.dbat import table as dbat
+from acx4book.reference.heads import pairs, parallax, relatives, rotations, vignetting
+from acx4book.reference.heads.solved import FIVE, TEN
 from acx4book.reference.ign import points
 from acx4book.reference.nist import regressions
 from acx4book.reference.noaa import frames
 from acx4book.reference.stored import Comparison
-from acx4book.reference.surround import comparisons, readings
 from acx4book.typesetting import myst
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.geometry.parameters import AXES
@@ -30,10 +31,13 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "noaa": ("noaa-dss-dg", frames.results),
     "ign": ("ign-uce-m3", points.results),
     "ign_forgotten_steps": ("ign-uce-m3", points.forgotten_steps),
-    "surround_places": (comparisons.FILES, comparisons.places),
-    "surround_readings": (comparisons.FILES, readings.readings),
-    "surround_overlaps": (comparisons.FILES, comparisons.overlaps),
-    "surround_refinements": (comparisons.FILES, comparisons.refinements),
+    "ten_pairs": (TEN, lambda: pairs.pairs(TEN)),
+    "ten_rotations": (TEN, lambda: rotations.rotations(TEN)),
+    "ten_readings": (TEN, lambda: relatives.relatives(TEN)),
+    "ten_parallax": (TEN, lambda: parallax.parallax(TEN)),
+    "ten_vignetting": (TEN, lambda: vignetting.vignetting(TEN)),
+    "five_pairs": (FIVE, lambda: pairs.pairs(FIVE)),
+    "five_rotations": (FIVE, lambda: rotations.rotations(FIVE)),
 }
 """For every comparison, the set of files that it needs and the function that computes it."""
 
@@ -50,7 +54,6 @@ LABELS = {
     **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in AXES},
     **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in AXES},
     "largest": "largest difference",
-    **comparisons.LABELS,
 }
 """Headings of columns in the book."""
 
@@ -68,7 +71,6 @@ _FORMATS = {
     **{f"sigma_{axis}_m": ".4f" for axis in AXES},
     **{f"mean_{axis}_m": "+.3f" for axis in AXES},
     "largest": ".2f",
-    **comparisons.FORMATS,
 }
 
 

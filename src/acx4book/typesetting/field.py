@@ -148,9 +148,7 @@ def _draw_sigma(fig: Figure, ax: Axes, colrow: Array, sigma_cm: Array) -> None:
     col, row = colrow[0, :, 0], colrow[:, 0, 1]
     half = (col[1] - col[0]) / 2, (row[1] - row[0]) / 2
     extent = (col[0] - half[0], col[-1] + half[0], row[-1] + half[1], row[0] - half[1])
-    shown = ax.imshow(
-        sigma_cm, extent=extent, cmap=style.SEQUENCE, vmin=0.0, interpolation="nearest"
-    )
+    shown = ax.imshow(sigma_cm, extent=extent, cmap=style.SHADES, vmin=0.0, interpolation="nearest")
     ax.grid(visible=False)
     ax.set(xlim=(col[0], col[-1]), ylim=(row[-1], row[0]), xlabel="column (px)")
     ax.locator_params(nbins=3)

@@ -16,7 +16,15 @@ MISSING = "\N{EN DASH}"
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-SIGMA = "\N{PLUS-MINUS SIGN}"
+UNIT = r"(?:[±·%°″]|[µcmn]?m\b|px\b|m?s\b)"
+HYPHEN = re.compile(rf"(?<![\w.\-/^])-(?=\d+(?:\.\d|,\s[+-]\d|\s?{UNIT}))")
+"""A hyphen in the place of a minus sign; not before a whole number alone, which may be a name."""
+
+KEPT = re.compile(
+    r"(?<=[<>≤≥≈±]) (?=[+−-]?\d)"
+    r"|(?<![\w^])(\d[\d.,]*) (?=[°‰]|%(?!\w)|(?:[µcmnk]?m|px|m?s|m?rad|min|h|[kMG]B)\b)"
+)
+"""A space at which no line ends: behind a sign of comparison or ±, and between number and unit."""
 
 POWER = re.compile(r"(?<=mm)\^(-\d)")
 """Exponent of a unit, in the notation of results files."""
@@ -82,6 +90,11 @@ def scientific(value: float, *, digits: int = 0) -> str:
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
+def numbers(text: str) -> str:
+    """Return text with minus signs before numbers, and with its numbers and units on one line."""
+    return KEPT.sub(lambda m: f"{m[1] or ''}\N{NO-BREAK SPACE}", HYPHEN.sub("\N{MINUS SIGN}", text))
+
+
 def marked(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with all texts and headings as Markdown; none may come from a flight."""
     texts = table.astype(object).map(lambda cell: Markup(cell) if isinstance(cell, str) else cell)
@@ -94,7 +107,7 @@ def _cell(value: object, spec: str) -> str:
     if value is None or value is pd.NA or value != value:  # noqa: PLR0124 (NaN of any kind)
         return MISSING
     if isinstance(value, Number):
-        return format(value, spec)
+        return format(value, spec).replace("-", "\N{MINUS SIGN}")
     return _text(value).replace("|", r"\|")
 
 
@@ -103,4 +116,4 @@ def _text(text: object) -> str:
     if not isinstance(text, Markup):
         return shown(text)
     line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))
-    return line.replace(f"{SIGMA} ", f"{SIGMA}\N{NO-BREAK SPACE}")  # no line ends between the two
+    return numbers(line)

@@ -91,6 +91,9 @@ SEQUENCE = LinearSegmentedColormap.from_list(
 )
 """From zero (light) to large (dark)."""
 
+SHADES = LinearSegmentedColormap.from_list("acx4 shades", ["#3f7dc400", "#3f7dc4"])
+"""From zero, where the ground shows, to large (blue): for fields, by day and by night."""
+
 DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import AdjustmentError
@@ -23,6 +24,9 @@ def averaged(
     bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> tuple[Calibration, Pose, Mask]:
     """Average the mountings of all images, camera by camera, and propagate their covariance.
+
+    Images have the weights that they have by themselves; the covariance of the mean holds for
+    errors of the trajectory that change slowly, too.
 
     Parameters
     ----------
@@ -69,6 +73,8 @@ def averaged(
     K = _by_exposures(block, weights, by_trajectory, columns)
     cov = bundle.solution.inverse.times(J) @ J.T
     cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
+    if (shared := shared_errors(trajectory)) is not None:
+        cov += shared.among(np.moveaxis(K, 1, 0))
     calibration = Calibration(
         cameras=tuple(cameras),
         layout=columns,

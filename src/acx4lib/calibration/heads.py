@@ -10,6 +10,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
@@ -185,6 +186,33 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     )
 
 
+def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> RelativeOrientation:
+    """Return the orientation of heads that no measurement has calibrated: as they are declared.
+
+    Parameters
+    ----------
+    heads : sequence of Camera
+        The first one is the reference.
+    synthetic : Camera
+        Its declared mounting turns the body frame into the synthetic frame.
+
+    Returns
+    -------
+    RelativeOrientation
+        Of one perspective centre, without exposures and covariance.
+    """
+    expected.sequence("heads", heads, Camera)
+    n, R_b_h = len(heads), np.stack([head.T_b_c.R for head in heads])
+    xyz = np.tile([0.0, 0.0, heads[0].interior.f], (n, 1))
+    return RelativeOrientation(
+        heads=tuple(heads),
+        xyz_mm=xyz,
+        opk=Pose(R=synthetic.T_b_c.R.T @ R_b_h, r=xyz).opk,
+        cov_joint=np.zeros((15 * n, 15 * n)),
+        n_exposures=0,
+    )
+
+
 def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
     """Return every head's images at the exposures that all heads have, and these exposures."""
     sets = []
@@ -290,8 +318,10 @@ def _covariance(
     together: Array = np.sum(by_control, axis=0)
     by_body = np.zeros((n, len(exposures), 6))
     by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
-    cov_body = fits[0].network.block.trajectory.cov[exposures]
-    cov += np.einsum("iea,eab,jeb->ij", by_body, cov_body, by_body)
+    trajectory = fits[0].network.block.trajectory
+    cov += np.einsum("iea,eab,jeb->ij", by_body, trajectory.cov[exposures], by_body)
+    if (shared := shared_errors(trajectory, exposures)) is not None:
+        cov += shared.among(np.moveaxis(by_body, 1, 0))
     return cov + together @ together.T
 
 

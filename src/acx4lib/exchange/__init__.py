@@ -1,5 +1,8 @@
-"""Cameras for other programs, and from them.
+"""Other programs' files in and out.
 
-`opencv` turns the paper's lens, whose distortion is a function of the measured point, into OpenCV's
-forward one, and back.
+`safe` reads files of strangers, `trajectories` what says where images were taken, `programs` the
+projects of other programs; `outward` takes calibrations and orientations out. `brought` is what an
+import brings of a flight, `flight_folder` writes it, and `written_toml` its settings. `lens` refits
+any program's lens into the library's camera, and back; `opencv` is a case of it. This is the only
+room that knows conventions that are not the library's own.
 """

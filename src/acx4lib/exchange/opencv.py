@@ -12,20 +12,9 @@ import cv2
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.exchange import lens
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import (
-    Camera,
-    Interior,
-    correct,
-    reduced,
-    xy_from_colrow,
-)
-
-FLIP = np.array([1.0, -1.0])
-"""From the library's image axes to OpenCV's."""
-
-NODES = (61, 46)
-"""Points along and across the image through which a lens is fitted."""
+from acx4lib.geometry.camera import Camera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,19 +27,19 @@ class OpenCvCamera:
         Focal lengths and principal point, px.
     distortion : ndarray, shape (5,)
         k1, k2, p1, p2, k3 of OpenCV.
-    largest_px : float
-        Largest distance, anywhere in the image, of its measured points from the library's.
+    left : Left
+        Distances, in the whole image, of its measured points from the library's.
     """
 
     matrix: Array
     distortion: Array
-    largest_px: float
+    left: lens.Left
 
 
 def to_opencv(camera: Camera) -> OpenCvCamera:
     """Return the OpenCV camera that is nearest to a camera, in the whole image.
 
-    The two polynomials are no inverses of each other, so something is left: `largest_px`.
+    The two polynomials are no inverses of each other, so something is `left`.
 
     Parameters
     ----------
@@ -61,25 +50,18 @@ def to_opencv(camera: Camera) -> OpenCvCamera:
     ValueError
         If `camera` is no Camera.
     """
-    expected.instance("camera", camera, Camera)
-    lens, scale = camera.interior, 1 + camera.interior.b1
-    xy = xy_from_colrow(camera, _nodes(camera.width_px, camera.height_px))
-    ideal = FLIP * correct(lens, xy) / lens.f
-    off = FLIP * reduced(lens, xy) / lens.f - ideal
-    coefficients, left = _fitted(ideal, off)
-    f_px = lens.f / camera.pixel_mm
-    middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
-    cx, cy = middle + FLIP * np.array([lens.xp / scale, lens.yp]) / camera.pixel_mm
+    coefficients, left = lens.brown_of(camera)
+    hole = lens.pinhole_of(camera)
     return OpenCvCamera(
-        matrix=np.array([[f_px / scale, 0.0, cx], [0.0, f_px, cy], [0.0, 0.0, 1.0]]),
+        matrix=np.array([[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]]),
         distortion=coefficients,
-        largest_px=f_px * left,
+        left=left,
     )
 
 
 def from_opencv(
     matrix: Array, distortion: Array, *, name: str, width_px: int, height_px: int, pixel_mm: float
-) -> tuple[Camera, float]:
+) -> tuple[Camera, lens.Left]:
     """Return the camera that is nearest to one of OpenCV, in the whole image.
 
     Parameters
@@ -94,8 +76,8 @@ def from_opencv(
     Returns
     -------
     camera : Camera
-    largest_px : float
-        Largest distance of its ideal points from OpenCV's anywhere in the image, px.
+    left : Left
+        Distances of its ideal points from OpenCV's in the whole image.
 
     Raises
     ------
@@ -109,58 +91,17 @@ def from_opencv(
         msg = f"matrix: expected no skew, got {matrix[0, 1]} and {matrix[1, 0]}"
         raise ValueError(msg)
     (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
-    f, scale = fy * pixel_mm, fy / fx
-    colrow = _nodes(width_px, height_px)
-    measured = (colrow - [cx, cy]) / [fx, fy]
-    ideal = _undistorted(colrow, matrix, distortion)
-    (c1, c2, c3, c4, c5), left = _fitted(measured, ideal - measured)
-    interior = Interior(
-        f=f,
-        xp=(cx - (width_px - 1) / 2) * pixel_mm * scale,
-        yp=((height_px - 1) / 2 - cy) * pixel_mm,
-        k1=-c1 / f**2,
-        k2=-c2 / f**4,
-        k3=-c5 / f**6,
-        p1=-c4 / f,
-        p2=c3 / f,
-        b1=scale - 1,
+    return lens.camera_of(
+        lambda colrow: _undistorted(colrow, matrix, distortion),
+        lens.Pinhole(fx=fx, fy=fy, cx=cx, cy=cy),
+        name=name,
+        width_px=width_px,
+        height_px=height_px,
+        pixel_mm=pixel_mm,
     )
-    camera = Camera(
-        name=name, width_px=width_px, height_px=height_px, pixel_mm=pixel_mm, interior=interior
-    )
-    return camera, fy * left
-
-
-def _nodes(width_px: int, height_px: int) -> Array:
-    """Return pixels all over an image, its outer edges included, shape (n, 2)."""
-    cols, rows = (
-        np.linspace(-0.5, size - 0.5, n)
-        for size, n in zip((width_px, height_px), NODES, strict=True)
-    )
-    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
 
 
 def _undistorted(colrow: Array, matrix: Array, distortion: Array) -> Array:
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
     found = cv2.undistortPoints(colrow[:, None], matrix, distortion, None, None, None, criteria)
     return np.asarray(found[:, 0], dtype=float)
-
-
-def _fitted(at: Array, off: Array) -> tuple[Array, float]:
-    """Return OpenCV's coefficients, linear least squares, and the largest distance left.
-
-    Parameters
-    ----------
-    at, off : ndarray, shape (n, 2)
-        Points and what is to be added to them, in units of the focal length.
-    """
-    x, y = at.T
-    r2 = x * x + y * y
-    radial = np.stack([r2, r2**2, r2**3])
-    along = [x * radial[0], x * radial[1], 2 * x * y, r2 + 2 * x * x, x * radial[2]]
-    across = [y * radial[0], y * radial[1], r2 + 2 * y * y, 2 * x * y, y * radial[2]]
-    A = np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
-    size = np.abs(A).max(axis=0)  # so that high powers count as much as low ones
-    coefficients = np.linalg.lstsq(A / size, off.T.ravel(), rcond=None)[0] / size
-    left = (A @ coefficients - off.T.ravel()).reshape(2, -1)
-    return coefficients, float(np.hypot(*left).max())

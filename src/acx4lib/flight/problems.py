@@ -104,6 +104,10 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
     return tuple(lines)
 
 
+NO_ROWS = "has no rows"
+"""What is found of a table with a header alone."""
+
+
 def quoted(value: object) -> str:
     """Return a value of a file in quotes, for a message; of a long one the beginning."""
     if isinstance(value, str):

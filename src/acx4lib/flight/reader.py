@@ -200,7 +200,7 @@ def read_kept(path: str | Path) -> Flight:
     folder = Path(path)
     toml = read_toml(folder / "flight.toml")
     blocks = _read_blocks(folder, folder)
-    problems = [*toml_problems(toml), *(p for b in blocks for t in b.tables for p in t.problems)]
+    problems = [*toml_problems(toml), *(p for b in blocks for p in b.problems)]
     if problems:
         raise FlightError(lines_of(problems))
     notes = [note for tables in blocks for note in _notes(tables)]
@@ -212,7 +212,7 @@ def table_files(flight: Flight) -> list[Path]:
     tables = [f"{name}.csv" for name in (*TABLES, "control_points", "distances")]
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
-    geoid, inside = Path(flight.grid.heights), flight.path.resolve()
+    geoid, inside = Path(str(flight.grid.heights)), flight.path.resolve()
     if geoid.is_relative_to(inside):
         names.append(geoid.relative_to(inside))
     return [name for name in names if (flight.path / name).is_file()]
@@ -289,7 +289,7 @@ def _strays(folder: Path) -> list[str]:
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
     """Return what is wrong with a block; its geometry is checked only if all else is right."""
-    problems = [problem for table in tables.tables for problem in table.problems]
+    problems = [*tables.problems]
     problems += name_problems(tables, toml)
     if setup is None:
         return problems
@@ -318,7 +318,10 @@ def _notes(tables: BlockTables) -> Iterator[str]:
             sum(tables.rays[name] == 1 for name in ties),
             f"of {len(ties)} tie points are measured only once",
         ),
-        (len(images), f"of {len(tables.images)} images have no measurements: {_some(images)}"),
+        (
+            len(images) if measured else 0,
+            f"of {len(tables.images)} images have no measurements: {_some(images)}",
+        ),
         (rows - int(used_exposures(tables).sum()), f"of {rows} trajectory rows belong to no image"),
         (
             control - int(measured_control(tables).sum()),

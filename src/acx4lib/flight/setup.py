@@ -279,9 +279,11 @@ def grid_of(toml: Toml) -> GridSystem:
     return GridSystem(crs=toml.values["crs"], heights=_heights(toml))
 
 
-def _heights(toml: Toml) -> str:
+def _heights(toml: Toml) -> str | float:
     """Return the heights for the grid system: a file has its full path."""
-    heights: str = toml.values["heights"]
+    heights = toml.values["heights"]
+    if not isinstance(heights, str):
+        return float(heights)
     inside = toml.folder.resolve()
     path, _ = named_file(inside, inside, heights)
     return str(path) if path is not None else heights

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -27,7 +26,7 @@ def summary(flight: Flight) -> str:
     lines = [
         flight.name,
         _row("CRS", _system(flight.grid.crs)),
-        _row("heights", Path(flight.grid.heights).name),
+        _row("heights", flight.grid.height_system),
         _row("refraction", flight.refraction),
         *(_row("session", said) for said in _session(flight.session)),
     ]

@@ -146,6 +146,26 @@ def rotation_from_rph(rph: Array) -> Array:
     return turn(2, rph[..., 2]) @ turn(1, rph[..., 1]) @ turn(0, rph[..., 0])
 
 
+def rph_from_rotation(R: Array) -> Array:
+    """Return roll, pitch, heading of R = Rz(heading) Ry(pitch) Rx(roll).
+
+    Parameters
+    ----------
+    R : ndarray, shape (..., 3, 3)
+        Forward-right-down to north-east-down.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Radians, within a half turn. At a pitch of +-90 degrees roll and heading are not separable.
+    """
+    R = expected.numbers("R", R, (..., 3, 3))
+    roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
+    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 2, 1], R[..., 2, 2]))
+    heading = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, heading], axis=-1)
+
+
 def exp(delta: Array) -> Array:
     """Return the rotations of rotation vectors (Rodrigues).
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -24,6 +25,9 @@ from acx4lib.geometry.frames import Pose, rotation_from_opk, rotation_from_rph, 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_FRD_FLU = np.diag([1.0, -1.0, -1.0])
 
+LARGEST_UNDULATION_M = 200.0
+"""The geoid is nowhere farther from the ellipsoid than about 110 m."""
+
 SHOWN = 80
 """Number of characters of a CRS that a message repeats."""
 
@@ -36,8 +40,9 @@ class GridSystem:
     ----------
     crs : str
         Projected CRS in metres: an authority code, WKT, or a PROJ string without files.
-    heights : str
-        ``"ellipsoidal"``, a geoid grid file, or a vertical CRS (code or WKT) whose grid PROJ has.
+    heights : str or float
+        ``"ellipsoidal"``, a geoid grid file, a vertical CRS (code or WKT) whose grid PROJ has, or
+        how much smaller than ellipsoidal heights they are everywhere, m.
 
     Raises
     ------
@@ -46,11 +51,11 @@ class GridSystem:
     """
 
     crs: str
-    heights: str = "ellipsoidal"
+    heights: str | float = "ellipsoidal"
 
     def __post_init__(self) -> None:
         expected.text("crs", self.crs)
-        expected.text("heights", self.heights)
+        _check_heights(self.heights)
         set_network_enabled(active=False)  # results must not depend on a server
         given = self.crs if len(self.crs) <= SHOWN else f"{self.crs[:SHOWN]}…"
         fault = crs_fault(self.crs)
@@ -109,7 +114,7 @@ class GridSystem:
 
     @cached_property
     def _height_transformer(self) -> pyproj.Transformer | None:
-        if self.heights == "ellipsoidal":
+        if self.heights == "ellipsoidal" or not isinstance(self.heights, str):
             return None
         try:
             if is_code_or_wkt(self.heights):
@@ -122,8 +127,17 @@ class GridSystem:
             )
             raise ValueError(msg) from error
 
+    @property
+    def height_system(self) -> str:
+        """The heights as a word for readers: a file by its name, a number with its meaning."""
+        if isinstance(self.heights, str):
+            return Path(self.heights).name
+        return f"undulation {self.heights:g} m"
+
     def undulation(self, lonlat: Array) -> Array:
         """Return ellipsoidal minus flight heights, m, shape (n,); not finite off the geoid grid."""
+        if not isinstance(self.heights, str):
+            return np.full(len(lonlat), float(self.heights))
         if self._height_transformer is None:
             return np.zeros(len(lonlat))
         lon, lat = lonlat.T
@@ -150,6 +164,13 @@ class GridSystem:
         degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
         return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
 
+    def scale(self, lonlat: Array) -> Array:
+        """Return the scale of a conformal map at positions, map length over true, shape (n,)."""
+        if not len(lonlat):  # PROJ refuses an empty array
+            return np.zeros(0)
+        factors = self._projection.get_factors(*lonlat.T)
+        return np.sqrt(np.asarray(factors.areal_scale, dtype=float).reshape(-1))
+
     def ecef_from_geographic(self, lonlath: Array) -> Array:
         """Return earth-centred coordinates (m) of longitude, latitude (deg), height (m), (n, 3)."""
         x_e = np.stack(self._cartesian.transform(*lonlath.T), axis=-1).reshape(-1, 3)
@@ -160,6 +181,14 @@ class GridSystem:
         x, y, z = x_e.T
         lonlath = self._cartesian.transform(x, y, z, direction=TransformDirection.INVERSE)
         return np.stack(lonlath, axis=-1).reshape(-1, 3)
+
+
+def _check_heights(heights: object) -> None:
+    if isinstance(heights, str) or not isinstance(heights, int | float):
+        expected.text("heights", heights)
+    elif not abs(heights) <= LARGEST_UNDULATION_M:
+        msg = f"heights {heights} is no undulation: at most {LARGEST_UNDULATION_M:g} m either way"
+        raise ValueError(msg)
 
 
 def rotation_enu_to_ecef(lonlat: Array) -> Array:

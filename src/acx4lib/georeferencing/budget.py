@@ -91,8 +91,8 @@ class Budget:
 def of(sources: ErrorSources, layout: Layout) -> Budget:
     """Split the variances of points by their sources.
 
-    Valid where exposures are independent of each other, positions of attitudes, and the three
-    angles of one another, as `ErrorSources` and `Trajectory.cov` have them.
+    Valid where positions are independent of attitudes, and the three angles of one another, as
+    `Trajectory.cov` has them. Errors that exposures share belong to the source that they are of.
 
     Parameters
     ----------
@@ -115,10 +115,14 @@ def of(sources: ErrorSources, layout: Layout) -> Budget:
     variance[:, :, 0] = np.diagonal(sources.image, axis1=1, axis2=2)
     variance[:, :, 1] = np.diagonal(sources.survey, axis1=1, axis2=2)
     cov = sources.cov_body[sources.exposure]
+    point, i, j = sources.neighbours
+    first, second, between = sources.by_body[i], sources.by_body[j], sources.between(i, j)
     for s, columns in enumerate(TRAJECTORY.values(), start=2):
         own = np.array(columns)
         at = _product(sources.by_body, cov, own, own)
         np.add.at(variance[:, :, s], sources.point, at)
+        shared = (first[:, :, own] @ between[:, own[:, None], own]) * second[:, :, own]
+        np.add.at(variance[:, :, s], point, 2 * shared.sum(axis=-1))
     groups = (layout.mount[:, 3:], layout.mount[:, :3], layout.interior)
     columns_of = [np.unique(group[group >= 0]) for group in groups]
     J, C = sources.by_parameters, sources.cov_parameters

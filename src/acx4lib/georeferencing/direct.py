@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.bundle.observations.shared_errors import SharedErrors, shared_errors
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index
@@ -45,6 +46,8 @@ class Georeferenced:
         A priori covariances of the trajectory.
     cov_parameters : ndarray, shape (n, n)
         A priori covariance of the calibration.
+    shared : SharedErrors, optional
+        Covariances between the body poses of exposures.
     """
 
     cameras: tuple[Camera, ...]
@@ -54,6 +57,7 @@ class Georeferenced:
     layout: Layout
     cov_body: Array
     cov_parameters: Array
+    shared: SharedErrors | None = None
 
 
 def georeference(block: Block, calibration: Calibration) -> Georeferenced:
@@ -67,6 +71,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
 
     Raises
     ------
+    AdjustmentError
+        Where errors that change slowly are stated, and an exposure has no time.
     ValueError
         Where the calibration lacks a camera.
     """
@@ -100,6 +106,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         layout=layout,
         cov_body=block.trajectory.cov,
         cov_parameters=calibration.cov,
+        shared=shared_errors(block.trajectory),
     )
 
 
@@ -172,6 +179,8 @@ class Intersections:
         Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
         d(v) / d(point).
+    by_body : ndarray, shape (n, 2, 6)
+        d(v) / d(body pose).
     """
 
     x_m: Array
@@ -180,6 +189,7 @@ class Intersections:
     sources: ErrorSources
     cov_v: Array
     by_point: Array
+    by_body: Array
 
 
 def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Measurement:
@@ -250,7 +260,15 @@ def intersect_rays(
     by_body = by_pose @ georeferenced.by_body[selected.image_idx]
     exposure = block.images.exposure_idx[selected.image_idx]
     cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
-    return Intersections(x_m=x_m, v=v, cov=sources.cov, sources=sources, cov_v=cov_v, by_point=B)
+    return Intersections(
+        x_m=x_m,
+        v=v,
+        cov=sources.cov,
+        sources=sources,
+        cov_v=cov_v,
+        by_point=B,
+        by_body=by_body,
+    )
 
 
 def _summed(values: Array, selected: Rays) -> Array:
@@ -292,4 +310,5 @@ def error_sources(
         by_parameters=_summed(gain @ padded[:, :, :-1], selected),
         cov_body=g.cov_body,
         cov_parameters=g.cov_parameters,
+        shared=g.shared,
     )

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import expected
+from acx4lib.bundle.observations.shared_errors import SharedErrors
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.covariance import half, propagate
@@ -27,14 +28,16 @@ class ErrorSources:
         Covariances of what a point shares with no other, m^2: the noise of its image points, and
         the errors of the surveyed coordinates with which it is compared.
     point, exposure : ndarray, shape (k,)
-        Pairs of a point and an exposure that it depends on.
+        Pairs of a point and an exposure that it depends on, sorted by point.
     by_body : ndarray, shape (k, 3, 6)
         d(point) / d(body pose of the exposure).
     by_parameters : ndarray, shape (n, 3, p)
         d(point) / d(columns of the calibration).
     cov_body : ndarray, shape (n_exposures, 6, 6)
-        Of the body poses; those of two exposures are independent.
+        Of the body poses.
     cov_parameters : ndarray, shape (p, p)
+    shared : SharedErrors, optional
+        Covariances between the body poses of two exposures; independent by default.
     """
 
     image: Array
@@ -45,6 +48,7 @@ class ErrorSources:
     by_parameters: Array
     cov_body: Array
     cov_parameters: Array
+    shared: SharedErrors | None = None
 
     def __len__(self) -> int:
         """Count the points."""
@@ -61,7 +65,44 @@ class ErrorSources:
         """Covariance of every point by itself, shape (n, 3, 3), m^2."""
         out = self.own
         np.add.at(out, self.point, propagate(self.by_body, self.cov_body[self.exposure]))
+        point, a, b = self.neighbours
+        between = self.by_body[a] @ self.between(a, b) @ np.swapaxes(self.by_body[b], 1, 2)
+        np.add.at(out, point, between + np.swapaxes(between, 1, 2))
         return out + propagate(self.by_parameters, self.cov_parameters)
+
+    @property
+    def neighbours(self) -> tuple[Index, Index, Index]:
+        """Points, and two rows each of different exposures whose errors they both contain."""
+        a, b = pairs_within(self.point[:0] if self.shared is None else self.point)
+        return self.point[a], a, b
+
+    def between(self, a: Index, b: Index) -> Array:
+        """Return the covariances between the body poses of pairs of rows, shape (n, 6, 6)."""
+        if self.shared is None:
+            return np.zeros((len(a), 6, 6))
+        return self.shared.between(self.exposure[a], self.exposure[b])
+
+
+def pairs_within(group: Index) -> tuple[Index, Index]:
+    """Return the rows of every pair within groups; rows are sorted by group.
+
+    Parameters
+    ----------
+    group : ndarray, shape (n,)
+        Ascending from zero.
+
+    Returns
+    -------
+    first, second : ndarray, shape (k,)
+    """
+    counts = np.bincount(group)
+    starts = np.cumsum(counts) - counts
+    pairs = [
+        start + np.stack(np.triu_indices(count, 1))
+        for start, count in zip(starts, counts, strict=True)
+    ]
+    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.intp)
+    return both[0], both[1]
 
 
 def turned(sources: ErrorSources, R: Array) -> ErrorSources:
@@ -92,6 +133,8 @@ def mean_covariance(sources: ErrorSources) -> Array:
     np.add.at(by_body, sources.exposure, sources.by_body)
     summed = sources.own.sum(axis=0) + propagate(by_body, sources.cov_body).sum(axis=0)
     summed = summed + propagate(sources.by_parameters.sum(axis=0), sources.cov_parameters)
+    if sources.shared is not None:
+        summed = summed + sources.shared.among(by_body)
     mean: Array = summed / n**2
     return mean
 
@@ -107,9 +150,9 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
 
     Notes
     -----
-    C = S + K K^T, where S is sparse (a point shares exposures with its neighbours only) and K, the
-    part of the parameters, has few columns. Hence C^-1 = S^-1 - S^-1 K (I + K^T S^-1 K)^-1 K^T S^-1
-    (Woodbury).
+    C = S + K K^T, where S is sparse (a point shares exposures with its neighbours only, unless the
+    trajectory's errors change slowly) and K, the part of the parameters, has few columns. Hence
+    C^-1 = S^-1 - S^-1 K (I + K^T S^-1 K)^-1 K^T S^-1 (Woodbury).
     """
     # predictions, which solve nothing, are made without what takes long to load
     from scipy.sparse.linalg import splu  # noqa: PLC0415
@@ -141,7 +184,12 @@ def _without_parameters(sources: ErrorSources) -> sparse.csc_array:
     own = _blocks(sources.own, np.arange(n), np.arange(n), (n, n))
     by_body = sources.by_body @ half(sources.cov_body)[sources.exposure]
     shared = _blocks(by_body, sources.point, sources.exposure, (n, n_exposures))
-    return (own + shared @ shared.T).tocsc()
+    joint = own + shared @ shared.T
+    if sources.shared is not None:
+        J = _blocks(sources.by_body, sources.point, sources.exposure, (n, n_exposures)).toarray()
+        by_exposure = np.moveaxis(J.reshape(3 * n, n_exposures, 6), 1, 0)
+        joint = joint + sparse.csr_array(sources.shared.among(by_exposure))
+    return joint.tocsc()
 
 
 def _blocks(values: Array, row: Index, column: Index, shape: tuple[int, int]) -> sparse.csr_array:

@@ -16,7 +16,7 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.georeferencing import direct, error_sources
+from acx4lib.georeferencing import direct, error_sources, ray_tests
 from acx4lib.georeferencing.differences import Differences, differences_at
 from acx4lib.least_squares.adjustment import two_sided_p
 
@@ -130,7 +130,6 @@ def validate(
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
     points = _renumbered(selected, met)
-    P, fit = _weighted_fit(block, georeferenced, points[0], refraction)
     at_points = differences_at(block, georeferenced, *points, refraction)
     return Validation(
         method=method,
@@ -142,8 +141,8 @@ def validate(
         stopped=stopped,
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=float(np.einsum("ni,nij,nj->", fit.v, P, fit.v)),
-        redundancy=fit.v.size - 3 * points[0].n_groups,
+        cost=ray_tests.of(block, georeferenced, points[0], refraction=refraction).cost,
+        redundancy=points[0].colrow.size - 3 * points[0].n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
     )
@@ -204,7 +203,8 @@ def _fitting(
         if len(testable) == 0:
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
-        w = _w(block, georeferenced, selected.select(testable, group), refraction)
+        own = selected.select(testable, group)
+        w = ray_tests.of(block, georeferenced, own, refraction=refraction).w
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)
@@ -231,37 +231,11 @@ def _surveyed_nowhere(
     )
 
 
-def _weighted_fit(
-    block: Block, georeferenced: direct.Georeferenced, group: direct.Rays, refraction: str
-) -> tuple[Array, direct.Intersections]:
-    """Return weights that include the trajectory's sigma, and the intersections with them."""
-    first = direct.intersect_rays(block, georeferenced, group, refraction=refraction)
-    P = np.linalg.inv(first.cov_v)
-    return P, direct.intersect_rays(block, georeferenced, group, weights=P, refraction=refraction)
-
-
-def _w(
-    block: Block, georeferenced: direct.Georeferenced, group: direct.Rays, refraction: str
-) -> Array:
-    """Return the larger of the two normalised residuals of every measurement, shape (n,)."""
-    P, fit = _weighted_fit(block, georeferenced, group, refraction)
-    B = fit.by_point
-    normal = np.zeros((group.n_groups, 3, 3))
-    np.add.at(normal, group.group, np.swapaxes(B, 1, 2) @ P @ B)
-    cov_v = fit.cov_v - B @ np.linalg.inv(normal)[group.group] @ np.swapaxes(B, 1, 2)
-    Pv = np.einsum("nij,nj->ni", P, fit.v)
-    # Baarda's w for correlated observations: P v divided by its own standard deviation
-    variance = np.diagonal(P @ cov_v @ P, axis1=1, axis2=2)
-    controlled = variance > 1e-6 * np.diagonal(P, axis1=1, axis2=2)
-    w = np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf))
-    return np.nan_to_num(w.max(axis=1))
-
-
 def _pairs(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays
 ) -> tuple[tuple[direct.Rays, Index], int]:
     """Return the pairs of rays of every point that meet at a sufficient angle; count others."""
-    a, b = _all_pairs(selected.group)
+    a, b = error_sources.pairs_within(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
     paired = selected.select(np.column_stack([a, b]).ravel(), group)
     seen = direct.measured(block, georeferenced, paired)
@@ -280,18 +254,6 @@ def _meet(seen: Measurement, selected: direct.Rays) -> Mask:
     out = np.bincount(selected.group, minlength=selected.n_groups) > 0
     out[selected.group[~(along > 0)]] = False
     return out
-
-
-def _all_pairs(group: Index) -> tuple[Index, Index]:
-    """Return the rows of every pair within the groups; rows are sorted by group."""
-    counts = np.bincount(group)
-    starts = np.cumsum(counts) - counts
-    pairs = [
-        start + np.stack(np.triu_indices(count, 1))
-        for start, count in zip(starts, counts, strict=True)
-    ]
-    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.intp)
-    return both[0], both[1]
 
 
 def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration import gnss_shift
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     Parameter,
     from_bundle,
@@ -53,7 +53,7 @@ RELIABILITY = (
 
 def unknowns(bundle: Bundle) -> list[Parameter]:
     """Return the wanted unknowns of a bundle: those of the cameras, then errors of GNSS."""
-    return [*parameters(from_bundle(bundle)), *gnss_shift.parameters(bundle)]
+    return [*parameters(from_bundle(bundle)), *trajectory_errors.parameters(bundle)]
 
 
 def parameter_table(design: Design) -> pd.DataFrame:
@@ -75,9 +75,11 @@ def _parameters(method: str, bundle: Bundle) -> pd.DataFrame:
     related = correlations(bundle).to_numpy(copy=True)
     np.fill_diagonal(related, 0.0)
     most = np.argmax(np.abs(related), axis=1)
-    tables = parameter_tables("mounting", method, listed, gnss_shift.reported_covariance(bundle))
+    tables = parameter_tables(
+        "mounting", method, listed, trajectory_errors.reported_covariance(bundle)
+    )
     return tables["parameters"].assign(
-        determined=[*is_determined(from_bundle(bundle)), *gnss_shift.is_determined(bundle)],
+        determined=[*is_determined(from_bundle(bundle)), *trajectory_errors.is_determined(bundle)],
         correlation=related[np.arange(len(listed)), most],
         correlated_with=[listed[j].full_name for j in most],
     )
@@ -86,7 +88,7 @@ def _parameters(method: str, bundle: Bundle) -> pd.DataFrame:
 def correlations(bundle: Bundle) -> pd.DataFrame:
     """Return the correlation matrix of the wanted unknowns, with their names."""
     names = [p.full_name for p in unknowns(bundle)]
-    related = correlation(gnss_shift.reported_covariance(bundle))
+    related = correlation(trajectory_errors.reported_covariance(bundle))
     return pd.DataFrame(related, index=names, columns=names)
 
 
@@ -97,7 +99,7 @@ def correlation_table(design: Design) -> pd.DataFrame:
 
 def covariance_table(design: Design) -> pd.DataFrame:
     """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, gnss_shift.reported_covariance)
+    return _matrices(design, trajectory_errors.reported_covariance)
 
 
 def _matrices(design: Design, of: Callable[[Bundle], Array]) -> pd.DataFrame:
@@ -178,7 +180,7 @@ def sentences(design: Design) -> list[str]:
     for method, mounting in design.mountings.items():
         bundle = mounting.bundle
         lines = not_determined(from_bundle(bundle), features(bundle.network.block))
-        lines += gnss_shift.not_determined(bundle)
+        lines += trajectory_errors.not_determined(bundle)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 

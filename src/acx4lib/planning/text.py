@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
-import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +11,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import FlightError
+from acx4lib.exchange import written_toml
 from acx4lib.flight.block_from_tables import BLOCKS
 from acx4lib.flight.problems import Problem, lines_of
 from acx4lib.flight.setup import Setup, camera_of, setup_of
@@ -34,9 +32,6 @@ MOST_PROJECTED = 20_000_000
 
 MOST_EXPOSURES = 1_000
 """Largest number of exposures of a block: all may overlap, and the normal matrix is then full."""
-
-ROW = 5
-"""Number of points that a line of a written plan has."""
 
 
 def read(path: str | Path) -> Plan:
@@ -172,39 +167,4 @@ def written(values: Mapping[str, Any]) -> str:
 
     A strip is one line. Values are text, numbers, truth values, dates, and lists of them.
     """
-    return "\n".join(_lines(values, ())).strip("\n") + "\n"
-
-
-def _lines(table: Mapping[str, Any], keys: tuple[str, ...]) -> Iterator[str]:
-    inline = bool(keys) and keys[-1] == "strips"
-    plain = {key: value for key, value in table.items() if inline or not isinstance(value, Mapping)}
-    if keys and (plain or not table):
-        yield ""
-        yield f"[{'.'.join(map(_key, keys))}]"
-    yield from (f"{_key(key)} = {_value(value)}" for key, value in plain.items())
-    for key, value in table.items():
-        if key not in plain:
-            yield from _lines(value, (*keys, key))
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else _text(name)
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())}}}"
-    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
-        lines = (value[i : i + ROW] for i in range(0, len(value), ROW))
-        return "[\n" + "".join(f"    {', '.join(map(_value, line))},\n" for line in lines) + "]"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, dt.date | dt.time):
-        return value.isoformat()
-    return json.dumps(value)
+    return written_toml.written(values, inline="strips")

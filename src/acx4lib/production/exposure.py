@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,13 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.production.flight_response import SEED
 from acx4lib.production.head_images import HeadImages, read_heads
 from acx4lib.production.image_files import fingerprint
-from acx4lib.production.tiff import COMPRESSIONS, TILE, Format, write, write_preview
+from acx4lib.production.stripes import TellRows, blended, stacked, stripes
+from acx4lib.production.tiff import COMPRESSIONS, Format, write, write_preview
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.rendering import (
     FEATHER_PX,
     Interpolation,
     RenderPlan,
-    render_into,
     render_plan,
 )
 from acx4lib.synthetic_image.response import Response, estimate_response
@@ -47,17 +47,17 @@ HEADS_FRAME = (
     "band."
 )
 
+STACK = "stack"
+"""The blend of heads whose fields coincide and whose bands differ: none; each has its own bands."""
+
 CHOICES: Mapping[str, tuple[str, ...]] = {
-    "blend": ("feather", "seam"),
+    "blend": ("feather", "seam", STACK),
     "interpolation": ("bilinear", "cubic"),
     "equalise": ("flight", "image", "none"),
     "refine": ("flight", "image"),
     "compression": COMPRESSIONS,
 }
 """Allowed values of `RenderOptions`."""
-
-TellRows = Callable[[str, int, int], None]
-"""It is called with the exposure, the number of finished rows and the number of all rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +66,15 @@ class RenderOptions:
 
     Attributes
     ----------
-    blend : {"feather", "seam"}
-        Whether heads are blended along the lines of equal distance from their borders, or cut.
+    blend : {"feather", "seam", "stack"}
+        Whether heads are blended along the lines of equal distance from their borders, or cut, or
+        are bands of the image, one head after the other.
     feather_px : float
         Width of the blending, px of a head at full size.
     interpolation : {"bilinear", "cubic"}
     equalise : {"flight", "image", "none"}
-        Whether responses of the heads are estimated once, for every image, or not at all.
+        Whether responses of the heads are estimated once, for every image, or not at all; a stack
+        has none.
     refine : {"flight", "image"}
         Orientation of the heads: from the results, or refined by the tie points of each image.
     compression : str
@@ -92,6 +94,9 @@ class RenderOptions:
                 msg = f"{name} {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise ValueError(msg)
         expected.size("feather_px", self.feather_px)
+        if self.blend == STACK and self.equalise != "none":
+            msg = f"equalise {self.equalise!r}: bands of a stack are not equalised; must be none"
+            raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -244,34 +249,23 @@ def _response(job: RenderJob, heads: HeadImages) -> Response | None:
 def _stripes(
     job: RenderJob, plan: RenderPlan, heads: HeadImages, tell: TellRows
 ) -> Iterator[Raster]:
-    """Yield the image from top to bottom; the next stripe is rendered while one is written.
-
-    A stripe is overwritten after the next one. Rendering runs in a thread of its own, which
-    signals do not interrupt.
-    """
-    rows, first = job.synthetic.height_px, heads.images[0]
-    rooms = np.empty((2, TILE, job.synthetic.width_px, first.shape[2]), first.dtype)
-
-    def stripe(start: int) -> Raster:
-        out = rooms[start // TILE % 2, : rows - start]
-        render_into(out, plan, heads.images, start, job.threads)
-        return out
-
-    with ThreadPoolExecutor(1) as pool:
-        ahead = pool.submit(stripe, 0)
-        for start in range(TILE, rows + TILE, TILE):
-            done = ahead.result()
-            if start < rows:
-                ahead = pool.submit(stripe, start)
-            yield done
-            tell(job.exposure, min(start, rows), rows)
+    fill = stacked if job.options.blend == STACK else blended
+    form = _format(job, heads)
+    return stripes(
+        fill(plan, heads.images, job.threads),
+        (form.height, form.width, form.bands),
+        heads.images[0].dtype,
+        partial(tell, job.exposure),
+    )
 
 
 def _format(job: RenderJob, heads: HeadImages) -> Format:
+    stack = job.options.blend == STACK
     return Format(
         height=job.synthetic.height_px,
         width=job.synthetic.width_px,
-        bands=heads.images[0].shape[2],
+        bands=heads.images[0].shape[2] * (len(heads.images) if stack else 1),
+        stack=stack,
         dtype=heads.images[0].dtype.name,
         pixel_mm=job.synthetic.pixel_mm,
         compression=job.options.compression,

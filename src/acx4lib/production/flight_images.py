@@ -18,16 +18,17 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions, TellRows
-from acx4lib.production.file_names import file_stem
+from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions
 from acx4lib.production.flight_response import FlightResponse, estimate_flight_response, spread
 from acx4lib.production.head_images import HeadFiles, flight_files
 from acx4lib.production.image_files import fingerprint
+from acx4lib.production.stripes import TellRows
 from acx4lib.production.tiff import appearing, read_about
 from acx4lib.production.workers import Workers, run_jobs
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.file_names import file_stem
 from acx4lib.results.read_back import read_relative_orientation
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")

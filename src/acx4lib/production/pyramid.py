@@ -39,8 +39,8 @@ def halved(image: Raster) -> Raster:
     if rows % 2 or cols % 2:
         image = np.pad(image, ((0, rows % 2), (0, cols % 2), (0, 0)), mode="edge")
     half = image.shape[1] // 2, image.shape[0] // 2
-    # with two bands at once, OpenCV rounds half to even
-    parts = np.split(image, 2, axis=2) if bands == 2 else [image]
+    # with two bands at once, OpenCV rounds half to even, and with more than four, too
+    parts = [image] if bands in (1, 3, 4) else np.split(image, bands, axis=2)
     means = [cv2.resize(part, half, interpolation=cv2.INTER_AREA) for part in parts]
     means = [mean.reshape(half[1], half[0], -1) for mean in means]
     joined = means[0] if len(means) == 1 else np.concatenate(means, axis=2)

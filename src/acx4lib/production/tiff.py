@@ -38,6 +38,9 @@ PREVIEW_PX = 2000
 GAMMA = 1.6
 """Gamma of a preview: dark ground is visible, and colours do not become pale."""
 
+MOST_STACKED = 100
+"""Largest number of bands of a stack."""
+
 _CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
 """The TIFF writer's names; what it calls "deflate" itself has a code that few programs read."""
 
@@ -59,6 +62,8 @@ class Format:
         Size of a pixel in the image plane.
     compression : str
         One of `COMPRESSIONS`.
+    stack : bool
+        Whether its bands are pictures of their own, and no colours.
     """
 
     height: int
@@ -67,13 +72,16 @@ class Format:
     dtype: str
     pixel_mm: float
     compression: str = "none"
+    stack: bool = False
 
     def __post_init__(self) -> None:
         if self.compression not in COMPRESSIONS:
             msg = f"compression {self.compression!r} is none of {', '.join(COMPRESSIONS)}"
             raise ValueError(msg)
-        if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= 4:
-            msg = f"1 to 4 bands of uint8 or uint16 are written, not {self.bands} of {self.dtype}"
+        most = MOST_STACKED if self.stack else 4
+        if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= most:
+            bands = f"{self.bands} of {self.dtype}"
+            msg = f"1 to {most} bands of uint8 or uint16 are written, not {bands}"
             raise ValueError(msg)
         expected.whole("height", self.height)
         expected.whole("width", self.width)
@@ -141,8 +149,9 @@ def write_preview(path: Path, image_path: Path) -> None:
     with tifffile.TiffFile(image_path) as tiff:
         large = [page for page in tiff.pages if max(page.shape[:2]) >= PREVIEW_PX]
         image = (large[-1] if large else tiff.pages.first).asarray()
+        is_colour = tiff.pages.first.photometric == tifffile.PHOTOMETRIC.RGB
     image = image.reshape(*image.shape[:2], -1)
-    colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
+    colours = image[..., :3] if is_colour else image[..., :1]
     shown = _stretched(_fitted(colours))
     good, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
     if not good:
@@ -272,7 +281,7 @@ def _write_level(
     description: str | None,
 ) -> None:
     """Write the image or one of its overviews."""
-    colour = form.bands >= 3
+    colour = form.bands >= 3 and not form.stack
     extra = form.bands - (3 if colour else 1)
     scale = max(form.height, form.width) / max(size)
     per_cm = 10 / form.pixel_mm / scale

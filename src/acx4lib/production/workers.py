@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from acx4lib.errors import FlightError
-from acx4lib.production.exposure import Outcome, RenderJob, TellRows, render_exposure
+from acx4lib.production.exposure import Outcome, RenderJob, render_exposure
+from acx4lib.production.stripes import TellRows
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue

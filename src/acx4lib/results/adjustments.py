@@ -13,7 +13,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import Stopped, sentence
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
-from acx4lib.calibration import gnss_shift
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
     RIGS,
@@ -111,7 +111,7 @@ def of_bundle(
     key = summary_key or f"{stage}/{method}"
     open_lines = [
         *not_determined(said, features(bundle.network.block)),
-        *gnss_shift.not_determined(bundle),
+        *trajectory_errors.not_determined(bundle),
     ]
     # where a group contradicts the others, sigma0 and so all sigma are large for this reason
     unknown = [] if bundle.stopped else [f"{key}: {line}" for line in open_lines]
@@ -188,7 +188,7 @@ def _notes(method: str, bundle: Bundle) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    return [*notes, *gnss_shift.notes(bundle)]
+    return [*notes, *trajectory_errors.notes(bundle)]
 
 
 def height_scale(bundle: Bundle) -> float:

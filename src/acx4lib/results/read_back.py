@@ -32,6 +32,8 @@ def read_relative_orientation(
 ) -> RelativeOrientation:
     """Return the relative orientation of the heads in a results folder.
 
+    Heads that were not calibrated have the interior orientation that the flight declares.
+
     Parameters
     ----------
     found : Results
@@ -57,8 +59,11 @@ def read_relative_orientation(
     labels, scale = joint_names(names, np.array([1.0, 1.0, 1.0, *np.radians(np.ones(3))]))
     joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
+    heads = [cameras[name] for name in names]
+    if folder.has(found, "heads/bundle"):
+        heads = [_estimated(found, "heads/bundle", head) for head in heads]
     return RelativeOrientation(
-        heads=tuple(_estimated(found, "heads/bundle", cameras[name]) for name in names),
+        heads=tuple(heads),
         xyz_mm=values[:, :3],
         opk=np.radians(values[:, 3:]),
         cov_joint=joint * scale[:, None] * scale,

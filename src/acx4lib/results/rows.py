@@ -12,7 +12,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations.mountings import observed_mountings
-from acx4lib.calibration import gnss_shift
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     Calibration,
     Parameter,
@@ -62,7 +62,7 @@ def bundle_tables(
     """
     block = bundle.network.block
     parameter_tables = calibration_tables(stage, method, calibration)
-    if gnss_shift.parameters(bundle):
+    if trajectory_errors.parameters(bundle):
         parameter_tables = _with_gnss(stage, method, bundle, calibration)
     return {
         **parameter_tables,
@@ -90,10 +90,10 @@ def _with_gnss(
     stage: str, method: str, bundle: Bundle, calibration: Calibration
 ) -> dict[str, pd.DataFrame]:
     """Return the same tables with the shift and the drifts of GNSS positions."""
-    told = np.concatenate([is_determined(calibration), gnss_shift.is_determined(bundle)])
-    everything = [*parameters(calibration), *gnss_shift.parameters(bundle)]
+    told = np.concatenate([is_determined(calibration), trajectory_errors.is_determined(bundle)])
+    everything = [*parameters(calibration), *trajectory_errors.parameters(bundle)]
     keep = np.flatnonzero(told)
-    cov = gnss_shift.reported_covariance(bundle)[np.ix_(keep, keep)]
+    cov = trajectory_errors.reported_covariance(bundle)[np.ix_(keep, keep)]
     return parameter_tables(stage, method, [everything[i] for i in keep], cov)
 
 

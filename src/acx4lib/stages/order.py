@@ -36,10 +36,17 @@ def missing(flight: Flight, stage: str) -> str:
         return (
             f"block {block} is measured in heads, which the flight has no block heads to calibrate"
         )
+    if stage == "synthetic":
+        return "" if flight.synthetic else "flight.toml has no table [synthetic]"
+    return _unmeasured(flight, stage, block)
+
+
+def _unmeasured(flight: Flight, stage: str, block: str) -> str:
+    """Return which measurements a stage lacks in its block; empty where it lacks none."""
+    if not len(flight.blocks[block].image_points):
+        return f"nothing is measured in block {block}; its heads are as flight.toml has them"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
-    if stage == "synthetic" and flight.synthetic is None:
-        return "flight.toml has no table [synthetic]"
     checked = flight.blocks[block].check.point_idx
     if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
         return "no check point of block validation is measured in two images"

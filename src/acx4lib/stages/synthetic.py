@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
@@ -166,7 +166,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
 
 
 def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
-    """Return the oriented heads as stage heads left them.
+    """Return the oriented heads as stage heads left them, or as declared if nothing is measured.
 
     Raises
     ------
@@ -175,6 +175,9 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
     AdjustmentError
         Where it could not orient the heads.
     """
+    synthetic = flight.synthetic_camera
+    if synthetic is not None and not len(flight.block("heads").image_points):
+        return declared_orientation([flight.cameras[n] for n in flight.head_names], synthetic)
     found = folder.read(results_path)
     reasons = folder.messages(found.summary.get(ORIENTED, {}), "left_out")
     if reasons:

@@ -8,6 +8,7 @@ from functools import cache
 from itertools import combinations, permutations, product
 
 import numpy as np
+from scipy import sparse
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera
@@ -75,7 +76,7 @@ def check_overlaps(
     tasks = [_task(right, orientation, synthetic, one, noise[one.head_a]) for one in windows]
     found = processors.in_order(lambda task: _verdict(task, right, turned), tasks)
     verdicts = [verdict for one in found for verdict in one]
-    if all(verdict.turns == _AS_THEY_ARE for verdict in verdicts):
+    if _bound_together(verdicts, len(names)):
         return []
     order = _exchanged(tasks, right, least=sum(v.turns is not None for v in verdicts))
     return _sentences_of_order(order, names) if order else _sentences(verdicts, names)
@@ -118,6 +119,19 @@ def _verdict(
         if not (turn_a or turn_b):
             enough = found.n_textured >= LEAST_CELLS and _has_texture(task, b)
     return [_Verdict(head_a=a, head_b=b, turns=None)] if enough else []
+
+
+def _bound_together(verdicts: Sequence[_Verdict], n_heads: int) -> bool:
+    """Tell whether no picture is turned, and chains of fitting ones lead to those that do not fit.
+
+    Infrared and visible pictures of the same ground need not fit: contrasts are inverted.
+    """
+    fits = [v for v in verdicts if v.turns == _AS_THEY_ARE]
+    ends = ([v.head_a for v in fits], [v.head_b for v in fits])
+    links = sparse.coo_array((np.ones(len(fits)), ends), shape=(n_heads, n_heads))
+    _, group = sparse.csgraph.connected_components(links, directed=False)
+    others = [v for v in verdicts if v.turns != _AS_THEY_ARE]
+    return all(v.turns is None and group[v.head_a] == group[v.head_b] for v in others)
 
 
 def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
@@ -184,6 +185,31 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
     """Return the side of an overlap's cells; the small overlaps of diagonal heads have fewer."""
     area = max(shared.area_px, largest / 2)
     return min(options.cell_px, max(large_shifts.LEAST_CELL_PX, int(np.sqrt(area / options.cells))))
+
+
+def strongest_chain(overlaps: Sequence[OverlapTies]) -> list[OverlapTies]:
+    """Return as few overlaps as bind all heads, of which most corners found a partner.
+
+    Of heads with different bands these are the pairs that see similar things: a chain from band to
+    band, where contrasts of the first and the last may be inverted.
+
+    Parameters
+    ----------
+    overlaps : sequence of OverlapTies
+        Of one exposure.
+
+    Returns
+    -------
+    list of OverlapTies
+        In the order of `overlaps`; heads without tie points are not bound.
+    """
+    n = 1 + max((one.head_b for one in overlaps), default=0)
+    length = np.zeros((n, n))
+    for one in overlaps:
+        if one.n_ties:
+            length[one.head_a, one.head_b] = one.n_textured / one.n_ties
+    tree = sparse.csgraph.minimum_spanning_tree(length).toarray()
+    return [one for one in overlaps if tree[one.head_a, one.head_b] > 0]
 
 
 # --- one overlap ----------------------------------------------------------------------------

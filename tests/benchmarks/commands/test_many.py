@@ -6,6 +6,7 @@ from benchmarks.commands import many
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_row_for_every_way(tmp_path):
     rows = list(many.measured(tmp_path, 1))
     assert [row["way"] for row in rows] == ["one process", "two processes", "cluster"]

@@ -18,8 +18,7 @@ from acx4book.command.batch import runs, table
 from acx4book.command.batch.work import Outcome
 from acx4book.notebooks import runner
 from support.flights import sized
-from support.helpers import ROOT, hears_interrupts
-from support.small_notebooks import write
+from support.helpers import ROOT, hears_interrupts, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 
@@ -90,8 +89,9 @@ def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
     [
         (
             ["acx5", "--seeds", "1"],
-            "--seeds are of a simulated design: unknown design 'acx5'; known:",
+            "--seeds: unknown flight 'acx5'; known:",
         ),
+        (["no.toml", "--seeds", "1"], "no.toml:1: "),
         (["single-head", "--seeds", "3-1"], "--seeds: '3-1' names no seeds; give whole numbers"),
         (["a", "b", "--jobs", "2", "--cluster", "tcp://x:1"], "--jobs are of this computer"),
         (
@@ -137,7 +137,9 @@ def test_the_page_s_code_reads_the_tables(acx4, tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
     for name in runner.NOTEBOOKS.values():
-        write(tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1")
+        write_notebook(
+            tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1"
+        )
     folder = tmp_path / "all"
     given = (flights[0], "--results", folder, "--jobs", 1, "--notebooks", tmp_path / "own")
     assert acx4(*given)[0] == 0

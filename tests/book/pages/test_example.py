@@ -9,6 +9,7 @@ from acx4book.pages import example
 from support.helpers import ROOT
 
 PAGE = (ROOT / "book" / "library.md").read_text("utf-8")
+FILES = (ROOT / "book" / "your-files.md").read_text("utf-8")
 FIRST_FLIGHT = (ROOT / "book" / "first-flight.md").read_text("utf-8")
 
 
@@ -36,6 +37,19 @@ def expected(name, outputs):
 def test_the_output_of_every_piece_of_code_stands_under_it(printed, flown):
     assert places(PAGE) == expected("library", printed)
     assert places(FIRST_FLIGHT) == expected("first-flight", flown)
+
+
+@pytest.mark.repeats
+def test_other_programs_files_become_a_calibration():
+    said = list(example.outputs(example.snippets(FILES)))
+    own = [name for name in places(FILES) if not name.startswith("imports-")]
+    shown = [name for name in own if name]
+    assert shown == [name for name in expected("your-files", said) if name]
+    assert "still to do: my_flight/flight.toml:9: cameras.CAM.focal_mm: missing" in said[4]
+    assert "check: " not in said[4]
+    assert "notes" not in said[6]
+    assert "results in my_results" in said[7]
+    assert "for_opencv: CAM.yaml" in said[7]
 
 
 def test_a_first_flight_keeps_the_promise_of_its_sigma(flown):

@@ -12,6 +12,7 @@ from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import comparisons, figures
 from acx4book.reference.dbat import comparison
+from acx4book.reference.heads.solved import FIVE, TEN
 from acx4book.reference.nist import regressions
 from support.reference_files import needs
 
@@ -36,7 +37,7 @@ def stored(name):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=needs(files))
+        pytest.param(name, marks=[needs(files), *[pytest.mark.repeats] * (files in {TEN, FIVE})])
         for name, (files, _) in comparisons.COMPARISONS.items()
     ],
 )

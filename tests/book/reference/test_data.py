@@ -21,8 +21,16 @@ MES_2 23FD1305x00026_01306 1.0 2.0
 """The flight's own files have other images, points seen once, and blanks at the ends of lines."""
 
 SETS = (
-    *("dbat-camcal", "dbat-sxb", "ign-uce-m3", "nist-strd", "noaa-dss-dg"),
-    *("surround-rig", "sxb-photos"),
+    *(
+        "applanix_pdal",
+        "dbat-camcal",
+        "dbat-sxb",
+        "formats",
+        "ign-uce-m3",
+        "nist-strd",
+        "noaa-dss-dg",
+    ),
+    *("rededge-dual", "rededge3-flight", "sxb-photos"),
 )
 
 

@@ -8,8 +8,10 @@ from acx4book.teaching import grading
 from acx4book.teaching.case import Mistake, estimated
 from acx4book.teaching.handed_in import Answer
 from acx4book.teaching.sheets.every import SHEETS
+from support.helpers import repeats
 
 STUDENTS = [f"Student {k}" for k in range(20)]
+FEW = STUDENTS[:3]
 
 
 def said(sheet, case, answers):
@@ -17,8 +19,9 @@ def said(sheet, case, answers):
 
 
 @pytest.mark.parametrize("name", SHEETS)
-def test_right_answers_are_never_called_wrong(name, solved, handed):
-    for student in STUDENTS:
+@pytest.mark.parametrize("students", [FEW, repeats(STUDENTS)], ids=len)
+def test_right_answers_are_never_called_wrong(name, students, solved, handed):
+    for student in students:
         case, right = solved(name, student)
         sheet = replace(SHEETS[name], solve=lambda _case, right=right: right)
         verdicts = grading.graded(sheet, case, handed(name, right))
@@ -30,7 +33,7 @@ def test_right_answers_are_never_called_wrong(name, solved, handed):
 def test_every_mistake_is_called_what_it_is(name, solved, handed):
     """All answers that a mistake changes are changed; the others are not called wrong."""
     named = set()
-    for student in STUDENTS[:3]:
+    for student in FEW:
         case, right = solved(name, student)
         mistakes = list(SHEETS[name].mistakes(case, right))
         sheet = replace(

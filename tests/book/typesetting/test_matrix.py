@@ -2,9 +2,43 @@
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 
 from acx4book.typesetting import matrix, style
+from acx4book.typesetting.drawing import svg
+
+VALUES = np.array([[1.0, -0.72, 0.0], [-0.72, 1.0, 0.31], [0.0, 0.31, 1.0]])
+
+
+def covered(patch, i, j):
+    """Tell whether a shape covers the middle of a cell."""
+    bars = patch.get_path().to_polygons()
+    return any(mpl.path.Path(bar).contains_point((j + 0.5, i + 0.5)) for bar in bars)
+
+
+def test_a_cell_has_the_colour_of_its_sign_as_dense_as_its_size_and_zero_has_none():
+    with style.applied():
+        _, ax = style.subplots(figsize=(2, 2))
+        matrix.signed_cells(ax, VALUES)
+    for (i, j), value in np.ndenumerate(VALUES):
+        seen = [patch for patch in ax.patches if covered(patch, i, j)]
+        assert len(seen) == (value != 0)
+        for patch in seen:
+            colour = style.BLUE if value > 0 else style.ORANGE
+            assert mpl.colors.same_color(patch.get_facecolor()[:3], colour)
+            assert patch.get_alpha() == pytest.approx(abs(value), abs=0.5 / matrix.LEVELS)
+
+
+def test_a_matrix_is_in_colours_that_a_page_sets():
+    names = ["f_mm", "lever_z_m", "k1"]
+    fig = matrix.correlation_matrix(pd.DataFrame(VALUES, index=names, columns=names))
+    drawn = svg.vector(fig)
+    assert "<image" not in drawn
+    assert style.BLUE in drawn
+    assert style.ORANGE in drawn
+    written = [t.get_text() for t in fig.axes[0].texts]
+    assert written == ["−.72", "−.72", "+.31", "+.31"]
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])

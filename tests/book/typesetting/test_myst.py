@@ -48,7 +48,7 @@ def test_missing_values_are_dashes_and_text_takes_no_number_format():
         {"v": [np.nan, 0.5], "s": [None, "ND"], "m": pd.Series([1.0, "A"], dtype=object)}
     )
     got = rows(myst.myst_table(frame, "c", name="t", formats={"v": ".1e", "m": ".2f", "s": "f"}))
-    assert got[1:] == [[myst.MISSING, myst.MISSING, "1.00"], ["5.0e-01", "ND", "A"]]
+    assert got[1:] == [[myst.MISSING, myst.MISSING, "1.00"], ["5.0e−01", "ND", "A"]]
 
 
 def test_no_line_ends_between_plus_minus_and_the_sigma():
@@ -87,3 +87,19 @@ def test_format_of_an_unknown_column_is_refused():
 )
 def test_scientific_numbers(value, digits, expected):
     assert myst.scientific(value, digits=digits) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "set_so"),
+    [
+        ("off by -0.4, -0.4, +0.2 m", "off by −0.4, −0.4, +0.2\u00a0m"),
+        ("by -23, +27, -33 m", "by −23, +27, −33\u00a0m"),
+        ("(-0.99), p < 0.0005", "(−0.99), p <\u00a00.0005"),
+        ("-8.8·10⁻¹¹ ± 1.5 mm", "−8.8·10⁻¹¹ ±\u00a01.5\u00a0mm"),
+        ("σ of 3 % at 600 m in 12 min", "σ of 3\u00a0% at 600\u00a0m in 12\u00a0min"),
+        *((same, same) for same in ("C5-04", "2026-05-02", "1-2.5", "--seeds 1-20", "a -12 b")),
+        *((same, same) for same in ("12 models", "5 sets", "3 hours")),
+    ],
+)
+def test_numbers_have_minus_signs_and_keep_their_units(text, set_so):
+    assert myst.numbers(text) == set_so

@@ -8,7 +8,10 @@ from numpy.testing import assert_allclose
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.averaged_mountings import mounting_jacobians, mountings_per_image
+from acx4lib.calibration.mounting import two_step
 from acx4lib.geometry.frames import Pose, exp, log
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from support import blocks
 from support.helpers import numeric_jacobian
 
 
@@ -41,3 +44,19 @@ def test_mounting_jacobians(exact_block):
     steps = np.array([1e-2] * 3 + [1e-5] * 3)
     assert_allclose(by_camera, numeric_jacobian(with_camera, np.zeros(6), step=steps), atol=1e-6)
     assert_allclose(by_trajectory, numeric_jacobian(with_body, np.zeros(6), step=steps), atol=1e-6)
+
+
+def test_an_error_of_attitude_that_all_images_share_does_not_average_out():
+    """As good as exact images: the boresight has all of it, and an n-th where errors are white."""
+    exact = blocks.in_strips(blocks.standard(), 3)
+    points = replace(exact.image_points, sigma_px=np.full(len(exact.image_points), 1e-3))
+    control = replace(exact.control, sigma_m=np.full_like(exact.control.sigma_m, 1e-5))
+    white = replace(exact, image_points=points, control=control)
+    constant = GaussMarkov(share=1 - 1e-9, time_constant_s=1e9)
+    slow = replace(white, trajectory=replace(white.trajectory, slow_attitudes=constant))
+    R_b_c, sigma = blocks.CAMERA.T_b_c.R, white.trajectory.sigma_attitude[0]
+    one = R_b_c.T @ np.diag(sigma**2) @ R_b_c
+    for block, n in ((white, len(white.trajectory)), (slow, 1)):
+        found = two_step(block, free=("xp",)).calibration
+        boresight = found.layout.mount[0, 3:]
+        assert_allclose(found.cov[np.ix_(boresight, boresight)], one / n, rtol=1e-3, atol=1e-12)

@@ -40,9 +40,11 @@ def test_opencv_projects_points_to_where_the_library_does():
     """As closely as it says, and no closer: the misfit is that of the two polynomials."""
     x_c, found = ahead(HEAD), to_opencv(HEAD)
     apart = np.linalg.norm(seen_by_opencv(found, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert apart.max() <= 1.001 * found.largest_px  # the corners are not among the nodes' image
-    assert apart.max() > 0.3 * found.largest_px
-    assert found.largest_px < 0.03  # of some 20 px of distortion
+    assert (
+        apart.max() <= 1.001 * found.left.largest_px
+    )  # the corners are not among the nodes' image
+    assert apart.max() > 0.3 * found.left.largest_px
+    assert found.left.largest_px < 0.03  # of some 20 px of distortion
 
 
 def test_a_camera_without_distortion_is_the_same_to_opencv():
@@ -61,7 +63,7 @@ def test_a_camera_comes_back_from_opencv():
     )
     x_c = ahead(HEAD)
     apart = np.linalg.norm(project(back, LEVEL, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert apart.max() < 2 * (left + found.largest_px)
+    assert apart.max() < 2 * (left.largest_px + found.left.largest_px)
     assert_allclose(
         back.interior.to_array()[:3], HEAD.interior.to_array()[:3], rtol=1e-12, atol=1e-12
     )
@@ -80,8 +82,8 @@ def test_ideal_points_are_opencvs_own_undistortion(n):
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f * [1, -1]
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
     expected = cv2.undistortPoints(colrow[:, None], matrix, distortion, None, None, None, criteria)
-    assert np.linalg.norm(ideal - expected[:, 0], axis=1).max() * 3003 <= 1.001 * left
-    assert left < 1.0  # of some 100 px of distortion
+    assert np.linalg.norm(ideal - expected[:, 0], axis=1).max() * 3003 <= 1.001 * left.largest_px
+    assert left.largest_px < 1.0  # of some 100 px of distortion
 
 
 def test_what_is_no_camera_of_opencv_is_told():

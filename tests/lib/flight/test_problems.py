@@ -170,21 +170,27 @@ REPLACED = [
         "ellipsoidal",
         "elipsoidal",
         ":3: heights: 'elipsoidal' cannot be used (did you mean 'ellipsoidal'?); must be "
-        "'ellipsoidal', a geoid grid in the flight, or a vertical CRS",
+        "'ellipsoidal', a geoid grid in the flight, a vertical CRS, or a number",
     ),
     (
         TOML,
         "ellipsoidal",
         "geoid.gtx",
         ":3: heights: 'geoid.gtx' is not there; must be 'ellipsoidal', a geoid grid in the flight, "
-        "or a vertical CRS",
+        "a vertical CRS, or a number",
+    ),
+    (
+        TOML,
+        '"ellipsoidal"',
+        "500",
+        ":3: heights: 500; must be an undulation in metres, at most 200 either way",
     ),
     (
         TOML,
         "ellipsoidal",
         "../geoid.gtx",
         ":3: heights: '../geoid.gtx' lies outside the flight; must be 'ellipsoidal', a geoid grid "
-        "in the flight, or a vertical CRS",
+        "in the flight, a vertical CRS, or a number",
     ),
     (
         TOML,
@@ -197,8 +203,8 @@ REPLACED = [
     (
         TOML,
         'name = "small"',
-        'name = "small"\nformat = 5',
-        ":2: format: 5; must be a whole number up to 4; a larger one is of a later acx4",
+        'name = "small"\nformat = 6',
+        ":2: format: 6; must be a whole number up to 5; a larger one is of a later acx4",
     ),
     (
         TOML,
@@ -486,7 +492,7 @@ def test_a_geoid_grid_that_is_none_is_named_without_a_pipeline(tmp_path):
     replace(tmp_path, TOML, "ellipsoidal", "geoid.gtx")
     assert problems(tmp_path) == [
         f"{TOML}:3: heights: 'geoid.gtx' cannot be used (PROJ cannot read it as a geoid grid); "
-        "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
+        "must be 'ellipsoidal', a geoid grid in the flight, a vertical CRS, or a number"
     ]
 
 

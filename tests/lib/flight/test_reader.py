@@ -298,6 +298,15 @@ def test_a_geoid_grid_of_the_flight_raises_all_heights(tmp_path):
     )
 
 
+def test_a_constant_undulation_raises_all_heights(tmp_path):
+    plain = flight.read(write_flight(tmp_path)).calibration
+    toml = tmp_path / "flight.toml"
+    toml.write_text(toml.read_text().replace('"ellipsoidal"', "12.5"))
+    read = flight.read(tmp_path)
+    assert_allclose(read.calibration.control.x_m - plain.control.x_m, [[0, 0, 12.5]] * 9, atol=1e-3)
+    assert "  heights        undulation 12.5 m" in flight.summary(read).splitlines()
+
+
 def constant_gtx(height: float) -> bytes:
     """Return a geoid grid of one height around the small flight."""
     header = np.array([-27.0, -51.0, 0.5, 0.5], dtype=">f8").tobytes()

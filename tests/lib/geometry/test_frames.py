@@ -182,3 +182,8 @@ def test_log_jacobian(scale, direction):
 def test_the_helper_measures_the_angle_between_rotations():
     R = frames.exp(np.array([0.0, 3e-9, 4e-9]))
     assert rotation_angle(R) == pytest.approx(5e-9, rel=1e-6)  # rounding of the identity: 1e-16
+
+
+def test_roll_pitch_and_heading_come_back():
+    rph = np.array([[0.1, -0.2, 3.0], [-3.0, 1.5, -3.1], [0.0, 0.0, 0.0]])
+    assert_allclose(frames.rph_from_rotation(frames.rotation_from_rph(rph)), rph, atol=1e-12)

@@ -266,6 +266,21 @@ def test_heights_that_cannot_be_used_say_why(heights, why):
         GridSystem(crs="EPSG:31982", heights=heights)
 
 
+def test_a_constant_undulation_is_that_everywhere():
+    grid = GridSystem(crs="EPSG:31982", heights=-25.5)
+    assert grid.undulation(np.zeros((2, 2))).tolist() == [-25.5, -25.5]
+    for undulation in (1000.0, np.nan):
+        with pytest.raises(ValueError, match="at most 200 m either way"):
+            GridSystem(crs="EPSG:31982", heights=undulation)
+
+
+def test_the_scale_of_a_map():
+    # notes on geodesy, section 1.3: SIRGAS 2000 / UTM 22S at Curitiba, on the central meridian
+    scale = UTM.scale(np.array([[-49.27, -25.45], [-51.0, -25.45]]))
+    assert_allclose(scale, [0.999974 + 4e-6, 0.9996], atol=1.2e-5)
+    assert UTM.scale(np.zeros((0, 2))).shape == (0,)
+
+
 def test_a_file_that_is_no_geoid_grid_is_an_error(tmp_path):
     path = tmp_path / "geoid.gtx"
     path.write_text("not a grid")

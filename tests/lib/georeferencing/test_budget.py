@@ -15,6 +15,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.georeferencing import budget, direct
 from acx4lib.georeferencing.budget import CALIBRATION, SOURCES
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support import blocks
 from support.helpers import numeric_jacobian
 
@@ -164,6 +165,20 @@ def test_parts_sum_to_the_variance(found):
     assert_allclose(split.sigma, np.sqrt(total), rtol=1e-12)
     for share in (budget.shares(split.variance), budget.shares(split.mean)):
         assert_allclose(sum(share.values()), 1.0, rtol=1e-12)
+
+
+def test_parts_sum_to_the_variance_where_exposures_share_errors(rig, calibration, measured):
+    timed = blocks.in_strips(rig, 3)
+    process = GaussMarkov(share=0.95, time_constant_s=60.0)
+    own = replace(timed.trajectory, slow_positions=process, slow_attitudes=process)
+    g = direct.georeference(replace(timed, trajectory=own), calibration)
+    sources = direct.intersect_rays(timed, g, measured).sources
+    split, total = budget.of(sources, g.layout), np.diagonal(sources.cov, axis1=1, axis2=2)
+    assert_allclose(split.variance.sum(axis=-1), total, rtol=1e-12)
+    white = budget.of(replace(sources, shared=None), g.layout)
+    plan = [of(one.variance, "GNSS")[:, :2] for one in (split, white)]
+    assert np.all(plan[0] > 1.2 * plan[1])  # what moves all rays alike moves the point with them
+    assert_allclose(of(split.variance, "boresight"), of(white.variance, "boresight"))
 
 
 def test_each_source_is_what_its_errors_alone_give(found, rig, calibration, measured):

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.bundle.observations.shared_errors import SharedErrors
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.georeferencing import error_sources
 from acx4lib.georeferencing.error_sources import ErrorSources
 
 
-@pytest.fixture
-def sources(rng):
+@pytest.fixture(params=["white", "slow"])
+def sources(request, rng):
     """Six points on four exposures, each on two or three of them, and five parameters."""
     point = np.repeat(np.arange(6), [2, 3, 2, 3, 2, 3])
-    exposure = np.concatenate([rng.permutation(4)[:k] for k in (2, 3, 2, 3, 2, 3)])
+    exposure = np.concatenate([np.sort(rng.permutation(4)[:k]) for k in (2, 3, 2, 3, 2, 3)])
     root = rng.normal(size=(6, 3, 3)) * 0.02 + 0.05 * np.eye(3)
     mix = np.linalg.qr(rng.normal(size=(5, 5)))[0] * rng.uniform(0.5, 1.5, 5)
     sigma = np.array([3e-3, 2e-2, 1e-7, 1e-12, 1e-4])
@@ -29,7 +30,15 @@ def sources(rng):
         by_parameters=rng.normal(size=(6, 3, 5)) * 0.1 / sigma,
         cov_body=np.tile(np.diag(sigma_body**2), (4, 1, 1)),
         cov_parameters=sigma[:, None] * (mix @ mix.T) * sigma,
+        shared=SHARED if request.param == "slow" else None,
     )
+
+
+APART = np.abs(np.subtract.outer(np.arange(4), np.arange(4)))
+SHARED = SharedErrors(
+    roots=np.tile(0.9 * np.diag([0.05] * 3 + [1e-4] * 3), (4, 1, 1)),
+    together=np.stack([np.exp(-APART / 5.0), np.exp(-APART / 2.0)]) * (APART > 0),
+)
 
 
 def dense(sources):
@@ -42,8 +51,11 @@ def dense(sources):
             block = J[i] @ sources.cov_parameters @ J[j].T + (i == j) * sources.own[i]
             for a in np.flatnonzero(sources.point == i):
                 for b in np.flatnonzero(sources.point == j):
-                    if (e := sources.exposure[a]) == sources.exposure[b]:
-                        block += sources.by_body[a] @ sources.cov_body[e] @ sources.by_body[b].T
+                    e, f = sources.exposure[[a, b]]
+                    between = sources.cov_body[e] if e == f else np.zeros((6, 6))
+                    if sources.shared is not None and e != f:
+                        (between,) = sources.shared.between(e[None], f[None])
+                    block += sources.by_body[a] @ between @ sources.by_body[b].T
             C[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
     return C
 

@@ -13,6 +13,7 @@ from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing.validation import validate
+from acx4lib.least_squares.statistical.gauss_markov import WHITE, GaussMarkov
 from support import blocks
 
 # --- pairs -----------------------------------------------------------------------------------
@@ -102,7 +103,7 @@ def test_differences_are_as_large_as_their_sigmas_say(block, cameras):
     sqrt(2 / 60) = 0.18.
     """
     z = []
-    for seed in range(60):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         survey = rng.normal(size=(4, 3)) * block.check.sigma_m
         noisy = blocks.surveyed_off(blocks.noisy(block, rng), survey)
@@ -164,6 +165,31 @@ def test_the_mean_has_its_sigma_which_is_twice_that_of_independent_points(flight
     ]
     assert np.sqrt(np.mean((mean / sigma) ** 2)) == pytest.approx(1.0, abs=0.15)
     assert np.sqrt(np.mean((mean / as_if_independent) ** 2)) > 1.6
+
+
+@pytest.mark.slow
+def test_slow_errors_of_40_flights_have_their_chi_square_and_are_no_white_ones(block, cameras):
+    """Two-sided bounds of 99 %, of all differences and of their mean."""
+    process = GaussMarkov(share=0.95, time_constant_s=600.0)
+    timed = blocks.in_strips(block, 3)
+    own = replace(timed.trajectory, slow_positions=process, slow_attitudes=process)
+    chi_square, mean = {"slow": 0.0, "white": 0.0}, {"slow": 0.0, "white": 0.0}
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        survey = rng.normal(size=(4, 3)) * block.check.sigma_m
+        flown = blocks.surveyed_off(blocks.noisy(replace(timed, trajectory=own), rng), survey)
+        white = replace(
+            own, T_m_b=flown.trajectory.T_m_b, slow_positions=WHITE, slow_attitudes=WHITE
+        )
+        for kind, of in {"slow": flown, "white": replace(flown, trajectory=white)}.items():
+            found = validate(of, cameras, method="given")
+            d = found.points.d.mean(axis=0)
+            chi_square[kind] += found.joint_chi_square
+            mean[kind] += d @ np.linalg.solve(found.mean_cov, d)
+    assert 0.005 < stats.chi2.cdf(chi_square["slow"], 40 * 12) < 0.995
+    assert 0.005 < stats.chi2.cdf(mean["slow"], 40 * 3) < 0.995
+    assert not 0.005 < stats.chi2.cdf(chi_square["white"], 40 * 12) < 0.995
+    assert not 0.005 < stats.chi2.cdf(mean["white"], 40 * 3) < 0.995
 
 
 # --- blunders --------------------------------------------------------------------------------

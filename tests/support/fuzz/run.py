@@ -1,8 +1,12 @@
-"""Many mutated flights, and how they ended: `python -m support.fuzz.run --cases N --seed SEED`."""
+"""Many mutated flights, or files of strangers, and how they ended.
+
+`python -m support.fuzz.run --cases N --seed SEED`: N flights, and N of each kind of other files.
+"""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import signal
@@ -13,9 +17,10 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from support.fuzz import good_flights
-
 TESTS = Path(__file__).parents[2]
+
+ALL = ("flights.cases", "strangers.cases")
+"""Modules that make cases."""
 
 
 @dataclass
@@ -43,7 +48,7 @@ class Report:
             by_outcome[outcome] += n
         kinds = sorted({kind for kind, _ in self.outcomes})
         rows = [
-            f"{kind:>10}: "
+            f"{kind:>26}: "
             + ", ".join(f"{n} {o}" for (k, o), n in sorted(self.outcomes.items()) if k == kind)
             for kind in kinds
         ]
@@ -55,31 +60,36 @@ class Report:
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
-def run(work: Path, *, cases: int, seed: int) -> Report:
-    """Read the mutated flights of a seed in one process; a new one where it was killed.
+def run(work: Path, *, cases: int, seed: int, what: str = "flights.cases") -> Report:
+    """Work through the cases of a seed in one process; a new one where it was killed.
 
     Parameters
     ----------
     work : Path
         An empty folder.
     cases, seed : int
+        Cases of each kind.
+    what : str
+        One of `ALL`.
     """
+    module = importlib.import_module(f"support.fuzz.{what}")
     good = work / "good"
     good.mkdir(parents=True)
-    good_flights.write_all(good)
-    report, case = Report(), 0
-    while case < cases:
-        case = _run_from(case, good, report, cases=cases, seed=seed)
+    module.write_good(good)
+    report, case, end = Report(), 0, cases * module.PER
+    while case < end:
+        case = _run_from(case, good, report, cases=end, seed=seed, what=what)
     return report
 
 
-def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -> int:
+def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int, what: str) -> int:
     """Let a process read cases as long as it lives; return the first that is not read."""
     path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     command = [
         sys.executable,
         "-m",
         "support.fuzz.worker",
+        what,
         str(good),
         str(case),
         str(cases),
@@ -122,7 +132,9 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -
 
 def _count(report: Report, begun: dict[str, object], told: dict[str, object], seed: int) -> None:
     kind = str(begun["kind"])
-    report.outcomes[kind if "+" not in kind else "several", str(told["outcome"])] += 1
+    of, _, ways = kind.rpartition(" ")
+    label = f"{of} several" if "+" in ways else kind
+    report.outcomes[label.strip(), str(told["outcome"])] += 1
     case = int(str(begun["case"]))
     report.seconds = max(report.seconds, (float(str(told.get("seconds", 0))), case))
     report.peak = max(report.peak, (int(str(told.get("peak", 0))), case))
@@ -135,11 +147,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--what", action="append", choices=ALL)
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as work:
-        report = run(Path(os.path.realpath(work)) / "fuzz", cases=given.cases, seed=given.seed)
-    print(report)  # noqa: T201 a command
-    sys.exit(bool(report.findings))
+    found = False
+    for what in given.what or ALL:
+        with tempfile.TemporaryDirectory() as work:
+            empty = Path(os.path.realpath(work)) / "fuzz"
+            report = run(empty, cases=given.cases, seed=given.seed, what=what)
+        print(report)  # noqa: T201 a command
+        found = found or bool(report.findings)
+    sys.exit(found)
 
 
 if __name__ == "__main__":

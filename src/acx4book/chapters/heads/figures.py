@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.chapters.heads.tables import SYMBOLS
-from acx4book.typesetting import style
+from acx4book.typesetting import matrix, style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import EXTERIOR, interior_exterior
@@ -170,15 +170,10 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
 
 
 def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
-    ax.imshow(largest, cmap=style.SEQUENCE, vmin=0, vmax=1, aspect="auto")
-    style.bare(ax)
-    ax.set_xticks(range(len(EXTERIOR)), [SYMBOLS[name] for name in EXTERIOR], size=9)
-    ax.set_yticks(range(len(interior)), [SYMBOLS[name] for name in interior], size=9)
+    matrix.signed_cells(ax, largest)
+    ax.set_aspect("auto")
+    ax.set_xticks(np.arange(len(EXTERIOR)) + 0.5, [SYMBOLS[name] for name in EXTERIOR], size=9)
+    ax.set_yticks(np.arange(len(interior)) + 0.5, [SYMBOLS[name] for name in interior], size=9)
     ax.set(xlabel="exterior orientation", ylabel="interior orientation")
-    ax.set_xticks(np.arange(len(EXTERIOR) - 1) + 0.5, minor=True)
-    ax.set_yticks(np.arange(len(interior) - 1) + 0.5, minor=True)
-    ax.tick_params(which="minor", length=0)
-    ax.grid(visible=True, which="minor", color=style.PAPER, lw=1.5)
     for i, j in np.ndindex(*largest.shape):
-        tint = "white" if largest[i, j] > 0.55 else style.BLACK
-        ax.text(j, i, f"{largest[i, j]:.2f}", ha="center", va="center", size=7.5, color=tint)
+        matrix.write(ax, i, j, float(largest[i, j]), f"{largest[i, j]:.2f}")

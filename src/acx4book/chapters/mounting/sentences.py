@@ -11,8 +11,8 @@ from acx4book.typesetting.labels import LABELS, value_and_sigma
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.absorption import absorption
 from acx4lib.calibration.estimates import Parameter, parameters
-from acx4lib.calibration.gnss_shift import not_determined, notes
 from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.calibration.trajectory_errors import not_determined, notes
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log

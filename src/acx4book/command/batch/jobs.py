@@ -46,7 +46,8 @@ class Job:
         Absolute, since a worker may run in another folder.
     settings : Settings
     design : str
-        The flight is simulated by this design if it is not there; empty if it must be.
+        The flight is simulated by the design of this name, or by the plan in this file, if it is
+        not there; empty if it must be.
     seed : int
     """
 
@@ -83,11 +84,17 @@ def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> lis
 def of_seeds(
     designs: Sequence[str], seeds: Sequence[int], folder: Path, settings: Settings
 ) -> list[Job]:
-    """Return a job for every seed of every design, called ``single-head-1`` and so on."""
+    """Return a job for every seed of every design or plan, called ``single-head-1`` and so on.
+
+    Raises
+    ------
+    ValueError
+        The files of two plans have one name, or a name that cannot be used.
+    """
     top = absolute(folder)
-    return [
+    jobs = [
         Job(
-            name=(name := f"{design}-{seed}"),
+            name=(name := f"{Path(design).stem}-{seed}"),
             flight=top / SIMULATED / name,
             results=top / name,
             settings=settings,
@@ -97,6 +104,12 @@ def of_seeds(
         for design in dict.fromkeys(designs)
         for seed in seeds
     ]
+    names = [job.name for job in jobs]
+    for job in jobs:
+        if fault := _fault(job.name, names, cure="rename the plan"):
+            msg = f"{job.design}: {fault}"
+            raise ValueError(msg)
+    return jobs
 
 
 def seeds_of(text: str) -> list[int]:
@@ -144,9 +157,8 @@ def _name(path: Path, n: int) -> str:
     return "-".join(part for part in path.parts[-n:] if part != path.anchor)
 
 
-def _fault(name: str, names: Sequence[str]) -> str:
+def _fault(name: str, names: Sequence[str], *, cure: str = "rename the flight's folder") -> str:
     """Return what is wrong with a name, and what to do; empty for a good one."""
-    cure = "rename the flight's folder"
     if not name or name.startswith(".") or name in RESERVED:
         return f"a folder of results cannot be called {name!r}; {cure}"
     if names.count(name) > 1:

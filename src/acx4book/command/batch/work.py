@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from acx4book.command.batch import standing, table
 from acx4book.command.batch.jobs import Job
@@ -93,12 +94,32 @@ def _run(job: Job) -> tuple[bool, Sequence[str]]:
 
 
 def _simulate(job: Job) -> None:
-    from acx4sim.designs import DESIGNS  # noqa: PLC0415 most flights are not simulated
+    """Fly the design or the plan of a job, if this was not done before.
+
+    A copy of the plan stands beside the flight: one of another plan is not taken for it.
+    """
+    from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files.writer import write  # noqa: PLC0415 as above
 
+    plan = Path(job.design).read_bytes() if by_name.is_plan(job.design) else b""
     if not job.flight.exists():
         with claims.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
-            write(DESIGNS[job.design](seed=job.seed), draft)
+            write(by_name.fly(job.design, seed=job.seed), draft)
+            if plan:
+                plan_beside(draft).write_bytes(plan)
+    elif plan and (
+        not plan_beside(job.flight).is_file() or plan_beside(job.flight).read_bytes() != plan
+    ):
+        msg = (
+            f"{job.flight}: was flown by another plan than {job.design} is now; choose another "
+            "folder for the results, or remove this one"
+        )
+        raise OutputError(msg)
+
+
+def plan_beside(flight: Path) -> Path:
+    """Return the path of the plan by which a flight was simulated: beside its folder."""
+    return flight.with_name(f"{flight.name}.plan.toml")
 
 
 def _row(job: Job) -> dict[str, str]:

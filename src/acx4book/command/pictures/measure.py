@@ -29,7 +29,7 @@ Examples:
 """
 
 
-def measure(
+def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     flight: Flight,
     out: Annotated[
         Path, typer.Option(metavar="MEASURED", show_default=False, help="Folder for the flight.")

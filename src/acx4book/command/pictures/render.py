@@ -36,7 +36,12 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
         str | None,
         typer.Option(metavar="A,B", show_default=False, help="Only these, or block/A; else all."),
     ] = None,
-    blend: Annotated[str, typer.Option(metavar="feather|seam", help="Between heads.")] = "feather",
+    blend: Annotated[
+        str,
+        typer.Option(
+            metavar="feather|seam|stack", help="Between heads, or each head a band of its own."
+        ),
+    ] = "feather",
     feather: Annotated[
         float, typer.Option(metavar="PX", min=1.0, help="Width of the blend, full-size pixels.")
     ] = 150.0,
@@ -74,7 +79,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
         "blend": blend,
         "feather_px": feather,
         "interpolation": interpolation,
-        "equalise": equalise,
+        "equalise": "none" if blend == "stack" else equalise,
         "refine": refine,
         "compression": compression,
     }

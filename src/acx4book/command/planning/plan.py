@@ -80,12 +80,13 @@ def plan(
     from acx4book.command.planning.target import choose  # noqa: PLC0415 quick help
     from acx4lib.planning import design, shown, tables, text  # noqa: PLC0415 quick help
 
+    if out is not None:
+        terminal.need_book("plan --out")
     planned = text.read(file)
     chosen = None if target is None else choose(planned, target)
     found = design.of(planned if chosen is None else chosen.plan)
     terminal.show("\n".join(shown.lines(found)))
     if out is not None:
-        terminal.need_book("plan --out")
         source = file.read_text("utf-8-sig") if chosen is None else text.written(chosen.plan.values)
         write(found, source, out, chosen)
     if tables.sentences(found) or (chosen is not None and not chosen.met):

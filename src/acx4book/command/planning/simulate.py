@@ -111,23 +111,12 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
 
 def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
     """Return the flight of a design, or of the plan in a file."""
-    from acx4sim.designs import DESIGNS  # noqa: PLC0415 quick help
+    from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 quick help
 
-    if name in DESIGNS:
-        return DESIGNS[name](seed=seed, options=options)
-    if not name.endswith(".toml"):
-        known = ", ".join(DESIGNS)
-        terminal.refuse(f"unknown flight {name!r}; known: {known}; a plan's name ends in .toml")
-    from acx4book.notebooks.simulated import to_simulator  # noqa: PLC0415 quick help
-    from acx4lib.planning import text  # noqa: PLC0415 quick help
-
-    plan = text.read(name)
-    if options.refraction == "standard" and plan.setup.refraction == "none":
-        terminal.refuse('--refraction is for designs; in a plan write refraction = "standard"')
     try:
-        return to_simulator.simulate(plan, seed=seed, options=options)
+        return by_name.fly(name, seed=seed, options=options)
     except ValueError as error:
-        terminal.refuse(f"{name}: {error}")
+        terminal.refuse(str(error))
 
 
 def _write_plan(name: str, path: Path) -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from acx4book.foundations import example
 from acx4book.foundations.designs import CONTROL_M, Line
-from acx4book.typesetting import style
+from acx4book.typesetting import matrix, style
 from acx4lib.expected import Array
 
 DIRECTIONS = {90.0: style.BLUE, 270.0: style.ORANGE, 0.0: style.TEAL, 180.0: style.PLUM}
@@ -85,27 +85,19 @@ def correlations(designs: Mapping[str, pd.DataFrame]) -> Figure:
             names = [str(name).partition(",")[0] for name in table.index]
             _matrix(ax, table.to_numpy(), names)
             ax.set_title(title)
-        bar = fig.colorbar(axes[-1].images[0], ax=axes, shrink=0.5, aspect=24, location="bottom")
-        bar.set_label("correlation")
-        bar.outline.set_visible(False)
+        matrix.scale(fig, axes, location="bottom", shrink=0.5, aspect=24)
     return fig
 
 
 def _matrix(ax: Axes, values: Array, names: Sequence[str]) -> None:
     n = len(names)
-    ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
-    style.bare(ax)
-    ax.set_xticks(range(n), names, rotation=90)
-    ax.set_yticks(range(n), names)
-    ax.set_xticks(np.arange(1, n) - 0.5, minor=True)
-    ax.set_yticks(np.arange(1, n) - 0.5, minor=True)
-    ax.grid(visible=True, which="minor", color=style.PAPER, linewidth=1.0)
-    ax.tick_params(which="minor", length=0)
+    matrix.signed_cells(ax, values)
+    ax.set_xticks(np.arange(n) + 0.5, names, rotation=90)
+    ax.set_yticks(np.arange(n) + 0.5, names)
     for i, j in zip(*np.nonzero(np.abs(values) >= READABLE), strict=True):
         if i != j:
             shown = f"{values[i, j]:.2f}".replace("0.", ".").replace("1.00", "1.0")
-            colour = "white" if abs(values[i, j]) > 0.6 else style.BLACK
-            ax.text(j, i, shown, ha="center", va="center", fontsize=style.SMALL, color=colour)
+            matrix.write(ax, i, j, values[i, j], shown)
 
 
 def against_ratio(table: pd.DataFrame) -> Figure:

@@ -11,8 +11,12 @@ from scipy.spatial.transform import Rotation
 from acx4book.foundations import example
 from acx4book.typesetting import sketch, style
 from acx4lib.expected import Array
-from acx4lib.flight.checks.readings import rph_of
-from acx4lib.geometry.frames import opk_jacobian, rotation_from_opk, turn
+from acx4lib.geometry.frames import (
+    opk_jacobian,
+    rotation_from_opk,
+    rph_from_rotation,
+    turn,
+)
 
 TIMES = 20
 """Factor by which omega and phi are drawn too large; as they are they would not be seen."""
@@ -130,7 +134,7 @@ def headings() -> Figure:
     kappa = np.linspace(-180, 180, 181)
     omega, phi, _ = example.attitudes()[0]
     opk = np.stack([omega + 0 * kappa, phi + 0 * kappa, np.radians(kappa)], axis=-1)
-    roll, pitch, _ = np.degrees(rph_of(NED_ENU @ rotation_from_opk(opk) @ FLU_FRD)).T
+    roll, pitch, _ = np.degrees(rph_from_rotation(NED_ENU @ rotation_from_opk(opk) @ FLU_FRD)).T
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 2.8))
         ax.axhline(0, color=style.SOFT, lw=0.6)

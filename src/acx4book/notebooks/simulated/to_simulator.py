@@ -87,9 +87,6 @@ def _beyond(plan: FlightPlan) -> list[str]:
     if plan.setup.grid.heights != "ellipsoidal":
         out.append("heights: a simulated flight has ellipsoidal heights; plan it with those")
     flown_with = {**plan.setup.cameras, **plan.truth}
-    constants = {one.time_constant_s for one in _parts(plan.values.get("apriori", {}))}
-    if len(constants) > 1:
-        out.append("apriori: a simulated flight has one time constant, of GNSS and attitude alike")
     out += [
         f"cameras.{name}.b1: the simulator has no b1; leave it out, or zero"
         for name, camera in flown_with.items()
@@ -100,25 +97,12 @@ def _beyond(plan: FlightPlan) -> list[str]:
 
 def _slow(apriori: Mapping[str, float]) -> SlowErrors | None:
     """Return the errors that change slowly, as a plan has them; None where all are white."""
-    parts = _parts(apriori)
-    if not parts:
-        return None
-    return SlowErrors(
-        gnss=max(one.gnss for one in parts),
-        attitude=max(one.attitude for one in parts),
-        time_constant_s=parts[0].time_constant_s,
-    )
-
-
-def _parts(apriori: Mapping[str, float]) -> list[SlowErrors]:
-    """Return the slow errors of positions and of attitudes, each by itself, that a plan has."""
-    out = []
+    given = {}
     for of in ("gnss", "attitude"):
-        share = float(apriori.get(f"{of}_correlated_share", 0.0))
-        if share > 0:
-            shares = {"gnss": 0.0, "attitude": 0.0, of: share}
-            out.append(SlowErrors(**shares, time_constant_s=float(apriori[f"{of}_correlation_s"])))
-    return out
+        given[of] = float(apriori.get(f"{of}_correlated_share", 0.0))
+        if given[of] > 0:
+            given[f"{of}_constant_s"] = float(apriori[f"{of}_correlation_s"])
+    return SlowErrors(**given) if any(given.values()) else None
 
 
 def _camera(camera: PlannedCamera) -> Camera:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -53,7 +52,7 @@ def identification(material: Material) -> pd.DataFrame:
     crs = pyproj.CRS.from_user_input(flight.grid.crs)
     rows += [
         ("Coordinate system", f"{crs.name} ({flight.grid.crs})"),
-        ("Heights", _heights(flight.grid.heights)),
+        ("Heights", _heights(flight.grid.height_system)),
         ("Refraction", _refraction(flight.refraction)),
         ("Stages computed", listed([s for s in STAGES if s in material.provenance.stages])),
         ("Results of", f"{material.date.day} {material.date:%B %Y} (UTC)"),
@@ -74,7 +73,7 @@ def _cameras(material: Material) -> dict[str, str]:
 
 
 def _heights(heights: str) -> str:
-    return "above the ellipsoid" if heights == "ellipsoidal" else f"by {Path(heights).name}"
+    return "above the ellipsoid" if heights == "ellipsoidal" else f"by {heights}"
 
 
 def _refraction(refraction: str) -> str:

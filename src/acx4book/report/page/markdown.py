@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from markdown_it import MarkdownIt
+from markdown_it.common.utils import escapeHtml
 from markdown_it.rules_inline import StateInline
+
+from acx4book.typesetting.myst import numbers
 
 ROLE = re.compile(r"\{(numref|eq|doc)\}`([^`\n]+)`")
 MATH = re.compile(r"\$([^$\n]+)\$")
@@ -85,6 +88,7 @@ def _parser() -> MarkdownIt:
     parser.inline.ruler.before("escape", "acx4", _inline)
     parser.add_render_rule("acx4", _as_it_is)
     parser.add_render_rule("fence", _fence)
+    parser.add_render_rule("text", _text)
     return parser
 
 
@@ -115,6 +119,7 @@ def _reference(role: str, target: str, document: Document) -> str:
 def mathematics(source: str) -> str:
     """Return simple TeX as HTML: letters in italics, Greek letters, subscripts and superscripts."""
     text = re.sub(r"\\([A-Za-z]+) ?", lambda m: GREEK.get(m[1], m[1]), source)
+    text = text.replace("-", "\N{MINUS SIGN}")
     out = []
     for sign, braced, single, plain in SCRIPTS.findall(text):
         tag = {"_": "sub", "^": "sup"}.get(sign)
@@ -130,6 +135,10 @@ def _italic(text: str) -> str:
 def _as_it_is(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, _env: Any) -> str:
     content: str = tokens[idx].content
     return content
+
+
+def _text(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, _env: Any) -> str:
+    return escapeHtml(numbers(tokens[idx].content))
 
 
 def _fence(_self: Any, tokens: Sequence[Any], idx: int, _options: Any, env: Any) -> str:

@@ -237,7 +237,7 @@ def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:
 
 def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int], Problem]:
     column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
-    expected = f"must lie inside the geoid grid {grid.heights}"
+    expected = f"must lie inside the geoid grid {grid.height_system}"
 
     def problem(row: int) -> Problem:
         found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"

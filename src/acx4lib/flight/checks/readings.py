@@ -10,7 +10,7 @@ import numpy as np
 
 from acx4lib.expected import Array
 from acx4lib.flight.text.table import Table
-from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk, turn
+from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk, rph_from_rotation, turn
 from acx4lib.geometry.geodesy import GridSystem
 
 ANGLES = {
@@ -173,16 +173,10 @@ def _orders(table: Table) -> Iterator[Reading]:
         R3 @ R2 @ R1 if names[2] == "heading_deg" else R1 @ R2 @ R3, -1, -2
     )
     for meaning, R in orders.items():
-        angles = np.degrees(rph_of(R) if names[2] == "heading_deg" else opk_from_rotation(R))
+        angles = np.degrees(
+            rph_from_rotation(R) if names[2] == "heading_deg" else opk_from_rotation(R)
+        )
         yield _attitude(table, meaning, **dict(zip(names, angles.T, strict=True)))
-
-
-def rph_of(R: Array) -> Array:
-    """Return roll, pitch, heading of Rz(heading) Ry(pitch) Rx(roll), radians, shape (n, 3)."""
-    roll = np.arctan2(R[:, 2, 1], R[:, 2, 2])
-    pitch = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
-    heading = np.arctan2(R[:, 1, 0], R[:, 0, 0])
-    return np.stack([roll, pitch, heading], axis=-1)
 
 
 def _heights(table: Table, grid: GridSystem) -> Iterator[Reading]:

@@ -35,10 +35,10 @@ from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.names import name_fault
 from acx4lib.geometry.camera import distortion
 from acx4lib.geometry.crs.text import is_code_or_wkt
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, GridSystem
 from acx4lib.geometry.parameters import GNSS
 
-FORMAT = 4
+FORMAT = 5
 """The latest format of flight.toml that is understood, as are all before it."""
 
 TOP = (
@@ -57,6 +57,13 @@ TOP = (
 )
 STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
+UNDULATION = {
+    "heights": Range(
+        -LARGEST_UNDULATION_M,
+        LARGEST_UNDULATION_M,
+        f"must be an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way",
+    )
+}
 SHARES = dict.fromkeys(("gnss_correlated_share", "attitude_correlated_share"), Range(0.0, 1.0))
 TEMPERATURE = {"temperature_c": Range(-100.0, 100.0)}
 FIXABLE = ("lever_arm", "boresight")
@@ -73,9 +80,12 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
         yield from toml.problems
         return
     yield from key_problems(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
-    for key in ("name", "crs", "heights"):
+    constant = isinstance(toml.values.get("heights"), int | float)
+    for key in ("name", "crs", *(() if constant else ("heights",))):
         if key in toml.values:
             yield from _text_problems(toml, key)
+    if constant:
+        yield from number_problems(toml, (), UNDULATION)
     if toml.values.get("refraction", "none") not in ("none", "standard"):
         found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
@@ -146,7 +156,7 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
         return
     if not _is_name(heights) or heights == "ellipsoidal":
         return
-    expected = "must be 'ellipsoidal', a geoid grid in the flight, or a vertical CRS"
+    expected = "must be 'ellipsoidal', a geoid grid in the flight, a vertical CRS, or a number"
     inside = toml.folder.resolve()
     path, wrong = named_file(inside, inside, str(heights))
     hint = did_you_mean(str(heights), ["ellipsoidal"])

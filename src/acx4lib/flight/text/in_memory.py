@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib.expected import Array, given
-from acx4lib.flight.problems import Problem, counted, quoted
+from acx4lib.flight.problems import NO_ROWS, Problem, counted, quoted
 from acx4lib.flight.text.cells import cell_problems
 from acx4lib.flight.text.headers import extra_notes, header_problems
 from acx4lib.flight.text.schemas import Schema
@@ -133,7 +133,7 @@ def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) 
     table = replace(table, text=text, numbers=numbers)
     problems = list(cell_problems(_with_known(table), schema, np.ones(n, dtype=bool)))
     if schema.rows and not n:
-        problems = [_whole(table.file, "table", "has no rows", "must have one at least")]
+        problems = [_whole(table.file, "table", NO_ROWS, "must have one at least")]
     return replace(table, problems=tuple(problems), sha256=_checksum(table))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.flight.problems import Problem
+from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.text.cells import cell_problems, numbers_of
 from acx4lib.flight.text.files import read_text
 from acx4lib.flight.text.headers import MOST_COLUMNS, extra_notes, header_problems
@@ -95,6 +95,6 @@ def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
 
 def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]:
     if schema.rows and not len(table) and not rows.blank:
-        yield table.problem(0, "file", "has no rows", "at least one row under the header")
+        yield table.problem(0, "file", NO_ROWS, "at least one row under the header")
     yield from width_problems(table.file, rows)
     yield from cell_problems(table, schema, whole_rows(rows))

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from acx4lib.calibration import gnss_shift
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import Parameter, parameters, to_reported
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.calibration.trust.needs import features, needed
@@ -150,7 +150,7 @@ def _mounting(designed: Design) -> Mounting:
 
 def shared(mounting: Mounting) -> list[Parameter]:
     """Return the parameters that belong to no strip, in the order of their columns."""
-    of_gnss = [p for p in gnss_shift.parameters(mounting.bundle) if p.key != "drift"]
+    of_gnss = [p for p in trajectory_errors.parameters(mounting.bundle) if p.key != "drift"]
     return [*parameters(mounting.calibration), *of_gnss]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.calibration import gnss_shift
+from acx4lib.calibration import trajectory_errors
 from acx4lib.errors import FlightError
 from acx4lib.flight.checks.values import key_problems, number_problems
 from acx4lib.flight.problems import POSITIVE, Problem, lines_of, quoted
@@ -28,7 +28,7 @@ KEYS = ("minutes", "sigma", "check_points", "candidates")
 SIGMAS = (
     *(name for name, _ in REPORTED.values()),
     *(f"gnss_shift_{axis}_m" for axis in AXES),
-    *(gnss_shift.DELAY, gnss_shift.ATTITUDE_DELAY),
+    *(trajectory_errors.DELAY, trajectory_errors.ATTITUDE_DELAY),
 )
 """What can be wanted of a calibration, named as in parameters.csv."""
 

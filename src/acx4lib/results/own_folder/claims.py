@@ -102,7 +102,11 @@ class OwnFolder:
 
 @contextlib.contextmanager
 def claim(
-    folder: str | Path, *, command: str, away_from: Sequence[Path] = ()
+    folder: str | Path,
+    *,
+    command: str,
+    away_from: Sequence[Path] = (),
+    becomes_flight: bool = False,
 ) -> Iterator[OwnFolder]:
     """Claim a folder for a command; while it lasts no other command writes there.
 
@@ -113,6 +117,8 @@ def claim(
     command : str
     away_from : sequence of Path
         Flights; the folder must not lie in, above or at one.
+    becomes_flight : bool
+        Whether the command writes a flight, so that the folder may be one with its mark.
 
     Raises
     ------
@@ -122,7 +128,7 @@ def claim(
         Where the folder cannot be made.
     """
     path = Path(folder)
-    check_place(path, away_from=away_from)
+    check_place(path, away_from=away_from, becomes_flight=becomes_flight)
     made = _made(path)
     try:
         with locked(path):

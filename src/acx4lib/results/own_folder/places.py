@@ -32,8 +32,18 @@ def check_new(folder: str | Path) -> None:
     check_place(path)
 
 
-def check_place(path: Path, *, away_from: Sequence[Path] = ()) -> None:
+def check_place(
+    path: Path, *, away_from: Sequence[Path] = (), becomes_flight: bool = False
+) -> None:
     """Check that a folder may be written at a place, whatever is in it.
+
+    Parameters
+    ----------
+    path : Path
+    away_from : sequence of Path
+        Flights, which must not lie in it.
+    becomes_flight : bool
+        Whether it may itself be a flight.
 
     Raises
     ------
@@ -47,7 +57,7 @@ def check_place(path: Path, *, away_from: Sequence[Path] = ()) -> None:
         msg = f"{path}: is no folder; choose another name"
         raise OutputError(msg)
     whole = path.resolve()
-    flight = _flight_around(whole)
+    flight = _flight_around(whole.parent if becomes_flight else whole)
     if flight is not None:
         msg = f"{path}: lies in the flight {flight}; choose a folder outside"
         raise OutputError(msg)

@@ -21,12 +21,12 @@ def small_flights(tmp_path_factory):
     return paths
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def settings():
     return jobs.Settings(stages=results.STAGES)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def run_here(settings):
     """Run flights one after the other in this process."""
 

@@ -56,6 +56,11 @@ def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
     assert found[3].results == tmp_path / "single-head-5"
 
 
+def test_plans_that_would_have_one_name_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"/a/p\.toml: another flight would be called p-1, too"):
+        jobs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
+
+
 def test_seeds_are_ranges_and_numbers_each_once():
     assert jobs.seeds_of("1-3") == [1, 2, 3]
     assert jobs.seeds_of("7, 1-3,2,0") == [7, 1, 2, 3, 0]

@@ -26,6 +26,15 @@ def one_by_one(small_flights, tmp_path_factory):
     return contents(folder)
 
 
+@pytest.fixture(scope="module")
+def in_one_process(run_here, small_flights, one_by_one, tmp_path_factory):
+    """Return the folder of all flights, run here one after the other: each as by itself."""
+    folder = tmp_path_factory.mktemp("one") / "all"
+    run_here(small_flights, folder)
+    assert contents(folder) == one_by_one
+    return folder
+
+
 @pytest.fixture
 def cluster():
     """Start a scheduler and two workers, each a process that is replaced when it dies."""
@@ -130,9 +139,8 @@ def test_an_interrupt_leaves_the_table_of_what_is_finished(run_here, small_fligh
 
 @pytest.mark.slow
 def test_two_processes_leave_the_bytes_of_one_and_one_that_is_killed_is_reported(
-    run_here, small_flights, one_by_one, settings, tmp_path, killing
+    in_one_process, small_flights, one_by_one, settings, tmp_path, killing
 ):
-    run_here(small_flights, tmp_path / "one")
     folder = tmp_path / "all"
     found = run_in(executors.on_processes(2), small_flights, folder, settings)
     (name,) = killing
@@ -140,19 +148,18 @@ def test_two_processes_leave_the_bytes_of_one_and_one_that_is_killed_is_reported
     assert found[name].reason.startswith("its process was ended by signal SIGKILL")
     found = run_in(executors.on_processes(2), small_flights, folder, settings)
     assert {key for key, one in found.items() if not one.kept} == {name}
-    assert contents(folder) == contents(tmp_path / "one") == one_by_one
-    assert (folder / runs.TABLE).read_bytes() == (tmp_path / "one" / runs.TABLE).read_bytes()
+    assert contents(folder) == one_by_one
+    assert (folder / runs.TABLE).read_bytes() == (in_one_process / runs.TABLE).read_bytes()
 
 
 @pytest.mark.slow
 def test_a_cluster_leaves_the_same_bytes_also_where_a_worker_is_killed(
-    run_here, small_flights, one_by_one, settings, tmp_path, cluster, killing
+    in_one_process, small_flights, one_by_one, settings, tmp_path, cluster, killing
 ):
     """The scheduler gives the flight of the worker that died to another."""
-    run_here(small_flights, tmp_path / "one")
     folder = tmp_path / "all"
     found = run_in(executors.on_cluster(cluster), small_flights, folder, settings)
     assert len(killing) == 1
     assert [one.reason for one in found.values()] == ["", "", ""]
     assert contents(folder) == one_by_one
-    assert (folder / runs.TABLE).read_bytes() == (tmp_path / "one" / runs.TABLE).read_bytes()
+    assert (folder / runs.TABLE).read_bytes() == (in_one_process / runs.TABLE).read_bytes()

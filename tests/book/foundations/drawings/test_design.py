@@ -26,7 +26,7 @@ def test_large_correlations_are_written_once_a_pair_and_side():
     table = pd.DataFrame([[1.0, -0.98], [-0.98, 1.0]], names, names)
     low = pd.DataFrame(np.eye(2), names, names)
     fig = drawings.correlations({"a": table, "b": low})
-    assert [text.get_text() for text in fig.axes[0].texts] == ["-.98", "-.98"]
+    assert [text.get_text() for text in fig.axes[0].texts] == ["−.98", "−.98"]
     assert not fig.axes[1].texts
     assert [label.get_text() for label in fig.axes[0].get_yticklabels()] == ["f", "lever z"]
 

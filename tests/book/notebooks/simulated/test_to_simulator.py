@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.notebooks.simulated import of_design, to_simulator
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.gnss_shift import parameters as gnss_parameters
+from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
 from acx4lib.planning import design, text
@@ -119,6 +119,21 @@ def test_the_run_of_a_plan_has_the_sigma_that_the_plan_predicts(name, tmp_path):
     assert {key: r for key, r in ratios.items() if abs(r - 1) > CLOSE} == {}
 
 
+@pytest.mark.repeats
+def test_sigma_of_delays_differs_from_flight_to_flight_and_so_from_the_plan(tmp_path):
+    """Their velocities and rates are those of the wind; the mean of flights has little of it."""
+    speeds = {
+        name: {**s, "speed_m_s": v} for (name, s), v in zip(TWO.items(), 3 * [55, 85], strict=True)
+    }
+    stages = {"mounting": {"estimate": ESTIMATE, "gnss": ["delay", "attitude_delay"]}}
+    plan = text.from_values(values(**of_strips(**speeds), stages=stages))
+    found = [agreement(plan, flown(plan, tmp_path / f"{seed}", seed)) for seed in range(1, 13)]
+    for name, spread in (("gnss_delay_s", 0.06), ("attitude_delay_s", 0.12)):
+        ratio = np.array([one["single_step", name] for one in found])
+        assert ratio.std() == pytest.approx(spread, rel=0.5)
+        assert ratio.mean() == pytest.approx(1.0, abs=1.5 * spread)
+
+
 def test_a_plan_is_flown_with_its_own_settings_strips_and_points(tmp_path):
     plan = text.from_values(values())
     flight = flown(plan, tmp_path / "flight")
@@ -150,14 +165,23 @@ def correlated(**apriori):
     return replace(plan, values={**plan.values, "apriori": {**plan.values["apriori"], **apriori}})
 
 
-def test_correlated_errors_of_a_plan_are_flown_and_two_time_constants_are_refused():
+def test_correlated_errors_of_a_plan_are_flown_each_with_its_time_constant():
     gnss = {"gnss_correlated_share": 0.9, "gnss_correlation_s": 60.0}
-    flight = to_simulator.simulate(correlated(**gnss), seed=1, options=Options())
-    slow = {"gnss": 0.9, "attitude": 0.0, "time_constant_s": 60.0}
-    assert flight.truth["options"]["slow_errors"] == slow
     attitude = {"attitude_correlated_share": 0.5, "attitude_correlation_s": 90.0}
-    with pytest.raises(FlightError, match="apriori: a simulated flight has one time constant"):
-        to_simulator.simulated(correlated(**gnss, **attitude))
+    flown_with = {
+        "gnss": 0.9,
+        "gnss_constant_s": 60.0,
+        "attitude": 0.5,
+        "attitude_constant_s": 90.0,
+    }
+    for apriori, expected in (
+        (gnss, {**flown_with, "attitude": 0.0, "attitude_constant_s": 600.0}),
+        ({**gnss, **attitude}, flown_with),
+    ):
+        flight = to_simulator.simulate(correlated(**apriori), seed=1, options=Options())
+        assert flight.truth["options"]["slow_errors"] == expected
+    white = to_simulator.simulate(text.from_values(values()), seed=1, options=Options())
+    assert white.truth["options"]["slow_errors"] is None
 
 
 def test_what_the_simulator_does_not_have_is_named():

@@ -14,24 +14,29 @@ from acx4lib.results.own_folder.marks import MARK
 TABLES = {"campaigns", "tests", "differences", "pooled", "trends", "covariance"}
 
 
-def test_a_folder_has_a_page_and_tables(three, tmp_path):
-    written.write(three, tmp_path / "out")
-    files = {path.name for path in (tmp_path / "out").iterdir()}
+@pytest.fixture(scope="module")
+def folder(three, tmp_path_factory):
+    out = tmp_path_factory.mktemp("campaigns") / "out"
+    written.write(three, out)
+    return out
+
+
+def test_a_folder_has_a_page_and_tables(three, folder):
+    files = {path.name for path in folder.iterdir()}
     assert files == {written.PAGE, MARK, *(f"{name}.csv" for name in TABLES)}
-    found = pd.read_csv(tmp_path / "out" / "differences.csv")
+    found = pd.read_csv(folder / "differences.csv")
     columns = ["difference", "sigma", "p"]
     np.testing.assert_allclose(found[columns], three.tables["differences"][columns], rtol=1e-9)
-    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    text = (folder / written.PAGE).read_text(encoding="utf-8")
     assert "2022-05 less 2021-05" in text
     assert text.count('<svg role="img"') == 4
     assert "{numref}" not in text
 
 
-def test_the_same_comparison_gives_the_same_bytes_and_replaces_the_old_one(three, tmp_path):
+def test_the_same_comparison_gives_the_same_bytes_and_replaces_the_old_one(three, folder, tmp_path):
     written.write(study(three.comparison.campaigns[:2]), tmp_path / "out")
     written.write(three, tmp_path / "out")
-    written.write(three, tmp_path / "again")
-    for path in (tmp_path / "again").iterdir():
+    for path in folder.iterdir():
         if path.name != MARK:
             assert path.read_bytes() == (tmp_path / "out" / path.name).read_bytes()
     said = json.loads((tmp_path / "out" / MARK).read_text())

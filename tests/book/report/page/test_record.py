@@ -49,5 +49,7 @@ def test_every_key_is_explained(told):
     page = (ROOT / "book" / "your-own-flight.md").read_text(encoding="utf-8")
     section = page[page.index("(certificate)=") :]
     camera = told["methods"][told["calibration"]]["cameras"]["CAM"]
-    for key in (*told, *camera, *camera["distortion"][0]):
+    budget, (adjustment, *_) = told["error_budget"], told["adjustments"].values()
+    inner = (budget, budget["sources"][0], told["check_points"], told["groups"][0], adjustment)
+    for key in (*told, *camera, *camera["distortion"][0], *(key for part in inner for key in part)):
         assert f"`{key}`" in section

@@ -8,7 +8,7 @@ import pytest
 import acx4sim
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import mounted_orientation
-from acx4lib.calibration import gnss_shift, mounting
+from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.trust.needs import features
 from acx4lib.flight import reader
 from acx4sim.files.flights import simulate_plan
@@ -50,7 +50,7 @@ def found(tmp_path_factory):
 
 def test_delays_of_20_ms_come_out_within_their_sigma(found):
     """The chi-square of 12 normalised errors, 99 % two-sided; each sigma far below the delay."""
-    listed = [p for bundle in found for p in gnss_shift.parameters(bundle)]
+    listed = [p for bundle in found for p in trajectory_errors.parameters(bundle)]
     assert [p.name for p in listed] == [*NAMES] * N_FLIGHTS
     total = sum(((p.value - DELAY_S) / p.sigma) ** 2 for p in listed)
     assert 3.07 < total < 28.3
@@ -58,20 +58,20 @@ def test_delays_of_20_ms_come_out_within_their_sigma(found):
 
 
 def test_a_delay_is_said_in_words(found):
-    position, attitude = gnss_shift.parameters(found[0])
-    lines = gnss_shift.notes(found[0])
+    position, attitude = trajectory_errors.parameters(found[0])
+    lines = trajectory_errors.notes(found[0])
     value, sigma = 1000 * position.value, 1000 * position.sigma
     assert lines[0] == f"GNSS positions are recorded {value:.1f} ± {sigma:.1f} ms late"
     assert lines[1].startswith(f"attitudes are recorded {1000 * attitude.value:.1f} ± ")
     assert lines[2].startswith("delays are this block's own")
-    assert gnss_shift.not_determined(found[0]) == []
+    assert trajectory_errors.not_determined(found[0]) == []
 
 
 def test_a_negative_delay_is_early(tmp_path):
     flight = flown(tmp_path, 1, (55.0, 85.0), gnss_delay_s=-DELAY_S)
     block, free = flight.blocks["calibration"], flight.estimate_mounting
     bundle = mounting.single_step(block, free=free, gnss=("delay",)).bundle
-    assert gnss_shift.notes(bundle)[0].endswith(" ms early")
+    assert trajectory_errors.notes(bundle)[0].endswith(" ms early")
 
 
 def test_different_speeds_are_a_feature_of_a_flight(found):
@@ -99,22 +99,24 @@ BOTH_WAYS = ((1000.0, 0.0, 0.0), (1300.0, 0.0, 180.0), (1000.0, 0.0, 180.0), (13
 def test_at_one_speed_a_delay_and_the_lever_arm_are_one_unknown():
     block = steady(BOTH_WAYS, (4.0,) * 4)
     bundle = adjust(mounted_orientation(block, free=("f",), gnss=("delay",)))
-    (line,) = gnss_shift.not_determined(bundle)
+    (line,) = trajectory_errors.not_determined(bundle)
     assert line.startswith("gnss_delay_s is not determined")
     assert "strips flown at different speeds, or the lever arm held" in line
     held = adjust(
         mounted_orientation(block, free=("f",), free_mount=blocks.MOUNT[3:], gnss=("delay",))
     )
-    assert gnss_shift.not_determined(held) == []
+    assert trajectory_errors.not_determined(held) == []
     slower = steady(BOTH_WAYS, (4.0, 4.0, 6.0, 6.0))
     fast_and_slow = adjust(mounted_orientation(slower, free=("f",), gnss=("delay",)))
-    assert gnss_shift.not_determined(fast_and_slow) == []
+    assert trajectory_errors.not_determined(fast_and_slow) == []
 
 
 def test_one_strip_does_not_tell_shift_delay_and_lever_arm_apart():
     block = steady(((1000.0, 0.0, 0.0), (1300.0, 0.0, 0.0)), (4.0, 4.0))
     gnss = ("shift", "drift", "delay")
-    lines = gnss_shift.not_determined(adjust(mounted_orientation(block, free=("f",), gnss=gnss)))
+    lines = trajectory_errors.not_determined(
+        adjust(mounted_orientation(block, free=("f",), gnss=gnss))
+    )
     said = {line.split()[0] for line in lines}
     assert {"gnss_shift_east_m", "gnss_shift_north_m", "gnss_delay_s"} <= said
     (delay,) = [line for line in lines if line.startswith("gnss_delay_s")]
@@ -125,6 +127,6 @@ def test_attitudes_that_do_not_change_tell_no_delay():
     bundle = adjust(
         mounted_orientation(steady(BOTH_WAYS, (4.0,) * 4), free=("f",), gnss=("attitude_delay",))
     )
-    lines = gnss_shift.not_determined(bundle)
+    lines = trajectory_errors.not_determined(bundle)
     assert [line.split()[0] for line in lines] == ["attitude_delay_s"]
     assert "attitudes that change from one exposure to the next" in lines[0]

@@ -11,7 +11,7 @@ from acx4sim.fly import gauss_markov
 def test_the_correlation_is_that_of_the_processes_which_the_simulator_draws():
     """20 000 processes: a correlation is known to 0.02 at three standard deviations."""
     time_s = np.array([0.0, 2.0, 5.0, 60.0])
-    walks = gauss_markov(time_s, 20.0, 20_000, np.random.default_rng(1))
+    walks = gauss_markov(time_s, np.full(20_000, 20.0), np.random.default_rng(1))
     process = GaussMarkov(share=0.5, time_constant_s=20.0)
     assert_allclose(process.together(time_s), np.corrcoef(walks), atol=0.02)
 

@@ -58,8 +58,9 @@ def ebner(uv: Array) -> Array:
 
     Notes
     -----
-    After Ebner [1]_, with k = x² - 2/3 and l = y² - 2/3. On the points x, y = -1, 0, 1 the terms
-    are orthogonal to each other, and to what the orientation of a vertical image changes.
+    After Ebner [1]_, with k = x² - 2/3 and m = y² - 2/3; term by term those of the model of this
+    name in MicMac, times b. On the points x, y = -1, 0, 1 the terms are orthogonal to each other,
+    and to what the orientation of a vertical image changes.
 
     References
     ----------

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
@@ -22,7 +21,7 @@ from acx4book.chapters.beyond.rig.one_by_one import (
     WITH_F,
     gains,
 )
-from acx4book.typesetting import style
+from acx4book.typesetting import matrix, style
 from acx4book.typesetting.labels import LABELS
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
@@ -96,27 +95,23 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
     with style.applied():
         fig, axes = style.subplots(1, len(shown), figsize=(style.WIDTH, 2.55), squeeze=False)
         for ax, title in zip(axes[0], shown, strict=True):
-            image = _draw_correlations(ax, ways[title], title)
-        bar = fig.colorbar(image, ax=axes[0].tolist(), shrink=0.75, aspect=28)
-        bar.set_label("correlation (no unit)")
-        bar.outline.set_visible(False)
+            _draw_correlations(ax, ways[title], title)
+        matrix.scale(fig, axes[0].tolist(), shrink=0.75, aspect=28)
     return fig
 
 
-def _draw_correlations(ax: Axes, orientation: RelativeOrientation, title: str) -> AxesImage:
+def _draw_correlations(ax: Axes, orientation: RelativeOrientation, title: str) -> None:
     values, n = correlation(orientation.cov), len(RELATIVE)
-    image = ax.imshow(values, cmap=style.DIVERGING, vmin=-1, vmax=1)
-    style.bare(ax)
+    matrix.signed_cells(ax, values, gap=0.0)
     names = [style.plain(head.name) for head in orientation.heads]
-    middle = n * np.arange(len(names)) + (n - 1) / 2
+    middle = n * np.arange(len(names)) + n / 2
     ax.set_xticks(middle, names, size=7)
     ax.set_yticks(middle, names, size=7, rotation=90, va="center")
-    for edge in n * np.arange(1, len(names)) - 0.5:
+    for edge in range(n, n * len(names), n):
         ax.axhline(edge, color=style.INK, lw=0.6)
         ax.axvline(edge, color=style.INK, lw=0.6)
     off = np.abs(values - np.diag(np.diag(values)))
     style.heading(ax, title, f"largest {off.max():.2f}")
-    return image
 
 
 def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure:
@@ -168,7 +163,7 @@ def _draw_sigma(ax: Axes, one: Deformation, synthetic: Camera, most: float) -> Q
     np.fmax.at(largest, (row, column), one.sigma / synthetic.pixel_mm)
     shading: Any = "gouraud" if np.isfinite(largest).all() else "nearest"
     mesh = ax.pcolormesh(
-        x, y, largest, cmap=style.SEQUENCE, vmin=0, vmax=most, shading=shading, rasterized=True
+        x, y, largest, cmap=style.SHADES, vmin=0, vmax=most, shading=shading, rasterized=True
     )
     w, h = synthetic.width_px, synthetic.height_px
     upper, lower = xy_from_colrow(synthetic, np.array([[-0.5, -0.5], [w - 0.5, h - 0.5]]))

@@ -75,12 +75,9 @@ def single(block: Block, free: Sequence[str]) -> Network:
 
 def modelled(block: Block, errors: SlowErrors) -> Block:
     """Return the block with the correlation in time that its trajectory's errors have."""
-    constant = errors.time_constant_s
-    trajectory = replace(
-        block.trajectory,
-        slow_positions=GaussMarkov(share=errors.gnss, time_constant_s=constant),
-        slow_attitudes=GaussMarkov(share=errors.attitude, time_constant_s=constant),
-    )
+    positions = GaussMarkov(share=errors.gnss, time_constant_s=errors.gnss_constant_s)
+    attitudes = GaussMarkov(share=errors.attitude, time_constant_s=errors.attitude_constant_s)
+    trajectory = replace(block.trajectory, slow_positions=positions, slow_attitudes=attitudes)
     return replace(block, trajectory=trajectory)
 
 

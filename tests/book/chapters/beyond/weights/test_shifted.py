@@ -8,7 +8,7 @@ from acx4book.chapters.beyond.weights import tables
 from acx4book.chapters.beyond.weights.shifted import SHIFT_M, shifted_trajectories
 from acx4book.chapters.beyond.weights.simulated import TIES, fly, scatter
 from acx4book.chapters.mounting import sentences
-from acx4lib.calibration import gnss_shift, mounting
+from acx4lib.calibration import mounting, trajectory_errors
 
 SHIFTED, UNKNOWN = "shifted, none", "shifted, shift"
 
@@ -62,7 +62,7 @@ def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
     assert lines[1] == (
         "- The height of the GNSS shift is held, since it and the lever arm's z are one unknown."
     )
-    assert len(lines) == len(gnss_shift.notes(found.bundle)) == 3
+    assert len(lines) == len(trajectory_errors.notes(found.bundle)) == 3
     without = mounting.single_step(flown.block, **settings)
     assert sentences.gnss_shift(without) == sentences.FREE_OF_SHIFT
     assert "no single step" in sentences.gnss_shift(None)

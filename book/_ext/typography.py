@@ -1,0 +1,40 @@
+"""Minus signs before numbers, and no end of a line between a number and its sign or unit."""
+
+from __future__ import annotations
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+from acx4book.typesetting.myst import numbers
+
+AS_IT_IS = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw)
+"""What a reader may copy into a program, or another program sets."""
+
+WITHOUT = ("_generated/",)
+"""Beginnings of the names of pages about code."""
+
+
+def is_set(text: nodes.Text) -> bool:
+    """Tell whether a text is set: it is not, nor is it inside of, what stays as it is."""
+    node = text.parent
+    while node is not None:
+        if isinstance(node, AS_IT_IS):
+            return False
+        node = node.parent
+    return True
+
+
+def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
+    """Set the numbers of a page."""
+    if name.startswith(WITHOUT):
+        return
+    for text in list(page.findall(nodes.Text)):
+        said = numbers(text.astext())
+        if said != text.astext() and is_set(text):
+            text.parent.replace(text, nodes.Text(said))
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Work on a page when all its references are resolved."""
+    app.connect("doctree-resolved", set_numbers)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

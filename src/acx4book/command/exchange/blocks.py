@@ -1,0 +1,196 @@
+"""``acx4 import opensfm | micmac | bundler | bingo | patb | odm-…``: other adjustments."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+import typer
+
+from acx4book.command import terminal
+from acx4book.command.exchange import bring
+from acx4book.command.exchange.projects import Block, Camera, Crs, Orientations, Source
+
+PixelUm = Annotated[
+    float | None,
+    typer.Option(
+        metavar="UM",
+        min=0.1,
+        max=1000.0,
+        show_default=False,
+        help="Pixel size; without it 5 um, and only millimetres depend on it.",
+    ),
+]
+
+NeededPixelUm = Annotated[
+    float, typer.Option(metavar="UM", min=0.1, max=1000.0, show_default=False, help="Pixel size.")
+]
+Size = Annotated[
+    str,
+    typer.Option(metavar="WxH", show_default=False, help="Size of the pictures: 4000x3000."),
+]
+
+OPENSFM = """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
+
+SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or one
+file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM has the
+axes of UTM, the measured positions tell.
+
+\\b
+Examples:
+  acx4 import opensfm my_project --out my_flight
+  acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
+"""
+
+
+def opensfm(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    camera: Camera = "adjusted",
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a project of OpenSfM has of a flight."""
+    from acx4lib.exchange.programs.opensfm import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source, camera=camera, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
+    )
+    bring.place(brought, out)
+
+
+MICMAC = """Read MicMac's XML of version 1: calibration, orientations, measured and surveyed points.
+
+SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
+DicoAppuisFlottant), a folder Ori-*, or one of these files. Distortion models ModRad, ModPhgrStd and
+ModNoDist are read; others are refused by name.
+
+\\b
+Examples:
+  acx4 import micmac my_project --out my_flight
+  acx4 import micmac my_project --orientations adjusted --crs EPSG:2154 --out my_flight
+"""
+
+BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
+
+Names come from list.txt beside it. Its coordinates are in no CRS, so that its orientations are left
+out.
+
+\\b
+Example:
+  acx4 import bundler bundle.out --size 4000x3000 --out my_flight
+"""
+
+BINGO = """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of geoin.dat beside it.
+
+Image coordinates are in mm from the middle of the image. The layout is that which Pix4D documents;
+it is untried on files that BINGO itself wrote.
+
+\\b
+Example:
+  acx4 import bingo image.dat --size 4000x3000 --pixel-um 6 --out my_flight
+"""
+
+PATB = """Read PAT-B's image coordinates, .im: untried on a file that PAT-B wrote.
+
+Blocks of an image, its points and -99. Control and orientations of PAT-B are not read.
+
+\\b
+Example:
+  acx4 import patb my_block.im --unit um --size 4000x3000 --pixel-um 6 --out my_flight
+"""
+
+ODM_CONTROL = """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
+
+The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes are
+written in the UTM zone where they lie, or in --crs.
+
+\\b
+Examples:
+  acx4 import odm-control gcp_list.txt --out my_flight
+  acx4 import odm-control gcp_list.txt --camera CAM --crs EPSG:25833 --out my_flight
+"""
+
+
+def micmac(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a folder of MicMac has of a flight."""
+    from acx4lib.exchange.programs.micmac import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
+    )
+    bring.place(brought, out)
+
+
+def bundler(
+    source: Source,
+    size: Size,
+    out: bring.Out,
+    block: Block = None,
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what bundle.out has of a flight."""
+    from acx4lib.exchange.programs import bundler  # noqa: PLC0415 quick help
+
+    bring.place(bundler.read(source, size=_size(size), block=block, pixel_um=pixel_um), out)
+
+
+def bingo(
+    source: Source, size: Size, pixel_um: NeededPixelUm, out: bring.Out, block: Block = None
+) -> None:
+    """Write what a list of BINGO has of a flight."""
+    from acx4lib.exchange.programs import bingo  # noqa: PLC0415 quick help
+
+    bring.place(bingo.read(source, size=_size(size), pixel_um=pixel_um, block=block), out)
+
+
+def patb(
+    source: Source,
+    unit: Annotated[Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")],
+    size: Size,
+    pixel_um: NeededPixelUm,
+    out: bring.Out,
+    block: Block = None,
+) -> None:
+    """Write what a list of PAT-B has of a flight."""
+    from acx4lib.exchange.programs import patb  # noqa: PLC0415 quick help
+
+    brought = patb.read(source, unit=unit, size=_size(size), pixel_um=pixel_um, block=block)
+    bring.place(brought, out)
+
+
+def odm_control(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="Camera of all pictures: then images.csv is written, too.",
+        ),
+    ] = None,
+) -> None:
+    """Write the control points of ODM and their measurements."""
+    from acx4lib.exchange.programs import odm  # noqa: PLC0415 quick help
+
+    bring.place(odm.read(source, block=block, crs=crs, camera=camera), out)
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Return width and height."""
+    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
+    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
+        terminal.refuse(f"--size {text}: must be width x height in pixels, such as 4000x3000")
+    return int(found[1]), int(found[2])

@@ -1,0 +1,133 @@
+"""What all kinds of ``acx4 import`` have in common: options, the flight written, what is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acx4book.command import terminal
+
+if TYPE_CHECKING:
+    from acx4lib.exchange.brought import Brought
+
+Out = Annotated[
+    Path,
+    typer.Option(
+        metavar="FLIGHT",
+        show_default=False,
+        help="The flight: a new folder, or one that an import began, to which this is added.",
+    ),
+]
+BLOCKS = ("heads", "calibration", "validation")
+
+
+def known_block(name: str) -> str:
+    """Return the name of a block of a flight, or end the command."""
+    if name not in BLOCKS:
+        terminal.refuse(f"--block: {name!r}: must be one of {', '.join(BLOCKS)}")
+    return name
+
+
+Block = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        callback=known_block,
+        help="heads, calibration or validation: where it belongs.",
+    ),
+]
+Crs = Annotated[
+    str,
+    typer.Option(
+        metavar="EPSG:N",
+        show_default=False,
+        help="Projected CRS of the flight, in metres; else that in its flight.toml.",
+    ),
+]
+Heights = Annotated[
+    str,
+    typer.Option(
+        metavar="SYSTEM",
+        show_default=False,
+        help="Of the flight: ellipsoidal, a vertical CRS, a geoid grid file or an undulation in m; "
+        "else those in its flight.toml, or ellipsoidal.",
+    ),
+]
+
+LARGEST_UNDULATION_M = 200.0
+
+TO_DO = 8
+"""Lines on what a flight still lacks that are shown."""
+
+
+def heights_of(text: str) -> str | float:
+    """Return the heights of a flight by the text of an option: a number is an undulation."""
+    try:
+        undulation = float(text)
+    except ValueError:
+        file = Path(text)  # PROJ finds a grid by its whole path alone
+        return str(file.absolute()) if file.is_file() else text
+    if not abs(undulation) <= LARGEST_UNDULATION_M:
+        terminal.refuse(f"--heights: {text}: must be at most {LARGEST_UNDULATION_M:g} m either way")
+    return undulation
+
+
+def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
+    """Return CRS and heights of a flight: what the options say, else its flight.toml.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the flight, which need not be there.
+    crs, heights : str
+        Options; empty where not given.
+    """
+    import tomllib  # noqa: PLC0415 quick help
+
+    try:
+        known = tomllib.loads((out / "flight.toml").read_text("utf-8"))
+    except (OSError, ValueError):  # not there, or not yet as it is to be
+        known = {}
+    named = known.get("heights", "ellipsoidal")
+    if isinstance(named, str) and (out / named).is_file():
+        named = str((out / named).absolute())
+    return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
+
+
+def place(brought: Brought, out: Path) -> None:
+    """Write what was brought, and say what was assumed, found and left out, and what is missing."""
+    from acx4lib.exchange import flight_folder  # noqa: PLC0415 quick help
+
+    if brought.settings and not (out / flight_folder.SETTINGS).is_file():
+        named = {"name": out.resolve().name} | dict(brought.settings)
+        brought = replace(brought, settings=named)
+    remarks = flight_folder.write(brought, out)
+    terminal.show(brought.source)
+    for title, sentences in (
+        ("assumed", brought.assumed),
+        ("found", (*brought.found, *remarks)),
+        ("left out", brought.left_out),
+    ):
+        for sentence in sentences:
+            terminal.show(f"  {title}: {sentence}")
+    for line in missing(out):
+        terminal.show(f"  {line}")
+    terminal.show(out)
+
+
+def missing(flight: Path) -> list[str]:
+    """Return what a folder still lacks to be a flight, or what the readings of a flight say."""
+    from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
+    from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
+    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
+
+    try:
+        found = read(flight)
+    except FlightError as error:
+        lines = [f"still to do: {line}" for line in error.problems]
+        more = [f"still to do: {len(lines) - TO_DO} more: acx4 check"] * (len(lines) > TO_DO)
+        return lines[:TO_DO] + more
+    return [f"check: {note}" for note in (*found.notes, *notes(found))]

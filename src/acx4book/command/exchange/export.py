@@ -1,0 +1,135 @@
+"""The command ``acx4 export``: a calibration, or orientations by it, for another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acx4book.command import terminal
+
+if TYPE_CHECKING:
+    from acx4lib.exchange.outward.calibrated import Calibrated
+    from acx4lib.exchange.outward.kinds import Kind
+    from acx4lib.exchange.outward.taken import Taken
+
+HELP = """Write a calibration, or orientations by it, for another program.
+
+FOLDER gets the files and export.md, which says in which conventions they are, and what they have no
+place for. Lenses are refitted over the whole image where the other program has another model; what
+is lost is printed, and refused above --allow. Of a rig the first head is the reference.
+
+\b
+KIND, cameras:
+  toml             tables [cameras.NAME] for flight.toml of the next flight
+  opencv           YAML for cv::FileStorage, a file for each camera; rigs with R and T
+  micasense        XMP tags of the heads, among them RigRelatives, and these with sigma
+KIND, cameras, and with --orientations BLOCK its images:
+  metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
+  colmap           cameras.txt, rigs.txt; a whole model as text
+  opensfm          cameras.json, which is ODM's, too; rig_cameras.json; reconstruction.json
+  opf              sensors, rig relatives with sigma; a project of Pix4D's open format
+  pix4d            text like Pix4D's: .cam; external parameters
+  micmac           AutoCal-NAME.xml; Orientation-IMAGE.xml
+KIND, images of --orientations BLOCK:
+  opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
+  opk-topocentric  the same in Cartesian axes east, north, up at the middle of the block
+  rph              latitude, longitude, ellipsoidal height, roll, pitch, heading of the image
+
+Orientations are those of direct georeferencing: trajectory, boresight and lever arm, no adjustment.
+A later --flight needs no image points and no control.
+
+\b
+Examples:
+  acx4 export my_results --to toml --out for_the_next_flight
+  acx4 export my_results --to metashape --method rig --out for_metashape
+  acx4 export my_results --to opk --orientations validation --out oriented
+  acx4 export my_results --to colmap --orientations validation --flight later_flight --out model
+"""
+
+
+def export(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", show_default=False, help="Folder of a run.")
+    ],
+    to: Annotated[str, typer.Option("--to", metavar="KIND", show_default=False, help="See above.")],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", show_default=False, help="Folder for the files.")
+    ],
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="single_step, rig, refined, ...: which calibration; else the best.",
+        ),
+    ] = "",
+    orientations: Annotated[
+        str,
+        typer.Option(
+            metavar="BLOCK",
+            show_default=False,
+            help="heads, calibration or validation: export its images' orientations, too.",
+        ),
+    ] = "",
+    flight: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FLIGHT", show_default=False, help="Orient images of this flight instead."
+        ),
+    ] = None,
+    allow: Annotated[
+        float,
+        typer.Option(metavar="PX", min=0.0, help="Largest difference of a refitted lens, px."),
+    ] = 0.05,
+) -> None:
+    """Write a calibration for another program."""
+    from acx4lib.exchange.outward import calibrated, kinds, taken  # noqa: PLC0415 quick help
+
+    kind = kinds.KINDS.get(to)
+    if kind is None:
+        terminal.refuse(f"--to {to}: must be one of {', '.join(kinds.KINDS)}")
+    known = (*calibrated.CAMERA, *calibrated.HEADS)
+    if method and method not in known:
+        terminal.refuse(f"--method {method}: must be one of {', '.join(known)}")
+    if kind.cameras is None and not orientations:
+        terminal.refuse(f"--to {to} needs --orientations BLOCK: heads, calibration or validation")
+    if kind.oriented is None and orientations:
+        terminal.refuse(f"--to {to} has no place for orientations; leave --orientations out")
+    if flight is not None and not orientations:
+        terminal.refuse("--flight needs --orientations BLOCK, a block of that flight")
+    found = calibrated.read(results, method=method, heads=kind.heads)
+    made = _made(kind, found, orientations, flight)
+    taken.require_near(made, allow)
+    title = f"{to}: {found.title}"
+    taken.write(made, out, title=title, origin=found.origin)
+    _show(title, found, made)
+    terminal.show(f"{out}: {', '.join([*made.files, taken.STATEMENT])}")
+
+
+def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
+    """Return the files of a kind, with orientations where a block is named."""
+    from acx4lib.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
+
+    if not block and kind.cameras is not None:
+        return kind.cameras(found)
+    flown = found.flight if flight is None else read_flown(flight)
+    oriented = orient(found, flown, block)
+    if kind.oriented is None:
+        msg = "kind: expected one with a place for orientations"
+        raise ValueError(msg)
+    return kind.oriented(found, oriented)
+
+
+def _show(title: str, found: Calibrated, made: Taken) -> None:
+    from acx4lib.exchange.outward.taken import sentences  # noqa: PLC0415 quick help
+
+    terminal.show(title)
+    for sentence in sentences(made):
+        terminal.show(f"  {sentence}")
+    for name, said in (("convention", made.assumed), ("left out", made.left_out)):
+        for sentence in said:
+            terminal.show(f"  {name}: {sentence}")
+    if found.others:
+        terminal.show(f"  by --method also: {', '.join(found.others)}")

@@ -1,0 +1,166 @@
+"""``acx4 import metashape | colmap | opf``: projects of other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from acx4book.command.exchange import bring
+
+METASHAPE = """Read a project of Metashape: cameras, images, markers, control, orientations.
+
+SOURCE is an XML file that Metashape exported (File > Export > Export Cameras, or Export Markers),
+a calibration that it saved, a project's .psx with its folder .files beside it, or a chunk.zip of
+that folder.
+
+Only marker locations that were measured are taken, not those that Metashape computed itself. Tie
+points are not in these files. The trajectory is what was measured of the cameras, where position
+and angles are there; with --orientations adjusted it is Metashape's own adjustment, and then a
+boresight means nothing.
+
+\\b
+Example:
+  acx4 import metashape cameras.xml --out my_flight
+  acx4 import metashape survey.psx --orientations adjusted --out my_flight
+"""
+
+Source = Annotated[
+    Path, typer.Argument(metavar="SOURCE", show_default=False, help="What the program wrote.")
+]
+Block = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        show_default=False,
+        help="heads, calibration or validation; by default heads for a rig, else calibration.",
+    ),
+]
+Crs = Annotated[
+    str | None,
+    typer.Option(
+        metavar="EPSG:N",
+        show_default=False,
+        help="Projected CRS of the flight, in metres; by default the project's own.",
+    ),
+]
+Camera = Annotated[
+    Literal["adjusted", "initial"],
+    typer.Option(help="Which calibration is taken where the project has both."),
+]
+PixelUm = Annotated[
+    float | None,
+    typer.Option(
+        "--pixel-um",
+        metavar="UM",
+        show_default=False,
+        min=0.1,
+        max=1000,
+        help="Pixel size, which the files do not have; by default 5.",
+    ),
+]
+Orientations = Annotated[
+    Literal["initial", "adjusted", "none"],
+    typer.Option(help="Trajectory: what was measured of the cameras, what was adjusted, or none."),
+]
+
+
+def metashape(  # noqa: PLR0913, PLR0917 options of a command
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    camera: Camera = "adjusted",
+    orientations: Orientations = "initial",
+    chunk: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LABEL", show_default=False, help="Which chunk; by default the active one."
+        ),
+    ] = None,
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a project of Metashape has of a flight."""
+    from acx4lib.exchange.programs.metashape import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source,
+        camera=camera,
+        orientations=orientations,
+        block=block,
+        crs=crs,
+        chunk=chunk,
+        pixel_um=pixel_um,
+    )
+    bring.place(brought, out)
+
+
+COLMAP = """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
+
+SOURCE is the folder of a model, often sparse/0, with cameras, images and points3D as .bin or .txt;
+rigs and frames of COLMAP 3.12 and later are read, too. Measurements that belong to no point are
+left out. A model has no coordinate system: with --crs its x, y, z are east, north and height of
+that system, or its earth-centred coordinates, and --orientations adjusted makes a trajectory of
+its poses, on which a boresight means nothing.
+
+\b
+Example:
+  acx4 import colmap sparse/0 --out my_flight
+  acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
+"""
+
+
+def colmap(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    orientations: Annotated[
+        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
+    ] = "none",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a model of COLMAP has of a flight."""
+    from acx4lib.exchange.programs.colmap import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
+    )
+    bring.place(brought, out)
+
+
+OPF = """Read a project in Pix4D's open photogrammetry format (OPF).
+
+SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig relatives,
+images, control points with their marks and the measured orientations are taken; with
+--orientations adjusted the trajectory is the calibrated cameras, and then a boresight means
+nothing. Tie points of its point clouds are not read.
+
+\b
+Example:
+  acx4 import opf project.opf --out my_flight
+"""
+
+
+def opf(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    camera: Camera = "adjusted",
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+) -> None:
+    """Write what a project of OPF has of a flight."""
+    from acx4lib.exchange.programs.opf import reading  # noqa: PLC0415 quick help
+
+    brought = reading.read(
+        source,
+        camera=camera,
+        orientations=orientations,
+        block=block,
+        crs=crs,
+        pixel_um=pixel_um,
+    )
+    bring.place(brought, out)

@@ -1,0 +1,254 @@
+"""Kinds of ``acx4 import`` that bring where images were taken, and in which attitude."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acx4book.command.exchange import bring
+
+SBET_HELP = """Read an SBET trajectory of POSPac at the times of events.
+
+EVENTS is a text with a row for each exposure: a name and a time. Its columns are named by its
+heading, or by --columns. --time says on which clock the times are; where the trajectory counts GPS
+time and the events UTC, or the reverse, --leap-seconds is needed: 18 since 2017.
+
+\b
+Examples:
+  acx4 import sbet sbet.out --events events.csv --time gps-sow --smrmsg smrmsg.out --out flight
+  acx4 import sbet sbet.out --events log.txt --columns "skip image time" --time iso-8601
+      --leap-seconds 18 --out flight
+"""
+
+
+TABLE_HELP = """Read a table with a row for each image: its position and its attitude.
+
+The columns are those of its heading, or of --columns: image, east, north, height or lat, lon,
+height; omega, phi, kappa or roll, pitch, heading; camera, time, week, sigma_east, skip. An angle
+may have its unit, as kappa_gon; else it is in --angles.
+
+\b
+Examples:
+  acx4 import orientations eo.csv --crs EPSG:32633 --of camera --out flight
+  acx4 import orientations ins.txt --columns "image lat lon height roll pitch heading" --out flight
+"""
+
+TEXT_HELP = """Read a text export of POSPac: exterior orientations, or the trajectory at events.
+
+Columns and units are those of its heading. Omega, phi and kappa are the camera's: another
+program's boresight is in them, and the flight has the camera in the place of the IMU. Roll, pitch
+and heading are the IMU's: what a calibration needs.
+
+\b
+Example:
+  acx4 import pospac-text event1.txt --crs EPSG:31982 --out flight
+"""
+
+
+class Angle(StrEnum):
+    """Units of angles."""
+
+    DEG = "deg"
+    GON = "gon"
+    RAD = "rad"
+
+
+class Order(StrEnum):
+    """Orders of rotations."""
+
+    OPK = "opk"
+    POK = "pok"
+
+
+class North(StrEnum):
+    """What kappa, or the heading, is counted from."""
+
+    GRID = "grid"
+    TRUE = "true"
+
+
+class Whose(StrEnum):
+    """Whose positions and attitudes they are."""
+
+    IMU = "imu"
+    CAMERA = "camera"
+
+
+class Time(StrEnum):
+    """Clocks of events; the values of `times.BASES`."""
+
+    GPS_SOW = "gps-sow"
+    UTC_SOW = "utc-sow"
+    GPS_WEEK_SOW = "gps-week-sow"
+    ISO_8601 = "iso-8601"
+    ISO_8601_UTC = "iso-8601-utc"
+    ISO_8601_GPS = "iso-8601-gps"
+
+
+class Clock(StrEnum):
+    """Clocks of an SBET."""
+
+    GPS_SOW = "gps-sow"
+    UTC_SOW = "utc-sow"
+
+
+class Separator(StrEnum):
+    """What stands between cells."""
+
+    COMMA = "comma"
+    SEMICOLON = "semicolon"
+    TAB = "tab"
+    SPACE = "space"
+
+
+Columns = Annotated[
+    str,
+    typer.Option(
+        metavar="WORDS",
+        show_default=False,
+        help="Columns in their order, such as 'image time skip'; else its heading names them.",
+    ),
+]
+Cells = Annotated[
+    Separator | None,
+    typer.Option(show_default=False, help="Between the cells; else found from the first line."),
+]
+Camera = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        show_default=False,
+        help="Also write images.csv: one image of this camera for each exposure.",
+    ),
+]
+
+
+def sbet(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, typer.Argument(metavar="SBET", show_default=False)],
+    *,
+    events: Annotated[
+        Path,
+        typer.Option(metavar="FILE", show_default=False, help="Names and times of exposures."),
+    ],
+    time: Annotated[Time, typer.Option(show_default=False, help="Clock of the events.")],
+    out: bring.Out,
+    smrmsg: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Standard deviations (SMRMSG)."),
+    ] = None,
+    trajectory_time: Annotated[Clock, typer.Option(help="Clock of the SBET.")] = Clock.GPS_SOW,
+    leap_seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", show_default=False, help="GPS time minus UTC; 18 since 2017."),
+    ] = None,
+    week: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", show_default=False, help="GPS week in which the SBET begins; it says none."
+        ),
+    ] = None,
+    gap: Annotated[
+        float, typer.Option(metavar="S", help="Largest interval that is interpolated.")
+    ] = 0.1,
+    columns: Columns = "",
+    separator: Cells = None,
+    block: bring.Block = "calibration",
+    camera: Camera = "",
+    crs: bring.Crs = "",
+    heights: bring.Heights = "",
+) -> None:
+    """Read an SBET at the times of events."""
+    from acx4lib.exchange.trajectories import pospac  # noqa: PLC0415 quick help
+    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = bring.system_of(out, crs, heights)
+    options = pospac.Options(
+        time=time.value,
+        columns=columns,
+        separator=separator.value if separator else "",
+        trajectory_time=trajectory_time.value,
+        leap_seconds=leap_seconds,
+        week=week,
+        gap_s=gap,
+        block=block,
+        camera=camera,
+        meaning=Meaning(crs=crs, heights=system),
+    )
+    bring.place(pospac.read(source, events, smrmsg, options), out)
+
+
+def orientations(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, typer.Argument(metavar="TABLE", show_default=False)],
+    *,
+    out: bring.Out,
+    columns: Columns = "",
+    separator: Cells = None,
+    angles: Annotated[Angle, typer.Option(help="Unit of angles that do not say it.")] = Angle.DEG,
+    order: Annotated[
+        Order, typer.Option(help="First rotation: omega (opk) or phi (pok).")
+    ] = Order.OPK,
+    north: Annotated[
+        North | None,
+        typer.Option(show_default=False, help="Else kappa is from the grid, a heading from true."),
+    ] = None,
+    of: Annotated[Whose, typer.Option(help="Whose positions and attitudes they are.")] = Whose.IMU,
+    ellipsoidal: Annotated[
+        bool, typer.Option("--ellipsoidal", help="Its heights are, whatever the flight's are.")
+    ] = False,
+    scaled_above: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            show_default=False,
+            help="Heights above M have the map's scale, as IGN's; it is taken out.",
+        ),
+    ] = None,
+    block: bring.Block = "calibration",
+    camera: Camera = "",
+    crs: bring.Crs = "",
+    heights: bring.Heights = "",
+) -> None:
+    """Read a table of orientations with declared columns."""
+    from acx4lib.exchange.trajectories import orientation_table  # noqa: PLC0415 quick help
+    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = bring.system_of(out, crs, heights)
+    meaning = Meaning(
+        crs=crs,
+        angle=angles.value,
+        order=order.value,
+        north=north.value if north else "",
+        heights=system,
+        ellipsoidal=ellipsoidal,
+        ground_m=scaled_above,
+    )
+    options = orientation_table.Options(
+        columns=columns,
+        separator=separator.value if separator else "",
+        of=of.value,
+        block=block,
+        camera=camera,
+    )
+    bring.place(orientation_table.read(source, meaning, options), out)
+
+
+def pospac_text(
+    source: Annotated[Path, typer.Argument(metavar="TEXT", show_default=False)],
+    *,
+    out: bring.Out,
+    block: bring.Block = "calibration",
+    camera: Camera = "",
+    crs: bring.Crs = "",
+    heights: bring.Heights = "",
+) -> None:
+    """Read a text export of POSPac."""
+    from acx4lib.exchange.trajectories import applanix_text, orientation_table  # noqa: PLC0415 quick help
+    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = bring.system_of(out, crs, heights)
+    meaning = Meaning(crs=crs, heights=system)
+    options = orientation_table.Options(block=block, camera=camera)
+    bring.place(applanix_text.read(source, meaning, options), out)

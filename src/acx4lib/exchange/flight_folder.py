@@ -1,0 +1,189 @@
+"""What was brought, written as a flight's folder, or into one that an import began.
+
+A file that the user changed is not replaced: a table is an error, and flight.toml stays as it is.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shutil
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4lib.errors import OutputError
+from acx4lib.exchange import written_toml
+from acx4lib.exchange.brought import Brought
+from acx4lib.flight.text.in_memory import Columns
+from acx4lib.flight.text.names import name_fault
+from acx4lib.results.own_folder import claims, marks
+
+COMMAND = "acx4 import"
+"""Whose the folders are."""
+
+SETTINGS, STATEMENT = "flight.toml", "import.md"
+
+SYSTEMS = ("crs", "heights")
+"""Settings of which a flight has one for all its numbers."""
+
+
+def write(brought: Brought, folder: Path) -> tuple[str, ...]:
+    """Write what was brought; all of it, or nothing.
+
+    Parameters
+    ----------
+    brought : Brought
+    folder : Path
+        New, empty, or written by an import before: then tables are replaced, and settings are
+        added to those of flight.toml.
+
+    Returns
+    -------
+    tuple of str
+        What the user has to know of the folder; a sentence each.
+
+    Raises
+    ------
+    OutputError
+        Where a file that would be replaced was changed, or is not of an import, or the flight
+        has its numbers in another CRS or other heights.
+    """
+    with claims.claim(folder, command=COMMAND, becomes_flight=True) as own:
+        edited = _is_edited(own)
+        texts = {name: table_text(table) for name, table in brought.tables.items()}
+        texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
+        if brought.settings and not edited:
+            texts[SETTINGS] = _settings(folder, brought.settings)
+        pictures = {
+            name: one
+            for name, one in brought.pictures.items()
+            if one.absolute() != (folder / name).absolute()
+        }
+        names = [*texts, *pictures]
+        if changed := marks.changes(folder, names):
+            msg = f"{changed[0]}; move it away, or choose another folder"
+            raise OutputError(msg)
+        if edited:
+            own.files.pop(SETTINGS, None)
+        own.expect(names)
+        for name, text in texts.items():
+            _place(folder / name, text)
+        for name, picture in pictures.items():
+            _link(picture, folder / name)
+        own.seal()
+    if edited and brought.settings:
+        kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
+        return (kept,)
+    return ()
+
+
+def begin(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files of a new flight, to which imports may add.
+
+    Parameters
+    ----------
+    folder : Path
+        New or empty.
+    texts : mapping of str to str
+        By file below the flight.
+
+    Raises
+    ------
+    OutputError
+        Where the folder holds anything.
+    """
+    with claims.claim(folder, command=COMMAND, becomes_flight=True) as own:
+        if own.files:
+            msg = f"{folder}: an import began this flight already; choose another folder"
+            raise OutputError(msg)
+        own.expect(texts)
+        for name, text in texts.items():
+            _place(folder / name, text)
+        own.seal()
+
+
+def table_text(table: Columns) -> str:
+    """Return a table as the text of a CSV file; a number has the digits that it needs."""
+    names = list(table) if isinstance(table, Mapping) else list(table.columns)
+    columns = [np.asarray(table[name], dtype=object).tolist() for name in names]
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(zip(*columns, strict=True))
+    return buffer.getvalue()
+
+
+def statement(brought: Brought, *, edited: bool = False) -> str:
+    """Return the part of import.md on what was brought.
+
+    Parameters
+    ----------
+    brought : Brought
+    edited : bool
+        Whether the settings have no other place.
+    """
+    files = [f"{name}, SHA-256 {sha256}" for name, sha256 in brought.sha256.items()]
+    parts = {
+        "Read": files,
+        "Assumed": brought.assumed,
+        "Found": brought.found,
+        "Left out": brought.left_out,
+    }
+    lines = [f"# {brought.source}", ""]
+    for title, sentences in parts.items():
+        if sentences:
+            lines += [f"## {title}", "", *(f"- {one}" for one in sentences), ""]
+    if edited and brought.settings:
+        text = written_toml.written(brought.settings).rstrip("\n")
+        lines += ["## Settings", "", "```toml", *text.split("\n"), "```", ""]
+    return "\n".join(lines) + "\n"
+
+
+def _is_edited(own: claims.OwnFolder) -> bool:
+    """Tell whether the settings that are there are the user's."""
+    if not (own.path / SETTINGS).is_file():
+        return False
+    return SETTINGS not in own.files or bool(marks.changes(own.path, [SETTINGS]))
+
+
+def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
+    """Return the text of flight.toml with settings added; a new one gets the folder's name."""
+    before = _read(folder / SETTINGS)
+    known = tomllib.loads(before)
+    for key in SYSTEMS:
+        if key in known and key in brought and known[key] != brought[key]:
+            msg = (
+                f"{folder / SETTINGS}: {key} is {known[key]!r}, and {brought[key]!r} in what is "
+                f"brought: name the same by --{key}, or choose another folder"
+            )
+            raise OutputError(msg)
+    name = folder.resolve().name
+    named = {} if "name" in known or name_fault(name) else {"name": name}
+    return written_toml.added(before, named | dict(brought))
+
+
+def _read(path: Path) -> str:
+    return path.read_text("utf-8") if path.is_file() else ""
+
+
+def _place(path: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_name(f"{marks.SCRATCH}{path.name}")
+    new.write_text(text, encoding="utf-8", newline="\n")
+    new.replace(path)
+
+
+def _link(picture: Path, place: Path) -> None:
+    """Put a picture in its place: a second name of the same file, or a copy on another disk."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.unlink(missing_ok=True)
+    try:
+        os.link(picture.resolve(), place)
+    except OSError:
+        shutil.copyfile(picture, place)

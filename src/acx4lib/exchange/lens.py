@@ -1,0 +1,308 @@
+"""Any lens refitted over the whole format: another program's into a camera, and back.
+
+No two programs have the same polynomials, so something is always left, and told. Ideal points
+are x/z and y/z of a ray, x right, y down, z ahead of the camera, as most programs have them; the
+library's own axes are turned by 180 degrees about x. Pixels are the library's: (0, 0) is the
+centre of the top-left one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from acx4lib import expected
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import (
+    Camera,
+    Interior,
+    correct,
+    reduced,
+    xy_from_colrow,
+)
+
+FLIP = np.array([1.0, -1.0])
+"""From the library's image axes to those with y down."""
+
+NODES = (61, 46)
+"""Points along and across the image through which a lens is fitted."""
+
+NOTHING = 1e-13
+"""An effect at the image's border, in focal lengths, that only rounding has."""
+
+STEEPEST = 1000.0
+"""Tangent of an angle at which no lens of a flight sees."""
+
+STEPS = 100
+"""Largest number of iterations of `inverse`."""
+
+Model = Callable[[Array], Array]
+"""From points (n, 2) to points (n, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Left:
+    """Distances between a lens and what it was fitted to, over the whole image.
+
+    Attributes
+    ----------
+    largest_px, rms_px : float
+    """
+
+    largest_px: float
+    rms_px: float
+
+    def __str__(self) -> str:
+        return f"{self.largest_px:.2g} px at most, {self.rms_px:.2g} px rms"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pinhole:
+    """What a camera is without its distortion.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths, px.
+    cx, cy : float
+        Principal point, px.
+
+    Raises
+    ------
+    ValueError
+        Where a focal length is not positive, or a number is not finite.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        expected.positive_number("fx", self.fx)
+        expected.positive_number("fy", self.fy)
+        expected.number("cx", self.cx)
+        expected.number("cy", self.cy)
+
+    def colrow(self, distorted: Array) -> Array:
+        """Return the pixels of points (n, 2) in units of the focal length."""
+        return distorted * [self.fx, self.fy] + [self.cx, self.cy]
+
+    def points(self, colrow: Array) -> Array:
+        """Return the points of pixels (n, 2), in units of the focal length."""
+        return (colrow - [self.cx, self.cy]) / [self.fx, self.fy]
+
+
+def nodes(width_px: int, height_px: int) -> Array:
+    """Return pixels all over an image, its outer edges included, shape (n, 2)."""
+    cols, rows = (
+        np.linspace(-0.5, size - 0.5, n)
+        for size, n in zip((width_px, height_px), NODES, strict=True)
+    )
+    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
+
+
+def camera_of(
+    ideal: Model, hole: Pinhole, *, name: str, width_px: int, height_px: int, pixel_mm: float
+) -> tuple[Camera, Left]:
+    """Return the camera that is nearest to a lens, in the whole image.
+
+    Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted.
+
+    Parameters
+    ----------
+    ideal : callable
+        From pixels, shape (n, 2), to ideal points, shape (n, 2); NaN where the lens has no ray.
+    hole : Pinhole
+    name, width_px, height_px, pixel_mm
+        As `Camera` has them.
+
+    Returns
+    -------
+    camera : Camera
+    left : Left
+        Distances of its ideal points from those of the lens.
+
+    Raises
+    ------
+    ValueError
+        Where a pixel has no ray ahead, or for values that no Camera has.
+    """
+    colrow = nodes(width_px, height_px)
+    measured, rays = hole.points(colrow), ideal(colrow)
+    lost = ~(np.abs(np.hstack([rays, measured])) < STEEPEST).all(axis=1)
+    if lost.any():
+        col, row = colrow[lost][0]
+        msg = f"lens: expected a ray for every pixel, got none at col {col:.1f}, row {row:.1f}"
+        raise ValueError(msg)
+    (c1, c2, c3, c4, c5), left = brown(measured, rays - measured, hole.fy)
+    f, scale = hole.fy * pixel_mm, hole.fy / hole.fx
+    interior = Interior(
+        f=f,
+        xp=(hole.cx - (width_px - 1) / 2) * pixel_mm * scale,
+        yp=((height_px - 1) / 2 - hole.cy) * pixel_mm,
+        k1=-c1 / f**2,
+        k2=-c2 / f**4,
+        k3=-c5 / f**6,
+        p1=-c4 / f,
+        p2=c3 / f,
+        b1=scale - 1,
+    )
+    camera = Camera(
+        name=name, width_px=width_px, height_px=height_px, pixel_mm=pixel_mm, interior=interior
+    )
+    return camera, left
+
+
+def pinhole_of(camera: Camera) -> Pinhole:
+    """Return focal lengths and principal point of a camera, px."""
+    f_px, scale = camera.interior.f / camera.pixel_mm, 1 + camera.interior.b1
+    middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
+    at = FLIP * np.array([camera.interior.xp / scale, camera.interior.yp]) / camera.pixel_mm
+    cx, cy = (middle + at).tolist()
+    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy)
+
+
+def brown_of(camera: Camera) -> tuple[Array, Left]:
+    """Return OpenCV's coefficients k1, k2, p1, p2, k3 that are nearest to a camera's distortion.
+
+    They take the ideal point to the measured one; focal lengths and principal point are those of
+    `pinhole_of`.
+
+    Parameters
+    ----------
+    camera : Camera
+
+    Raises
+    ------
+    ValueError
+        If `camera` is no Camera.
+    """
+    expected.instance("camera", camera, Camera)
+    lens = camera.interior
+    xy = xy_from_colrow(camera, nodes(camera.width_px, camera.height_px))
+    ideal = FLIP * correct(lens, xy) / lens.f
+    off = FLIP * reduced(lens, xy) / lens.f - ideal
+    return brown(ideal, off, lens.f / camera.pixel_mm)
+
+
+def model_of(
+    camera: Camera, seen: Callable[[Array, Array], Array], start: Array
+) -> tuple[Array, Left]:
+    """Return the values of another lens model that are nearest to a camera, in the whole image.
+
+    Parameters
+    ----------
+    camera : Camera
+    seen : callable
+        From the values and ideal points, shape (n, 2), to pixels, shape (n, 2).
+    start : ndarray, shape (m,)
+        Approximate values, all of about the size 1, or not zero.
+
+    Returns
+    -------
+    values : ndarray, shape (m,)
+    left : Left
+        Distances of its pixels from the camera's.
+    """
+    colrow = nodes(camera.width_px, camera.height_px)
+    ideal = FLIP * correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
+
+    def off(values: Array) -> Array:
+        return (seen(values, ideal) - colrow).T.ravel()
+
+    found = least_squares(off, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    return found.x, _left(found.fun, 1.0)
+
+
+def inverse(forward: Model, wanted: Array, start: Array) -> Array:
+    """Return the points that a smooth map takes to wanted points, by Newton's method.
+
+    Parameters
+    ----------
+    forward : callable
+        The map, in units in which points are of about the size 1.
+    wanted, start : ndarray, shape (n, 2)
+        Points, and approximations of the result.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        NaN where there is no such point, or where the map has turned back before it.
+    """
+    at, step = start.copy(), 1e-6
+    with np.errstate(all="ignore"):  # what diverges ends as NaN
+        for _ in range(STEPS):
+            off = forward(at) - wanted
+            if not np.any(np.abs(off) > 1e-14):
+                break
+            J = _slopes(forward, at, step)
+            at = at - _solved(J, off)
+        J = _slopes(forward, at, step)
+        off = np.abs(forward(at) - wanted).max(axis=1, initial=0.0)
+        good = (off < 1e-10) & (_det(J) > 0) & (J[:, 0, 0] + J[:, 1, 1] > 0)
+    return np.where(good[:, None], at, np.nan)
+
+
+def on_fisheye(ideal: Array) -> Array:
+    """Return points (n, 2) whose length is the angle from the axis, of ideal points."""
+    r = np.hypot(*ideal.T)
+    scale: Array = np.divide(np.arctan(r), r, out=np.ones_like(r), where=r > 0)
+    return ideal * scale[:, None]
+
+
+def off_fisheye(points: Array) -> Array:
+    """Return the ideal points of points whose length is the angle; NaN from 90 degrees on."""
+    angle = np.hypot(*points.T)
+    ahead = np.where(angle < np.pi / 2, angle, np.nan)
+    scale: Array = np.divide(np.tan(ahead), angle, out=np.ones_like(angle), where=angle != 0)
+    return points * scale[:, None]
+
+
+def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
+    """Return OpenCV's coefficients k1, k2, p1, p2, k3 by linear least squares, and what is left.
+
+    Parameters
+    ----------
+    at, off : ndarray, shape (n, 2)
+        Points and what is to be added to them, in units of the focal length.
+    f_px : float
+        Focal length.
+    """
+    x, y = at.T
+    r2 = x * x + y * y
+    radial = np.stack([r2, r2**2, r2**3])
+    along = [x * radial[0], x * radial[1], 2 * x * y, r2 + 2 * x * x, x * radial[2]]
+    across = [y * radial[0], y * radial[1], r2 + 2 * y * y, 2 * x * y, y * radial[2]]
+    A = np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
+    size = np.abs(A).max(axis=0)  # so that high powers count as much as low ones
+    effects = np.linalg.lstsq(A / size, off.T.ravel(), rcond=None)[0]
+    coefficients = np.where(np.abs(effects) > NOTHING, effects, 0.0) / size
+    return coefficients, _left(A @ coefficients - off.T.ravel(), f_px)
+
+
+def _left(off: Array, scale: float) -> Left:
+    """Return the distances of all points from differences, first along and then across."""
+    apart = scale * np.hypot(*off.reshape(2, -1))
+    return Left(largest_px=float(apart.max()), rms_px=float(np.sqrt(np.mean(apart**2))))
+
+
+def _slopes(forward: Model, at: Array, step: float) -> Array:
+    """Return the derivatives of a map by central differences, shape (n, 2, 2)."""
+    columns = [(forward(at + d) - forward(at - d)) / (2 * step) for d in step * np.eye(2)]
+    return np.stack(columns, axis=2)
+
+
+def _det(J: Array) -> Array:
+    det: Array = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    return det
+
+
+def _solved(J: Array, off: Array) -> Array:
+    """Return the solutions of J step = off; not finite where J is singular."""
+    (a, b), (c, d) = J.transpose(1, 2, 0)
+    u, v = off.T
+    return np.stack([d * u - b * v, a * v - c * u], axis=1) / _det(J)[:, None]

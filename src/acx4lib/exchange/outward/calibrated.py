@@ -1,0 +1,216 @@
+"""The calibration in a results folder that is taken out: which one, and of which cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+from acx4lib.flight.reader import Flight, read_kept
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.results import folder, provenance
+from acx4lib.results.own_folder import claims
+from acx4lib.results.read_back import read_calibration, read_relative_orientation
+
+CAMERA = ("single_step", "two_step_gnss", "two_step")
+HEADS = ("rig", "rig_calibration", "refined", "relative_orientation")
+"""Methods that calibrate one mounted camera, and those that calibrate heads; the best first."""
+
+STAGE = {"refined": "synthetic", "relative_orientation": "heads"}
+"""Stages of the methods that are not of the stage mounting."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibrated:
+    """A calibration that is taken out.
+
+    Attributes
+    ----------
+    flight : Flight
+        As the results keep it.
+    method : str
+        One of `CAMERA` or `HEADS`.
+    calibration : Calibration
+        In `cov`, a posteriori. Without mounting, mountings are as flight.toml declares them, and
+        only the heads' rotations relative to each other are estimated.
+    others : tuple of str
+        Methods that the results have besides.
+    digest : str
+        SHA-256 of the tables of the flight.
+    """
+
+    flight: Flight
+    method: str
+    calibration: Calibration
+    others: tuple[str, ...] = ()
+    digest: str = ""
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The calibrated cameras; of heads the first one is the reference."""
+        return self.calibration.cameras
+
+    @property
+    def title(self) -> str:
+        """Which cameras, by which method."""
+        return f"{', '.join(camera.name for camera in self.cameras)} by {self.method}"
+
+    @property
+    def origin(self) -> str:
+        """Which flight it was calibrated on, a sentence."""
+        return f"calibrated on the flight {self.flight.name!r}; SHA-256 of its tables {self.digest}"
+
+    @property
+    def mounted(self) -> bool:
+        """Whether boresight and lever arm are estimated."""
+        return self.method not in STAGE
+
+
+def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calibrated:
+    """Read a calibration from the results of a run.
+
+    Parameters
+    ----------
+    results : path
+    method : str
+        One of `CAMERA` or `HEADS`; by default the best that the results have.
+    heads : bool
+        Whether only calibrations of heads can be used.
+
+    Raises
+    ------
+    FlightError
+        Where the folder has no such results, they were changed after the run, or the method did
+        not end with a calibration.
+    ValueError
+        For an unknown method.
+    """
+    at = expected.folder("results", results, "the results of a run")
+    if method:
+        expected.one_of("method", method, (*CAMERA, *HEADS))
+    claims.verify(at, [*folder.FILES, provenance.FILE], cure="run all stages again")
+    found = folder.read(at)
+    there = [name for name in (*CAMERA, *HEADS) if _ended(found, name)]
+    usable = [name for name in there if not heads or name in HEADS]
+    chosen = method or next(iter(usable), "")
+    if chosen not in usable:
+        raise FlightError([_missing(found, chosen, there, heads=heads)])
+    origin = provenance.read(at)
+    flight = read_kept(at / provenance.KEPT)
+    return Calibrated(
+        flight=flight,
+        method=chosen,
+        calibration=_read(found, chosen, flight),
+        others=tuple(name for name in usable if name != chosen),
+        digest=origin.digest,
+    )
+
+
+def _key(method: str) -> str:
+    return f"{STAGE.get(method, 'mounting')}/{method}"
+
+
+def _ended(found: folder.Results, method: str) -> bool:
+    """Tell whether a method ended with a calibration."""
+    entry = found.summary.get(_key(method), {})
+    named = folder.has(found, _key(method)) and folder.cameras(found, _key(method))
+    return bool(named) and bool(entry.get("converged", True)) and not entry.get("stopped")
+
+
+def _missing(found: folder.Results, method: str, there: Sequence[str], *, heads: bool) -> str:
+    entry = found.summary.get(_key(method), {}) if method else {}
+    said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
+    what = method or ("heads" if heads else "any method")
+    if heads and method in CAMERA:
+        reason = f"it is of one camera; of heads are {', '.join(HEADS)}"
+    else:
+        reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
+    return f"{found.folder}: no calibration of {what} that can be exported; {reason}"
+
+
+def _read(found: folder.Results, method: str, flight: Flight) -> Calibration:
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            return _calibration(found, method, flight)
+    except (KeyError, ValueError) as error:
+        said = " ".join(str(error).split())
+        problem = f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({said})"
+        raise FlightError([f"{problem}; run all stages again"]) from None
+
+
+def _calibration(found: folder.Results, method: str, flight: Flight) -> Calibration:
+    names = folder.cameras(found, _key(method))
+    if method in STAGE:
+        related = read_relative_orientation(found, _key(method), flight.cameras)
+        return of_relative_orientation(related, flight.synthetic_camera)
+    cameras = [flight.cameras[name] for name in names]
+    own = read_calibration(found, _key(method), cameras)
+    return replace(own, cov=own.cov * own.sigma0_sq, sigma0_sq=1.0)
+
+
+def of_relative_orientation(
+    related: RelativeOrientation, synthetic: Camera | None = None
+) -> Calibration:
+    """Return heads with their estimated rotations relative to each other as a calibration.
+
+    Parameters
+    ----------
+    related : RelativeOrientation
+    synthetic : Camera, optional
+        Its declared mounting is the frame in which the heads are oriented; else the body.
+
+    Returns
+    -------
+    Calibration
+        Lever arms as declared: the heads' positions are known at the scale of the image only.
+    """
+    R_b_s = np.eye(3) if synthetic is None else synthetic.T_b_c.R
+    n = len(related.heads)
+    rotations = R_b_s @ rotation_from_opk(related.opk)
+    cameras = tuple(
+        replace(head, T_b_c=Pose(R=R, r=head.T_b_c.r))
+        for head, R in zip(related.heads, rotations, strict=True)
+    )
+    kept = np.flatnonzero(_estimated(related))
+    columns = np.full(15 * n, -1)
+    columns[kept] = np.arange(len(kept))
+    mount = columns[: 6 * n].reshape(n, 6).copy()
+    mount[:, :3] = -1
+    return Calibration(
+        cameras=cameras,
+        layout=Layout(
+            interior=columns[6 * n :].reshape(n, 9),
+            mount=mount,
+            pose=np.zeros((0, 6), dtype=np.intp),
+        ),
+        cov=_about_axes(related)[np.ix_(kept, kept)],
+        sigma0_sq=1.0,
+        open_columns=np.zeros(len(kept), dtype=bool),
+    )
+
+
+def _estimated(related: RelativeOrientation) -> np.ndarray:
+    """Tell which joint quantities are rotations or estimated interior parameters."""
+    n = len(related.heads)
+    known: np.ndarray = np.diag(related.cov_joint) > 0
+    known[: 6 * n] = np.tile([False] * 3 + [True] * 3, n)
+    return known
+
+
+def _about_axes(related: RelativeOrientation) -> Array:
+    """Return the joint covariance with rotations about the heads' own axes."""
+    J = np.eye(len(related.cov_joint))
+    for k, opk in enumerate(related.opk):
+        angles = slice(6 * k + 3, 6 * k + 6)
+        J[angles, angles] = np.linalg.inv(opk_jacobian(opk))
+    return propagate(J, related.cov_joint)

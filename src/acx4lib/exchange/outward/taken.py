@@ -1,0 +1,122 @@
+"""What is taken out of results for another program, and the folder in which it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acx4lib.errors import OutputError
+from acx4lib.exchange.lens import Left
+from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.marks import SCRATCH
+
+COMMAND = "acx4 export"
+"""Whose the folders are."""
+
+STATEMENT = "export.md"
+
+LARGEST_PX = 0.05
+"""Difference between a lens and what stands for it in the other program, above which it is
+refused."""
+
+
+SIGMA = "standard deviations and covariance: parameters.csv and covariance.csv have them"
+BODY = "boresight and lever arm: --to toml has them"
+"""What many formats have no place for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """Files for another program, and what their user has to know.
+
+    Attributes
+    ----------
+    files : mapping of str to str
+        Contents by file below the folder.
+    lenses : mapping of str to Left
+        By camera, how far the lens of the other program is from the calibrated one.
+    assumed, left_out : tuple of str
+        Conventions of the files, and what they have no place for: a sentence each.
+    """
+
+    files: Mapping[str, str]
+    lenses: Mapping[str, Left] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+def require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
+    """Raise an OutputError where a lens differs by more than is allowed."""
+    far = {n: d for n, d in taken.lenses.items() if not d.largest_px <= allowed_px}
+    if far:
+        name, difference = max(far.items(), key=lambda item: item[1].largest_px)
+        msg = (
+            f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
+            f"in the image, more than {allowed_px:g} px; --allow {_above(difference.largest_px)} "
+            "exports it nevertheless"
+        )
+        raise OutputError(msg)
+
+
+def _above(value: float) -> str:
+    """Return a number of two digits that is not below a value."""
+    text = f"{value:.2g}"
+    return text if float(text) > value else f"{value * 1.05:.2g}"
+
+
+def sentences(taken: Taken) -> tuple[str, ...]:
+    """Return a sentence for each lens on its difference."""
+    return tuple(
+        f"{name}: lens refitted over the whole image, off by at most {one.largest_px:.4f} px, "
+        f"rms {one.rms_px:.4f} px"
+        for name, one in taken.lenses.items()
+    )
+
+
+def statement(taken: Taken, *, title: str, origin: str) -> str:
+    """Return export.md: what was written, in which conventions, and what was left out."""
+    parts = {
+        "Lenses": sentences(taken),
+        "Conventions": taken.assumed,
+        "Left out": taken.left_out,
+    }
+    lines = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
+    for name, said in parts.items():
+        if said:
+            lines += [f"## {name}", "", *(f"- {one}" for one in said), ""]
+    return "\n".join(lines)
+
+
+def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
+    """Write the files and export.md into a folder, all of them or none.
+
+    Parameters
+    ----------
+    taken : Taken
+    folder : Path
+        New, empty, or written by an export before; then its files are replaced.
+    title : str
+    origin : str
+        Where the calibration comes from, a sentence without its full stop.
+
+    Raises
+    ------
+    OutputError
+        Where the folder is somebody else's.
+    """
+    texts = {**taken.files, STATEMENT: statement(taken, title=title, origin=origin)}
+    with claims.claim(folder, command=COMMAND) as own:
+        own.expect(texts)
+        drafts = {name: _draft(folder / name, text) for name, text in texts.items()}
+        own.remove([name for name in own.files if name not in texts])
+        for name, draft in drafts.items():
+            draft.replace(folder / name)
+        own.seal()
+
+
+def _draft(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_name(f"{SCRATCH}{path.name}")
+    new.write_text(text, encoding="utf-8", newline="\n")
+    return new

@@ -1,0 +1,278 @@
+"""Bundler's bundle.out, version 0.3, with list.txt: images, tie points, orientations in no CRS.
+
+Cameras look along -z with x right, y up, which are the library's own axes; measurements count from
+the middle of the image, y up: https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.exchange import lens
+from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.programs.shared import cameras, oriented
+from acx4lib.exchange.programs.shared.cameras import Lens
+from acx4lib.exchange.programs.shared.oriented import Oriented
+from acx4lib.exchange.safe import opened, text_lines
+from acx4lib.exchange.safe.opened import Opened
+from acx4lib.exchange.safe.text_lines import Line
+from acx4lib.expected import Array, Index
+from acx4lib.flight.problems import Range, quoted
+from acx4lib.geometry.frames import Pose
+
+VERSIONS = ("# Bundle file v0.3", "# Bundle file v0.4")
+"""First lines; 0.4 has the same layout."""
+
+SKEW = 1e-4
+"""Largest difference of a matrix from a rotation; some writers print seven digits."""
+
+FOCAL = Range(0.0, 1e7, "must be a focal length in pixels, 0 for an image without orientation")
+
+ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
+LENGTH = Range(-1e9, 1e9)
+COEFFICIENT = Range(-1e6, 1e6)
+
+ASSUMED = (
+    "camera axes are x right, y up, z backwards; measurements count from the middle of the image",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bundle:
+    """What is in bundle.out.
+
+    Attributes
+    ----------
+    lenses : ndarray, shape (n_images, 3)
+        f (px), k1, k2; f is 0 for an image that was not oriented.
+    T_w_c : Pose
+    x_w : ndarray, shape (n_points, 3)
+    image_idx, point_idx : ndarray of int, shape (n,)
+    xy : ndarray, shape (n, 2)
+        px from the middle of the image, y up.
+    again : int
+        Measurements of points that an image has twice; the first is taken.
+    """
+
+    lenses: Array
+    T_w_c: Pose
+    x_w: Array
+    image_idx: Index
+    point_idx: Index
+    xy: Array
+    again: int
+
+
+def read(
+    source: Path, *, size: tuple[int, int], block: str | None = None, pixel_um: float | None = None
+) -> Brought:
+    """Read bundle.out, and the names of the images from list.txt beside it or above.
+
+    Parameters
+    ----------
+    source : Path
+        The file bundle.out.
+    size : tuple of int
+        Width and height of the images, px: Bundler does not write them.
+    block : str, optional
+        By default calibration.
+    pixel_um : float, optional
+
+    Raises
+    ------
+    FlightError
+        For a file that is no bundle.out.
+    """
+    file = opened.read(source)
+    bundle = _bundle(file)
+    listed, names = _names(source, len(bundle.lenses), file)
+    good = np.flatnonzero(bundle.lenses[:, 0] > 0)
+    images, refitted = _images(file, bundle, names, good, size, pixel_um)
+    block = block or "calibration"
+    return Brought(
+        source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
+        sha256=opened.checksums([file, *listed]),
+        settings=refitted.settings,
+        tables=oriented.tables_of(images, block, file),
+        assumed=(*ASSUMED, *refitted.assumed),
+        found=(
+            f"{len(images.images)} images, {len(images.points)} tie points with "
+            f"{len(images.colrow)} measurements, {len(images.cameras)} different lenses",
+            oriented.proved(images, "the program's own points"),
+            *refitted.found,
+        ),
+        left_out=_left_out(bundle, len(good)),
+    )
+
+
+def _left_out(bundle: Bundle, oriented_images: int) -> tuple[str, ...]:
+    lost = len(bundle.lenses) - oriented_images
+    said = {
+        f"{oriented_images} orientations: Bundler's coordinates are in no CRS": oriented_images,
+        f"{lost} images that Bundler did not orient": lost,
+        f"{bundle.again} second measurements of a point in one image": bundle.again,
+    }
+    return tuple(one for one, n in said.items() if n)
+
+
+def _bundle(file: Opened) -> Bundle:
+    first = file.text().split("\n", 1)[0].strip()
+    if first not in VERSIONS:
+        raise file.wrong("version", quoted(first), f"must be {quoted(VERSIONS[0])}")
+    rows = _Rows(file)
+    head = rows.next("counts")
+    n_cameras, n_points = (_count(head, k) for k in (0, 1))
+    cameras = np.array([_camera(rows) for _ in range(n_cameras)]).reshape(-1, 15)
+    R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
+    x_w, seen, again = [], [], 0
+    for point in range(n_points):
+        x_w.append(rows.next("point").numbers(0, 3, "point", LENGTH))
+        rows.next("color")
+        views = _views(rows, n_cameras)
+        seen += [(image, point, x, y) for image, (x, y) in views.items()]
+        again += rows.views - len(views)
+    table = np.array(seen, dtype=float).reshape(-1, 4)
+    return Bundle(
+        lenses=cameras[:, :3],
+        T_w_c=Pose(R=R_c_w, r=t).inverse,
+        x_w=np.array(x_w).reshape(-1, 3),
+        image_idx=table[:, 0].astype(int),
+        point_idx=table[:, 1].astype(int),
+        xy=table[:, 2:],
+        again=again,
+    )
+
+
+class _Rows:
+    """The lines of the file, one after another."""
+
+    def __init__(self, file: Opened) -> None:
+        self._file = file
+        self._rows: Iterator[Line] = text_lines.lines(file, comment="#")
+        self.views = 0
+
+    def next(self, what: str) -> Line:
+        row = next(self._rows, None)
+        if row is None:
+            end = self._file.data.count(b"\n") + 1
+            found = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
+        return row
+
+
+def _count(head: Line, k: int) -> int:
+    value = head.whole_at(k, "counts")
+    if value < 0:
+        raise head.wrong("counts", str(value), "must be zero or positive")
+    return value
+
+
+def _camera(rows: _Rows) -> Array:
+    """Return f, k1, k2, the rotation and the translation of a camera, shape (15,)."""
+    first = rows.next("camera")
+    f = first.number_at(0, "focal length", FOCAL)
+    second = rows.next("rotation")
+    below = [second, rows.next("rotation"), rows.next("rotation")]
+    R = np.stack([row.numbers(0, 3, "rotation", ENTRY) for row in below])
+    if f > 0 and (np.abs(R @ R.T - np.eye(3)).max() > SKEW or np.linalg.det(R) < 0):
+        raise second.wrong("rotation", "three rows are no rotation", "must be one")
+    t = rows.next("translation").numbers(0, 3, "translation", LENGTH)
+    k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
+    return np.concatenate([[f], k, (_orthogonal(R) if f > 0 else np.eye(3)).ravel(), t])
+
+
+def _orthogonal(R: Array) -> Array:
+    """Return the rotation that is nearest to a matrix printed with few digits."""
+    u, _, v = np.linalg.svd(R)
+    nearest: Array = u @ v
+    return nearest
+
+
+def _views(rows: _Rows, n_cameras: int) -> dict[int, tuple[float, float]]:
+    """Return the measurements of a point by image, the first of each."""
+    row = rows.next("views")
+    n = row.whole_at(0, "views")
+    if not 0 <= n == (len(row) - 1) / 4:
+        found = f"{len(row) - 1} cells after the number {n}"
+        raise row.wrong("views", found, "must be four for each view: camera, key, x, y")
+    values = row.numbers(1, None, "views", LENGTH).reshape(-1, 4)
+    rows.views = n
+    views: dict[int, tuple[float, float]] = {}
+    for camera, _, x, y in values.tolist():
+        if not (0 <= camera < n_cameras and camera.is_integer()):
+            raise row.wrong("views", f"camera {camera:g}", f"must be one of {n_cameras}, from 0")
+        views.setdefault(int(camera), (x, y))
+    return views
+
+
+def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], list[str]]:
+    """Return list.txt, if it is there, and the names of the images."""
+    for folder in (source.parent, source.parent.parent):
+        path = folder / "list.txt"
+        if path.is_file():
+            listed = opened.read(path)
+            rows = list(text_lines.lines(listed))
+            if len(rows) != n:
+                found = f"has {len(rows)} images"
+                raise listed.wrong("file", found, f"must have {n}, as {file.name}")
+            paths = [row.cell(0, "image").replace("\\", "/") for row in rows]
+            short = [one.rpartition("/")[2] for one in paths]
+            return [listed], short if len(set(short)) == n else paths
+    return [], [f"image{k:04d}" for k in range(n)]
+
+
+def _images(
+    file: Opened,
+    bundle: Bundle,
+    names: list[str],
+    good: Index,
+    size: tuple[int, int],
+    pixel_um: float | None,
+) -> tuple[Oriented, cameras.Refitted]:
+    """Return the oriented images, and a camera for every different lens."""
+    triples = [tuple(row) for row in bundle.lenses[good].tolist()]
+    different = list(dict.fromkeys(triples))
+    called = {
+        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
+    }
+    lenses = {called[one]: _lens(one, size) for one in different}
+    try:
+        refitted = cameras.refitted(lenses, pixel_um=pixel_um)
+    except ValueError as error:
+        raise file.wrong("camera", str(error), "must be a lens of images of --size") from None
+    new_row = np.full(len(bundle.lenses), -1)
+    new_row[good] = np.arange(len(good))
+    used = new_row[bundle.image_idx] >= 0
+    middle = np.array([size[0] - 1, size[1] - 1]) / 2
+    images = tuple(names[k] for k in good)
+    return (
+        Oriented(
+            cameras=refitted.cameras,
+            images=images,
+            camera_of=tuple(called[one] for one in triples),
+            exposure_of=images,
+            T_w_c=bundle.T_w_c[good],
+            points=tuple(str(k) for k in range(len(bundle.x_w))),
+            x_w=bundle.x_w,
+            image_idx=new_row[bundle.image_idx[used]],
+            point_idx=bundle.point_idx[used],
+            colrow=bundle.xy[used] * lens.FLIP + middle,
+        ),
+        refitted,
+    )
+
+
+def _lens(values: tuple[float, ...], size: tuple[int, int]) -> Lens:
+    f, k1, k2 = values
+    hole = lens.Pinhole(fx=f, fy=f, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2)
+
+    def forward(ideal: Array) -> Array:
+        r2 = np.sum(ideal**2, axis=1, keepdims=True)
+        return ideal * (1 + r2 * (k1 + r2 * k2))
+
+    ideal = oriented.backwards(forward, hole, lambda points: points)
+    return Lens(width_px=size[0], height_px=size[1], hole=hole, ideal=ideal)

@@ -1,0 +1,150 @@
+"""The rows of a text with declared columns: a list of events, or of orientations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.exchange.safe.opened import Opened
+from acx4lib.exchange.safe.text_lines import Line, lines
+from acx4lib.exchange.trajectories.columns import SKIP, Column, column, declared, position_of
+from acx4lib.expected import Array
+from acx4lib.flight.problems import quoted
+from acx4lib.flight.text.names import NUMBER, name_fault
+
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+COMMENTS = "#"
+QUOTED_CELL = re.compile(r"\"[^\"]*\"")
+MOST = 10_000_000
+"""Largest number of rows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listed:
+    """Rows with the columns that they have.
+
+    Attributes
+    ----------
+    source : Opened
+    columns : tuple of Column
+    rows : tuple of Line
+    heading : Line or None
+        The line that is a heading and no row, if there is one.
+    """
+
+    source: Opened
+    columns: tuple[Column, ...]
+    rows: tuple[Line, ...]
+    heading: Line | None = None
+
+    def has(self, *names: str) -> bool:
+        """Tell whether all these columns are there."""
+        return all(position_of(self.columns, name) is not None for name in names)
+
+    def at(self, name: str) -> int:
+        """Return where a column stands that is there."""
+        return int(position_of(self.columns, name) or 0)
+
+    def numbers(self, name: str) -> Array:
+        """Return a column of finite numbers, shape (n,)."""
+        k = self.at(name)
+        return np.array([row.number_at(k, name) for row in self.rows], dtype=float)
+
+    def names(self, name: str) -> list[str]:
+        """Return a column of names that a flight may use."""
+        k = self.at(name)
+        return [checked_name(row, row.cell(k, name), name) for row in self.rows]
+
+    def unique(self, name: str) -> list[str]:
+        """Return a column of names that are all different."""
+        names = self.names(name)
+        first: dict[str, Line] = {}
+        for row, one in zip(self.rows, names, strict=True):
+            if one in first:
+                found = f"{quoted(one)} stands in line {first[one].number} already"
+                raise row.wrong(name, found, "every one once")
+            first[one] = row
+        return names
+
+
+def checked_name(row: Line, name: str, element: str) -> str:
+    """Return a name, refused where a flight may not use it."""
+    fault = name_fault(name) if name else ("is empty", "must be a name")
+    if fault:
+        raise row.wrong(element, *fault)
+    return name
+
+
+def read_list(
+    source: Opened, columns: str, *, separator: str = "", numbers: Sequence[str]
+) -> Listed:
+    """Return the rows of a text, by declared columns or by those that its heading names.
+
+    Parameters
+    ----------
+    source : Opened
+    columns : str
+        As the user declares them; empty: the heading names them.
+    separator : str
+        One of `SEPARATORS`; empty: semicolons, tabs or commas if the first two lines have any.
+    numbers : sequence of str
+        Columns of numbers, by which a heading is told from a row.
+
+    Raises
+    ------
+    FlightError
+        Where the columns are not known, or there are no rows.
+    """
+    found = list(lines(source, separator=_separator(source, separator), comment=COMMENTS))
+    if not found or len(found) > MOST:
+        raise source.wrong("file", f"has {len(found)} rows", f"must have 1 to {MOST}")
+    if columns:
+        try:
+            named = declared(columns)
+        except ValueError as error:
+            what, _, known = str(error).partition("; ")
+            raise source.wrong("--columns", what, known or "every column once") from None
+        heading = found[0] if _is_heading(found[0], named, numbers) else None
+    else:
+        heading, named = found[0], _of_heading(found[0])
+    rows = tuple(found[heading is not None :])
+    if not rows:
+        raise source.wrong("file", "has a heading and no rows", "must have rows")
+    return Listed(source=source, columns=named, rows=rows, heading=heading)
+
+
+def _separator(source: Opened, name: str) -> str | None:
+    """Return what stands between cells: a mark that the first line and the next one have."""
+    if name:
+        return SEPARATORS[name]
+    text = (one for one in source.text().split("\n") if one.strip())
+    first = list(islice((one for one in text if not one.lstrip().startswith(COMMENTS)), 2))
+    bare = [QUOTED_CELL.sub("", one) for one in first]
+    return next((mark for mark in (";", "\t", ",") if all(mark in one for one in bare)), None)
+
+
+def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
+    """Tell whether a line has no number where every row has one."""
+    where = (k for name in numbers if (k := position_of(columns, name)) is not None)
+    cells = [line.cells[k] for k in where if k < len(line.cells)]
+    return bool(cells) and not any(NUMBER.fullmatch(cell) for cell in cells)
+
+
+def _of_heading(line: Line) -> tuple[Column, ...]:
+    found = [column(cell) for cell in line.cells]
+    known = [one for one in found if one is not None and one.name != SKIP]
+    if len(known) < 2:
+        raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
+    twice = [one.name for k, one in enumerate(known) if one.name in [o.name for o in known[:k]]]
+    if twice:
+        raise _undeclared(line, f"two columns may be {twice[0]!r}")
+    return tuple(one or Column(name=SKIP) for one in found)
+
+
+def _undeclared(line: Line, found: str) -> FlightError:
+    return line.wrong("columns", found, "declare them, as --columns 'image x y z omega phi kappa'")

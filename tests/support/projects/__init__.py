@@ -1,0 +1,1 @@
+"""Projects of other programs, written from one scene by their documented layouts."""
