@@ -16,6 +16,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from PIL import Image
+from PIL import WebPImagePlugin as _  # noqa: F401 else Pillow loads every format that it knows
 
 from acx4book.typesetting import style
 from acx4book.typesetting.drawing import compact
