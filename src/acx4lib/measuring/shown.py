@@ -11,7 +11,7 @@ import numpy as np
 from acx4lib.expected import Array
 from acx4lib.measuring.measure import Outcome
 from acx4lib.measuring.pictures.views import View, pixels_of_view
-from acx4lib.production.file_names import file_stem
+from acx4lib.results.own_folder.file_names import file_stem
 
 SIDE_PX = 1400
 """Longer side of the pictures, at most."""
