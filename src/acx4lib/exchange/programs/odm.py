@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line
 from acx4lib.expected import Array
-from acx4lib.flight.problems import RANGES, quoted
+from acx4lib.flight.problems import METRES, RANGES, quoted
 from acx4lib.flight.text.in_memory import Columns
 
 UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
@@ -72,7 +72,7 @@ def read(
         For another layout, or one name for two points.
     """
     file = opened.read(source)
-    first, *rows = text_lines.lines(file, comment="#")
+    first, *rows = [*text_lines.lines(file, comment="#")] or [_blank(file)]
     seen = [_seen(row) for row in rows]
     if not seen:
         raise first.wrong("file", "has no point after the CRS", "must have one at least")
@@ -145,6 +145,10 @@ def crs_of(text: str) -> str:
     return "EPSG:4326" if re.fullmatch(r"WGS\s?84", text, re.I) else text
 
 
+def _blank(file: Opened) -> NoReturn:
+    raise file.wrong("file", "has no line but remarks", _EXPECTED)
+
+
 def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> coordinates.Chosen:
     text = file.text().split("\n")[first.number - 1]
     try:
@@ -157,7 +161,7 @@ def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> coordinat
 
 
 def _seen(row: Line) -> Seen:
-    x, y = (row.number_at(k, name) for k, name in ((0, "x"), (1, "y")))
+    x, y = (row.number_at(k, name, METRES) for k, name in ((0, "x"), (1, "y")))
     z = float("nan")
     if row.cell(2, "z").lower() != "nan":
         z = row.number_at(2, "z", RANGES["height_m"])
