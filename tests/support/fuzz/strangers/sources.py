@@ -13,6 +13,7 @@ import numpy as np
 
 from acx4lib.exchange.outward.kinds import KINDS as EXPORTS
 from support import run_results
+from support.pictures import tagged
 
 CRS = ("--crs", "EPSG:31982")
 SIZED = ("--size", "400x300")
@@ -216,6 +217,34 @@ def _colmap(folder: Path) -> None:
     (folder / "points3D.bin").write_bytes(point)
 
 
+SMALL = {
+    "Camera:PrincipalPoint": "0.12,0.09",
+    "Camera:PerspectiveFocalLength": 1.2,
+    "Camera:PerspectiveFocalLengthUnits": "mm",
+    "Camera:VignettingCenter": [8, 6],
+    "Camera:VignettingPolynomial": [1e-4, -1e-5],
+    "DLS:Yaw": 0.1,
+    "DLS:Pitch": 0.1,
+    "DLS:Roll": 0.1,
+}
+
+
+def _heads(folder: Path) -> None:
+    """Write two heads at one exposure; so small that mutations find the metadata."""
+    grey = np.full((12, 16), 5000, np.uint16)
+    for k in range(2):
+        said = tagged.micasense(k, relatives=(0.1 * k, 0, 0), **SMALL)
+        tagged.write(folder / f"IMG_0001_{k + 1}.tif", said, pixels=grey)
+
+
+def _photograph(folder: Path) -> None:
+    said = {
+        "drone-dji:DewarpData": "2018-03-13;364,360,2.5,-1.5,0.01,0,0,0,0",
+        **{f"drone-dji:Gimbal{name}Degree": "+1.0" for name in ("Roll", "Pitch", "Yaw")},
+    }
+    tagged.write(folder / "DJI_0001.JPG", said, attributes=True)
+
+
 def _results(folder: Path) -> None:
     made = run_results.leave_calibration(folder / "made", run_results.estimated("CAM"))
     shutil.copytree(made, folder / "results")
@@ -263,6 +292,8 @@ SOURCES: dict[str, Source] = {
     "orientations": Source(
         write=_files(eo__csv=ORIENTATIONS), source="eo.csv", options=(*CRS, "--of", "camera")
     ),
+    "pictures": Source(write=_heads),
+    "pictures-jpeg": Source(write=_photograph, kind="pictures"),
     "export": Source(write=_results, source="results", options=("--allow", "1")),
 }
 """By the name of the kind."""
