@@ -1,10 +1,13 @@
-"""Mutated flights: each is read or refused by sentences, in time and in little memory."""
+"""Mutated files are read or refused by sentences, in time and in little memory."""
 
 from __future__ import annotations
+
+from collections import Counter
 
 import pytest
 
 from support.fuzz import run
+from support.fuzz.strangers import cases as cases_of_strangers
 from support.helpers import repeats
 
 
@@ -16,3 +19,13 @@ def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path, cases):
     assert sum(report.outcomes.values()) == cases
     outcomes = {outcome for _, outcome in report.outcomes}
     assert {"accepted", "refused", "computed"} <= outcomes
+
+
+@pytest.mark.parametrize("cases", [60, repeats(300)])
+def test_no_mutated_file_of_another_program_crashes_hangs_or_fills_the_memory(tmp_path, cases):
+    """So many cases of every kind of import, and of exports of mutated results."""
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1, what="strangers.cases")
+    assert not report.findings, "\n".join(report.findings)
+    by_kind = Counter(kind.split()[0] for kind, _ in report.outcomes.elements())
+    assert by_kind == dict.fromkeys(cases_of_strangers.KINDS, cases)
+    assert {outcome for _, outcome in report.outcomes} == {"accepted", "refused"}

@@ -34,6 +34,7 @@ ROOMS = {
     "17": ["chapters.beyond.distortion_models"],
     "18": ["chapters.beyond.stability", "report.campaigns"],
     "16": ["chapters.beyond.error_budget"],
+    "19": ["chapters.beyond.from_pictures"],
 }
 """The rooms of the book that a notebook may use, besides `typesetting`."""
 

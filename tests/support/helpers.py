@@ -1,4 +1,4 @@
-"""What several test files need: numeric derivatives, dense normal equations, flights refused."""
+"""What several test files need: numeric derivatives, normal equations, flights refused, notebooks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import signal
 from pathlib import Path
 
+import nbformat
 import numpy as np
 import pytest
 
@@ -136,3 +137,13 @@ def dots(ax):
     """Return the places of the dots of axes, one row each."""
     lines = [line for line in ax.get_lines() if line.get_marker() == "o"]
     return np.concatenate([line.get_xydata() for line in lines])
+
+
+def write_notebook(path, *cells):
+    """Write a notebook whose kernel is installed nowhere."""
+    made = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
+    made.cells[0].metadata["tags"] = ["parameters"]
+    made.metadata["kernelspec"] = {"name": "nowhere", "display_name": "-", "language": "python"}
+    path.parent.mkdir(exist_ok=True)
+    nbformat.write(made, path)
+    return path

@@ -20,8 +20,8 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
+from support.helpers import write_notebook
 from support.run_results import leave_results
-from support.small_notebooks import write
 
 PARAMETERS = "flight_path = ''\npictures_path = ''\nresults_path = ''\nseed = 1"
 CHANGE = """
@@ -75,9 +75,9 @@ def test_a_file_that_changes_while_a_run_is_going_does_not_reach_its_results(tmp
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
     before = (at / "control_points.csv").read_bytes()
     notebooks = tmp_path / "notebooks"
-    write(notebooks / "00-flight.ipynb", PARAMETERS, "seed")
-    write(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, CHANGE)
-    write(notebooks / "04-validation.ipynb", PARAMETERS, "seed")
+    write_notebook(notebooks / "00-flight.ipynb", PARAMETERS, "seed")
+    write_notebook(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, CHANGE)
+    write_notebook(notebooks / "04-validation.ipynb", PARAMETERS, "seed")
     runner.run(at, tmp_path / "results", way=Notebooks(path=notebooks))
     kept = tmp_path / "results" / "flight"
     assert (at / "control_points.csv").read_bytes() != before
@@ -142,7 +142,7 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     at, folder = own
     notebooks = tmp_path / "notebooks"
     for stage in ("flight", "mounting", "validation"):
-        write(notebooks / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
+        write_notebook(notebooks / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
     (folder / "parameters.csv").write_text("mine\n")
     runner.run(at, folder, way=Notebooks(path=notebooks))
     assert results.read(folder).parameters.empty

@@ -157,8 +157,8 @@ def _side_overlap() -> float:
 def _layout(places: Array) -> str:
     """Return number and extent of points on the ground."""
     extent = 1e-3 * np.ptp(places, axis=0)
-    return f"{len(places)} over {extent[0]:.1f} x {extent[1]:.1f} km"
+    return f"{len(places)} over {extent[0]:.1f} × {extent[1]:.1f} km"
 
 
 def _area(half_m: tuple[float, float]) -> str:
-    return f"{2e-3 * half_m[0]:.1f} x {2e-3 * half_m[1]:.1f}"
+    return f"{2e-3 * half_m[0]:.1f} × {2e-3 * half_m[1]:.1f}"

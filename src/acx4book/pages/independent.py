@@ -40,6 +40,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
         "data/benchmarks/distortion_models*",
     ),
     "18-over-the-years": (),
+    "19-from-pictures": (),
     "16-error-budget": ("data/paper/*.csv",),
 }
 """The notebooks, and what files of the working copy they read; *measured* are the measurements of

@@ -33,6 +33,9 @@ NODES = (61, 46)
 NOTHING = 1e-13
 """An effect at the image's border, in focal lengths, that only rounding has."""
 
+STEEPEST = 1000.0
+"""Tangent of an angle at which no lens of a flight sees."""
+
 STEPS = 100
 """Largest number of iterations of `inverse`."""
 
@@ -130,7 +133,7 @@ def camera_of(
     """
     colrow = nodes(width_px, height_px)
     measured, rays = hole.points(colrow), ideal(colrow)
-    lost = ~np.isfinite(rays).all(axis=1)
+    lost = ~(np.abs(np.hstack([rays, measured])) < STEEPEST).all(axis=1)
     if lost.any():
         col, row = colrow[lost][0]
         msg = f"lens: expected a ray for every pixel, got none at col {col:.1f}, row {row:.1f}"

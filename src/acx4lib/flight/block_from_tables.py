@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import repeat
 from pathlib import Path
@@ -16,7 +16,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.text.schemas import GEOGRAPHIC, SIGMA_ATTITUDE, SIGMA_POSITION
+from acx4lib.flight.text.schemas import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
 from acx4lib.flight.text.table_files import read_table
 from acx4lib.geometry.distances import Distances
@@ -98,6 +98,44 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         trajectory=trajectory,
         control=read_table(control, str(control), needed_by=f"{needs} without its own"),
         distances=read_table(distances, str(distances)) if os.path.lexists(distances) else None,
+    )
+
+
+def without_points(tables: BlockTables, folder: Path) -> BlockTables:
+    """Return the tables of a block of which nothing need be measured.
+
+    Empty tables stand in the place of image points and control points that are not there.
+
+    Parameters
+    ----------
+    tables : BlockTables
+    folder : Path
+        Folder of the flight.
+    """
+    points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
+    if _lacks(points):  # distances may be between points that are still to be measured
+        tables = replace(tables, image_points=_empty("image_points", points), distances=None)
+    if not control.is_file():
+        tables = replace(tables, control=_empty("control_points", control))
+    return tables
+
+
+def _lacks(path: Path) -> bool:
+    """Tell whether a table is missing, or has no row under its header."""
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        rows = (line for line in file if line.strip())
+        return next(rows, None) is None or next(rows, None) is None
+
+
+def _empty(table: str, path: Path) -> Table:
+    """Return a table without rows."""
+    schema = SCHEMAS[f"{table}.csv"]
+    return Table(
+        file=str(path),
+        text=dict.fromkeys(schema.required, ()),
+        numbers={name: np.zeros(0) for name in schema.required if name in schema.ranges},
     )
 
 

@@ -7,18 +7,16 @@ import io
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import FlightError
-from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block
+from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block, without_points
 from acx4lib.flight.reader import Flight, checked, table_files
 from acx4lib.flight.text.document import read_toml
-from acx4lib.flight.text.schemas import SCHEMAS
-from acx4lib.flight.text.table import Table
 from acx4lib.results.own_folder.claims import OwnFolder
 
 SETTINGS = "flight.toml"
@@ -73,7 +71,9 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         )
         raise FlightError([problem])
     toml = read_toml(folder / "flight.toml")
-    tables = {name: _opened(read_block(folder, name, pictures=folder), folder) for name in names}
+    tables = {
+        name: without_points(read_block(folder, name, pictures=folder), folder) for name in names
+    }
     flight = checked(toml, list(tables.values()))
     empty = [
         f"{folder / name / 'images.csv'}: column file: names no picture; "
@@ -84,35 +84,6 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
     if empty:
         raise FlightError(empty)
     return Unmeasured(flight=flight, tables=tables)
-
-
-def _opened(tables: BlockTables, folder: Path) -> BlockTables:
-    """Return the tables of a block, empty ones in the place of those that may be missing."""
-    points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
-    if _lacks(points):  # distances may be between points that are still to be measured
-        tables = replace(tables, image_points=_empty("image_points", points), distances=None)
-    if not control.is_file():
-        tables = replace(tables, control=_empty("control_points", control))
-    return tables
-
-
-def _lacks(path: Path) -> bool:
-    """Tell whether a table is missing, or has no row under its header."""
-    if not path.is_file():
-        return True
-    with path.open("rb") as file:
-        rows = (line for line in file if line.strip())
-        return next(rows, None) is None or next(rows, None) is None
-
-
-def _empty(table: str, path: Path) -> Table:
-    """Return a table without rows."""
-    schema = SCHEMAS[f"{table}.csv"]
-    return Table(
-        file=str(path),
-        text=dict.fromkeys(schema.required, ()),
-        numbers={name: np.zeros(0) for name in schema.required if name in schema.ranges},
-    )
 
 
 # --- the measured flight ---------------------------------------------------------------------

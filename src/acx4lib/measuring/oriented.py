@@ -31,8 +31,14 @@ that is not declared, and for delays."""
 LEVER_M = 1.0
 """Standard deviation of a lever arm as an approximate value."""
 
-FREE = (("f", "xp", "yp", "k1", "k2", "p1", "p2"), ("f", "xp", "yp", "k1"), ("f", "k1"), ())
-"""Interior parameters that are tried, the most first; a small or flat block bears fewer."""
+FREE = (
+    (8, ("f", "xp", "yp", "k1", "k2", "p1", "p2")),
+    (6, ("f", "xp", "yp", "k1")),
+    (3, ("k1", "k2")),
+    (0, ()),
+)
+"""Interior parameters that are estimated, and the number of images that bear them. A few images
+cannot tell a focal length from their heights, and need not."""
 
 SMALLEST_ANGLE = np.radians(0.5)
 
@@ -100,7 +106,7 @@ def refined(block: Block, views: Sequence[View], rays: Rays) -> Oriented:
 def _adjusted(block: Block) -> Bundle:
     """Return the adjustment with the most interior parameters that the block bears."""
     reasons: list[str] = []
-    for free in FREE:
+    for free in (names for least, names in FREE if len(block.images) >= least):
 
         def network(of: Block, free: tuple[str, ...] = free) -> Network:
             return mounted_orientation(of, free=free)

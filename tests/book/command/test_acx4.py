@@ -19,8 +19,7 @@ from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder.marks import MARK
 from support.flights.spoilt import change
-from support.helpers import hears_interrupts
-from support.small_notebooks import write
+from support.helpers import hears_interrupts, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
@@ -39,7 +38,7 @@ def flight(tmp_path_factory):
 @pytest.fixture
 def notebooks(tmp_path):
     for name in runner.NOTEBOOKS.values():
-        write(tmp_path / "notebooks" / f"{name}.ipynb", PARAMETERS, "seed")
+        write_notebook(tmp_path / "notebooks" / f"{name}.ipynb", PARAMETERS, "seed")
     return tmp_path / "notebooks"
 
 
@@ -237,12 +236,14 @@ def test_a_failing_notebook_is_status_1_after_what_is_not_determined(
         "folder.replace(results_path, ['mounting'], tables={}, summary="
         f"{{'mounting/single_step': {{'not_determined': {said}}}}})"
     )
-    write(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, cell)
+    write_notebook(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, cell)
     arguments = ("run", flight, "--results", tmp_path / "results", "--notebooks", notebooks)
     status, _, err = acx4(*arguments)
     assert status == 1
     assert err.splitlines() == said
-    write(notebooks / "04-validation.ipynb", PARAMETERS, "raise ValueError('no\\nlast line')")
+    write_notebook(
+        notebooks / "04-validation.ipynb", PARAMETERS, "raise ValueError('no\\nlast line')"
+    )
     status, out, err = acx4(*arguments)
     assert status == 1
     assert err.splitlines() == [*said, "notebook 04-validation, cell 2: ValueError: last line"]
@@ -257,7 +258,7 @@ def test_an_error_of_the_library_is_said_as_it_is(
 ):
     argument = "['run stage heads first']" if kind == "FlightError" else "'no convergence'"
     cell = f"from acx4lib.errors import {kind}\nraise {kind}({argument})"
-    write(notebooks / "00-flight.ipynb", PARAMETERS, cell)
+    write_notebook(notebooks / "00-flight.ipynb", PARAMETERS, cell)
     status, out, err = acx4("run", flight, "--results", tmp_path / "r", "--notebooks", notebooks)
     assert (status, out) == (expected, "")
     assert err == argument.strip("[']") + "\n"
@@ -275,7 +276,7 @@ def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
     sleep = (
         f"import os, pathlib, time\npathlib.Path({str(marker)!r}).write_text(str(os.getpid()))\n"
     )
-    write(notebooks / "00-flight.ipynb", PARAMETERS, sleep + "time.sleep(300)")
+    write_notebook(notebooks / "00-flight.ipynb", PARAMETERS, sleep + "time.sleep(300)")
     command = [*COMMAND, "run", flight, "--results", tmp_path / "r", "--notebooks", notebooks]
     how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     how |= {"preexec_fn": hears_interrupts}

@@ -18,8 +18,7 @@ from acx4book.command.batch import runs, table
 from acx4book.command.batch.work import Outcome
 from acx4book.notebooks import runner
 from support.flights import sized
-from support.helpers import ROOT, hears_interrupts
-from support.small_notebooks import write
+from support.helpers import ROOT, hears_interrupts, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 
@@ -138,7 +137,9 @@ def test_the_page_s_code_reads_the_tables(acx4, tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
     for name in runner.NOTEBOOKS.values():
-        write(tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1")
+        write_notebook(
+            tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1"
+        )
     folder = tmp_path / "all"
     given = (flights[0], "--results", folder, "--jobs", 1, "--notebooks", tmp_path / "own")
     assert acx4(*given)[0] == 0

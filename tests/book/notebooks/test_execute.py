@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.notebooks import execute as notebooks
 from acx4lib.errors import AdjustmentError, FlightError
-from support.small_notebooks import write
+from support.helpers import write_notebook
 
 PARAMETERS = (
     "flight_path = 'a flight'\nresults_path = ''\nseed: int = 1  # any whole number\nnoise = 1e-7"
@@ -27,7 +27,7 @@ def execute(notebook, executed, **given):
 
 
 def test_defaults_are_values_and_given_ones_go_before(tmp_path):
-    notebook = write(tmp_path / "a.ipynb", PARAMETERS)
+    notebook = write_notebook(tmp_path / "a.ipynb", PARAMETERS)
     values = notebooks.with_defaults(notebook, {"seed": 3, "noise": 2, "of_another_notebook": 1})
     assert values == {"flight_path": "a flight", "results_path": "", "seed": 3, "noise": 2}
 
@@ -42,14 +42,14 @@ def test_defaults_are_values_and_given_ones_go_before(tmp_path):
     ],
 )
 def test_a_value_of_another_type_is_refused(tmp_path, given, said):
-    notebook = write(tmp_path / "a.ipynb", PARAMETERS)
+    notebook = write_notebook(tmp_path / "a.ipynb", PARAMETERS)
     with pytest.raises(ValueError, match=said):
         notebooks.with_defaults(notebook, given)
 
 
 @pytest.mark.parametrize("text", ["", "{", None])
 def test_a_notebook_that_cannot_be_read_is_named(tmp_path, text):
-    notebook = write(tmp_path / "a.ipynb", "seed = int('3')")
+    notebook = write_notebook(tmp_path / "a.ipynb", "seed = int('3')")
     if text is not None:
         notebook.write_text(text)
     with pytest.raises(notebooks.NotebookError, match="notebook a, cell 1: no readable parameters"):
@@ -61,7 +61,7 @@ def test_the_process_is_this_interpreter_alone(tmp_path, monkeypatch):
     (tmp_path / "statistics.py").write_text("raise ImportError('from the current folder')")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    notebook = write(
+    notebook = write_notebook(
         tmp_path / "{a} \u00e9.ipynb",
         PARAMETERS,
         "import os, statistics, sys\n[sys.executable, os.getcwd()]",
@@ -78,7 +78,7 @@ def test_the_process_is_this_interpreter_alone(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_two_runs_are_equal_byte_for_byte_and_show_the_parameters_once(tmp_path):
-    notebook = write(
+    notebook = write_notebook(
         tmp_path / "a.ipynb",
         PARAMETERS,
         "import warnings\nwarnings.warn('hm')",
@@ -111,7 +111,7 @@ def test_two_runs_are_equal_byte_for_byte_and_show_the_parameters_once(tmp_path)
     ],
 )
 def test_a_failing_cell_is_named_with_the_last_line_of_its_error(tmp_path, cell, said):
-    notebook = write(tmp_path / "a.ipynb", PARAMETERS, cell, "'never'")
+    notebook = write_notebook(tmp_path / "a.ipynb", PARAMETERS, cell, "'never'")
     with pytest.raises(notebooks.NotebookError) as caught:
         execute(notebook, tmp_path / "out" / "a.ipynb")
     assert str(caught.value) == said
@@ -131,7 +131,7 @@ def test_a_failing_cell_is_named_with_the_last_line_of_its_error(tmp_path, cell,
 )
 def test_an_error_of_the_library_stays_what_it_is(tmp_path, kind, argument, said):
     cell = f"from acx4lib.errors import {kind.__name__}\nraise {kind.__name__}({argument})"
-    notebook = write(tmp_path / "a.ipynb", PARAMETERS, cell)
+    notebook = write_notebook(tmp_path / "a.ipynb", PARAMETERS, cell)
     with pytest.raises(kind) as caught:
         execute(notebook, tmp_path / "out" / "a.ipynb")
     assert str(caught.value) == said

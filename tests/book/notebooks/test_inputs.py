@@ -4,8 +4,7 @@ import pytest
 
 from acx4book.notebooks import inputs
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from support.helpers import ROOT
-from support.small_notebooks import write
+from support.helpers import ROOT, write_notebook
 
 
 @pytest.fixture
@@ -33,7 +32,7 @@ def reached(notebook, sources):
 
 
 def test_packages_on_the_way_are_read_and_late_imports_are_followed(tmp_path, sources):
-    notebook = write(tmp_path / "a.ipynb", "seed = 1", "from acx4lib.room.far import f")
+    notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1", "from acx4lib.room.far import f")
     assert reached(notebook, sources) == {
         *("acx4lib/__init__.py", "acx4lib/room/__init__.py", "acx4lib/room/near.py"),
         *("acx4lib/room/far.py", "acx4book/__init__.py", "acx4book/late.py"),
@@ -43,12 +42,12 @@ def test_packages_on_the_way_are_read_and_late_imports_are_followed(tmp_path, so
 def test_what_a_house_loads_on_demand_is_followed_where_the_house_itself_is_imported(
     tmp_path, sources
 ):
-    notebook = write(tmp_path / "a.ipynb", "seed = 1", "import acx4lib as acx")
+    notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1", "import acx4lib as acx")
     assert "acx4lib/room/on_demand.py" in reached(notebook, sources)
 
 
 def test_every_input_changes_the_digest_and_nothing_else_does(tmp_path, sources):
-    notebook = write(tmp_path / "a.ipynb", "seed = 1", "from acx4lib.room import far")
+    notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1", "from acx4lib.room import far")
     data = tmp_path / "data.csv"
     data.write_text("1\n")
 
@@ -74,5 +73,5 @@ def test_a_chapter_depends_on_its_own_room_and_not_on_anothers():
 
 
 def test_a_chapter_depends_on_how_figures_are_shown(tmp_path):
-    notebook = write(tmp_path / "a.ipynb", "seed = 1")
+    notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1")
     assert "acx4book/typesetting/drawing/compact.py" in reached(notebook, ROOT / "src")

@@ -7,12 +7,12 @@ import nbformat
 import pytest
 
 from acx4book.notebooks import interpreter
-from support.small_notebooks import write
+from support.helpers import write_notebook
 
 
 def run(folder, *cells):
     """Run cells after that of the parameters, and return them with the cells that were started."""
-    notebook, executed = write(folder / "a.ipynb", "seed = 1", *cells), folder / "b.ipynb"
+    notebook, executed = write_notebook(folder / "a.ipynb", "seed = 1", *cells), folder / "b.ipynb"
     started = []
     try:
         interpreter.execute(

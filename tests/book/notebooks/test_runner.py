@@ -15,7 +15,7 @@ from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.marks import MARK, SCRATCH
 from support.flights import written
-from support.small_notebooks import write
+from support.helpers import write_notebook
 
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 KEEP = """
@@ -44,9 +44,11 @@ def keep(stage, method, extra="{}"):
 @pytest.fixture
 def notebooks_path(tmp_path):
     folder = tmp_path / "notebooks"
-    write(folder / "00-flight.ipynb", PARAMETERS, "import os\nassert os.path.isdir(flight_path)")
+    write_notebook(
+        folder / "00-flight.ipynb", PARAMETERS, "import os\nassert os.path.isdir(flight_path)"
+    )
     for stage, method in (("mounting", "single_step"), ("validation", "single_step")):
-        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
+        write_notebook(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, method))
     return folder
 
 
@@ -116,12 +118,12 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     folder = tmp_path / "results"
     mounting = notebooks_path / "03-mounting-calibration.ipynb"
     undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
-    write(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
+    write_notebook(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
     runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
-    write(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
+    write_notebook(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
     with pytest.raises(NotebookError) as caught:
         runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
     assert (
@@ -146,9 +148,11 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
 ):
     extra = {"not_determined": ["lever_z_m"], "left_out": ["two_step needs control"]}
     mounting = notebooks_path / "03-mounting-calibration.ipynb"
-    write(mounting, PARAMETERS, keep("mounting", "single_step", extra))
+    write_notebook(mounting, PARAMETERS, keep("mounting", "single_step", extra))
     validation = notebooks_path / "04-validation.ipynb"
-    write(validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]}))
+    write_notebook(
+        validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]})
+    )
     report = runner.run(flight_path, tmp_path / "results", way=Notebooks(path=notebooks_path))
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
@@ -189,13 +193,15 @@ def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     flight = tmp_path / "flight"
     acx4sim.write(acx4sim.DESIGNS["acx4-ideal"](seed=1), flight)
     folder = tmp_path / "notebooks"
-    write(folder / "00-flight.ipynb", PARAMETERS, "seed")
+    write_notebook(folder / "00-flight.ipynb", PARAMETERS, "seed")
     for stage in results.STAGES:
-        write(folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method"))
+        write_notebook(
+            folder / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, keep(stage, "method")
+        )
     of_rig = keep("mounting", "rig").replace('["mounting"]', '["mounting/rig"]')
-    write(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    write_notebook(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
-    write(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
+    write_notebook(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
     report = runner.run(flight, tmp_path / "results", way=Notebooks(path=folder))
     assert report.not_determined == ("no heads",)
     found = results.read(tmp_path / "results").parameters
@@ -219,7 +225,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
             table[table["image"].str.endswith("LEFT")].to_csv(path / "heads" / name, index=False)
     left_out = keep("mounting", "rig", {"left_out": ["mounting/rig: no"], "notes": ["hm"]})
     of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
-    write(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
+    write_notebook(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     report = runner.run(
         path, tmp_path / "results", stages=["mounting"], way=Notebooks(path=notebooks_path)
     )

@@ -25,7 +25,7 @@ def page():
         "a guess | noise of image points | 0.5 px |",
         "a guess | noise of natural targets | 1 to 2 px |",
         "a guess | tie points of every head | 500 |",
-        "ground that has tie points, heads and calibration | 5.2 x 3.8 and 4.2 x 2.5 km |",
+        "ground that has tie points, heads and calibration | 5.2 × 3.8 and 4.2 × 2.5 km |",
         "a guess | control field | 56 over",
         "a guess | side overlap of the validation block | 30 % |",
         "a guess | places of the heads | a square of 0.16 m |",

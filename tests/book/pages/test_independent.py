@@ -9,8 +9,7 @@ import pytest
 import yaml
 
 from acx4book.pages import api, independent
-from support.helpers import ROOT
-from support.small_notebooks import write
+from support.helpers import ROOT, write_notebook
 
 
 @pytest.fixture
@@ -18,7 +17,7 @@ def copy(tmp_path, monkeypatch):
     """A working copy with two chapters; each run of one leaves a line in its file."""
     for name in ("01-one", "02-two"):
         ran = f"from pathlib import Path\nprint('a', file=Path('ran-{name}').open('a'))"
-        write(tmp_path / "notebooks" / f"{name}.ipynb", "seed: int = 1", ran)
+        write_notebook(tmp_path / "notebooks" / f"{name}.ipynb", "seed: int = 1", ran)
     (tmp_path / "environment.lock").write_text("numpy==2\n")
     (tmp_path / "data.csv").write_text("1\n")
     (tmp_path / "executed").mkdir()

@@ -1,1 +1,1 @@
-"""Flights with mutations, read as `acx4 check` reads them: every outcome must be a sentence."""
+"""Mutated files: flights, and those of other programs; every outcome must be a sentence."""

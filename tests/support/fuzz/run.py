@@ -19,7 +19,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[2]
 
-ALL = ("flights", "strangers.cases")
+ALL = ("flights.cases", "strangers.cases")
 """Modules that make cases."""
 
 
@@ -48,7 +48,7 @@ class Report:
             by_outcome[outcome] += n
         kinds = sorted({kind for kind, _ in self.outcomes})
         rows = [
-            f"{kind:>10}: "
+            f"{kind:>26}: "
             + ", ".join(f"{n} {o}" for (k, o), n in sorted(self.outcomes.items()) if k == kind)
             for kind in kinds
         ]
@@ -60,7 +60,7 @@ class Report:
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
-def run(work: Path, *, cases: int, seed: int, what: str = "flights") -> Report:
+def run(work: Path, *, cases: int, seed: int, what: str = "flights.cases") -> Report:
     """Work through the cases of a seed in one process; a new one where it was killed.
 
     Parameters
@@ -132,7 +132,9 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int, w
 
 def _count(report: Report, begun: dict[str, object], told: dict[str, object], seed: int) -> None:
     kind = str(begun["kind"])
-    report.outcomes[kind if "+" not in kind else "several", str(told["outcome"])] += 1
+    of, _, ways = kind.rpartition(" ")
+    label = f"{of} several" if "+" in ways else kind
+    report.outcomes[label.strip(), str(told["outcome"])] += 1
     case = int(str(begun["case"]))
     report.seconds = max(report.seconds, (float(str(told.get("seconds", 0))), case))
     report.peak = max(report.peak, (int(str(told.get("peak", 0))), case))

@@ -38,6 +38,7 @@ KIND, images of --orientations BLOCK:
   rph              latitude, longitude, ellipsoidal height, roll, pitch, heading of the image
 
 Orientations are those of direct georeferencing: trajectory, boresight and lever arm, no adjustment.
+A later --flight needs no image points and no control.
 
 \b
 Examples:
@@ -101,21 +102,19 @@ def export(
     found = calibrated.read(results, method=method, heads=kind.heads)
     made = _made(kind, found, orientations, flight)
     taken.require_near(made, allow)
-    names = ", ".join(camera.name for camera in found.cameras)
-    title = f"{to}: {names} by {found.method}"
-    taken.write(made, out, title=title)
+    title = f"{to}: {found.title}"
+    taken.write(made, out, title=title, origin=found.origin)
     _show(title, found, made)
     terminal.show(f"{out}: {', '.join([*made.files, taken.STATEMENT])}")
 
 
 def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations where a block is named."""
-    from acx4lib.exchange.outward.orientations import orient  # noqa: PLC0415 quick help
-    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
+    from acx4lib.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(found)
-    flown = found.flight if flight is None else read(flight)
+    flown = found.flight if flight is None else read_flown(flight)
     oriented = orient(found, flown, block)
     if kind.oriented is None:
         msg = "kind: expected one with a place for orientations"

@@ -84,7 +84,7 @@ def _machine(benchmark: Renderings) -> str:
         )
         if key in versions
     )
-    size = f"{about['width_px']:,} x {about['height_px']:,} px"
+    size = f"{about['width_px']:,} × {about['height_px']:,} px"
     reduced = (
         "" if benchmark.reduction == 1 else f", at 1/{benchmark.reduction} of the camera's size"
     )
@@ -157,7 +157,7 @@ def _timed(benchmark: Renderings, name: str) -> dict[str, Any]:
     side = round(float(own["pixels"]) ** 0.5)
     row = {
         "Renderer": RENDERERS[name],
-        "Measured on": "the image" if whole else f"{side} x {side} px, scaled",
+        "Measured on": "the image" if whole else f"{side} × {side} px, scaled",
         "Samples a pixel": own["samples"] / own["pixels"],
         "Wall, s": scale * own["wall_s"],
         "CPU, s": scale * own["cpu_s"],
@@ -216,7 +216,7 @@ def _file_table(benchmark: Renderings) -> str:
     rows: list[dict[str, Any]] = [
         {
             "Command": FILES[own["what"]],
-            "Image": f"{own['width_px']:,.0f} x {own['height_px']:,.0f} px",
+            "Image": f"{own['width_px']:,.0f} × {own['height_px']:,.0f} px",
             "Wall, s": own["wall_s"],
             "CPU, s": own["cpu_s"],
             "Peak, MB": own["peak_mb"],

@@ -33,7 +33,7 @@ def megapixels() -> Agreement:
     return (
         "3.1",
         f"{paper.statement('head_megapixels'):.1f} megapixels",
-        f"{width:.0f} x {height:.0f} = {width * height / 1e6:.1f} million",
+        f"{width:.0f} × {height:.0f} = {width * height / 1e6:.1f} million",
     )
 
 
@@ -43,8 +43,8 @@ def synthetic_size() -> Agreement:
     printed = [paper.value(2, name, "SYN") for name in ("width_mm", "height_mm")]
     return (
         "Table 2",
-        f"{printed[0]:.2f} x {printed[1]:.2f} mm",
-        f"{width:.2f} x {height:.2f} mm from the pixels",
+        f"{printed[0]:.2f} × {printed[1]:.2f} mm",
+        f"{width:.2f} × {height:.2f} mm from the pixels",
     )
 
 

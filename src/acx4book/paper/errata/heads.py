@@ -224,7 +224,7 @@ def coverage() -> tuple[str, str, str]:
     width, height = 2 * paper.corners("SYN")[0]
     um, syn_um = paper.statement("head_pixel_um"), paper.value(2, "pixel_um", "SYN")
     return (
-        f"synthetic image of {width:.2f} x {height:.2f} mm with {syn_um:g} µm pixels, heads with"
+        f"synthetic image of {width:.2f} × {height:.2f} mm with {syn_um:g} µm pixels, heads with"
         f" {um:g} µm pixels",
         f"the heads reach x {low[0]:.1f} to {high[0]:.1f} mm, y {low[1]:.1f} to {high[1]:.1f} mm;"
         f" uncovered {100 * as_read:.0f} %, with transposed rotations {100 * transposed:.0f} %",

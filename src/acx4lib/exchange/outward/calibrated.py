@@ -45,17 +45,30 @@ class Calibrated:
         only the heads' rotations relative to each other are estimated.
     others : tuple of str
         Methods that the results have besides.
+    digest : str
+        SHA-256 of the tables of the flight.
     """
 
     flight: Flight
     method: str
     calibration: Calibration
     others: tuple[str, ...] = ()
+    digest: str = ""
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
         """The calibrated cameras; of heads the first one is the reference."""
         return self.calibration.cameras
+
+    @property
+    def title(self) -> str:
+        """Which cameras, by which method."""
+        return f"{', '.join(camera.name for camera in self.cameras)} by {self.method}"
+
+    @property
+    def origin(self) -> str:
+        """Which flight it was calibrated on, a sentence."""
+        return f"calibrated on the flight {self.flight.name!r}; SHA-256 of its tables {self.digest}"
 
     @property
     def mounted(self) -> bool:
@@ -92,13 +105,14 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
         raise FlightError([_missing(found, chosen, there, heads=heads)])
-    provenance.read(at)  # raises where the kept flight was changed
+    origin = provenance.read(at)
     flight = read_kept(at / provenance.KEPT)
     return Calibrated(
         flight=flight,
         method=chosen,
         calibration=_read(found, chosen, flight),
         others=tuple(name for name in usable if name != chosen),
+        digest=origin.digest,
     )
 
 

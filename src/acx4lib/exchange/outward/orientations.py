@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,9 @@ from acx4lib.errors import FlightError
 from acx4lib.exchange.outward.calibrated import Calibrated
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, select_cameras
-from acx4lib.flight.reader import Flight
+from acx4lib.flight.block_from_tables import BLOCKS, read_block, without_points
+from acx4lib.flight.reader import Flight, checked
+from acx4lib.flight.text.document import read_toml
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import R_ENU_NED, MappingFrame, rotation_enu_to_ecef
 from acx4lib.georeferencing.direct import Georeferenced, georeference, pose_covariances
@@ -51,6 +54,19 @@ class Oriented:
         """Where the topocentric axes begin, in words."""
         lon, lat = self.block.frame.origin
         return f"longitude {lon:.9f}, latitude {lat:.9f} degrees, ellipsoidal height 0"
+
+
+def read_flown(path: Path) -> Flight:
+    """Return a flight of which nothing need be measured, nor any control be there.
+
+    Raises
+    ------
+    FlightError
+        With all that is wrong with it.
+    """
+    there = [name for name in BLOCKS if (path / name).is_dir()]
+    blocks = [without_points(read_block(path, name, pictures=path), path) for name in there]
+    return checked(read_toml(path / "flight.toml"), blocks)
 
 
 def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:

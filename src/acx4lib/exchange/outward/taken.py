@@ -74,21 +74,21 @@ def sentences(taken: Taken) -> tuple[str, ...]:
     )
 
 
-def statement(title: str, taken: Taken) -> str:
+def statement(taken: Taken, *, title: str, origin: str) -> str:
     """Return export.md: what was written, in which conventions, and what was left out."""
     parts = {
         "Lenses": sentences(taken),
         "Conventions": taken.assumed,
         "Left out": taken.left_out,
     }
-    lines = [f"# {title}", ""]
+    lines = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
     for name, said in parts.items():
         if said:
             lines += [f"## {name}", "", *(f"- {one}" for one in said), ""]
     return "\n".join(lines)
 
 
-def write(taken: Taken, folder: Path, *, title: str) -> None:
+def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
     """Write the files and export.md into a folder, all of them or none.
 
     Parameters
@@ -97,13 +97,15 @@ def write(taken: Taken, folder: Path, *, title: str) -> None:
     folder : Path
         New, empty, or written by an export before; then its files are replaced.
     title : str
+    origin : str
+        Where the calibration comes from, a sentence without its full stop.
 
     Raises
     ------
     OutputError
         Where the folder is somebody else's.
     """
-    texts = {**taken.files, STATEMENT: statement(title, taken)}
+    texts = {**taken.files, STATEMENT: statement(taken, title=title, origin=origin)}
     with claims.claim(folder, command=COMMAND) as own:
         own.expect(texts)
         drafts = {name: _draft(folder / name, text) for name, text in texts.items()}

@@ -16,7 +16,7 @@ from acx4lib.exchange.brought import Brought
 from acx4lib.exchange.programs.shared import photo_lists
 from acx4lib.exchange.programs.shared.photo_lists import Measured
 from acx4lib.exchange.safe import opened, text_lines
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import METRES, quoted
 
 ROLES = {"CONT": "control", "CHCK": "check"}
 
@@ -75,7 +75,7 @@ def _with_control(brought: Brought, path: Path, found: list[Measured]) -> Brough
         name = line.cell(1, "point")
         if name in rows:
             raise line.wrong("point", f"{quoted(name)} stands twice", "must stand once")
-        rows[name] = [*line.numbers(2, 5, "east, north, height").tolist(), ROLES[keyword]]
+        rows[name] = [*line.numbers(2, 5, "east, north, height", METRES).tolist(), ROLES[keyword]]
     if not rows:
         return replace(brought, left_out=_not_read(others))
     columns = ("east_m", "north_m", "height_m", "role")

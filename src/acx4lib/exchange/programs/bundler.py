@@ -32,6 +32,10 @@ SKEW = 1e-4
 
 FOCAL = Range(0.0, 1e7, "must be a focal length in pixels, 0 for an image without orientation")
 
+ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
+LENGTH = Range(-1e9, 1e9)
+COEFFICIENT = Range(-1e6, 1e6)
+
 ASSUMED = (
     "camera axes are x right, y up, z backwards; measurements count from the middle of the image",
 )
@@ -126,7 +130,7 @@ def _bundle(file: Opened) -> Bundle:
     R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
     x_w, seen, again = [], [], 0
     for point in range(n_points):
-        x_w.append(rows.next("point").numbers(0, 3, "point"))
+        x_w.append(rows.next("point").numbers(0, 3, "point", LENGTH))
         rows.next("color")
         views = _views(rows, n_cameras)
         seen += [(image, point, x, y) for image, (x, y) in views.items()]
@@ -173,11 +177,11 @@ def _camera(rows: _Rows) -> Array:
     f = first.number_at(0, "focal length", FOCAL)
     second = rows.next("rotation")
     below = [second, rows.next("rotation"), rows.next("rotation")]
-    R = np.stack([row.numbers(0, 3, "rotation") for row in below])
+    R = np.stack([row.numbers(0, 3, "rotation", ENTRY) for row in below])
     if f > 0 and (np.abs(R @ R.T - np.eye(3)).max() > SKEW or np.linalg.det(R) < 0):
         raise second.wrong("rotation", "three rows are no rotation", "must be one")
-    t = rows.next("translation").numbers(0, 3, "translation")
-    k = first.numbers(1, 3, "k1, k2")
+    t = rows.next("translation").numbers(0, 3, "translation", LENGTH)
+    k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
     return np.concatenate([[f], k, (_orthogonal(R) if f > 0 else np.eye(3)).ravel(), t])
 
 
@@ -195,7 +199,7 @@ def _views(rows: _Rows, n_cameras: int) -> dict[int, tuple[float, float]]:
     if not 0 <= n == (len(row) - 1) / 4:
         found = f"{len(row) - 1} cells after the number {n}"
         raise row.wrong("views", found, "must be four for each view: camera, key, x, y")
-    values = row.numbers(1, None, "views").reshape(-1, 4)
+    values = row.numbers(1, None, "views", LENGTH).reshape(-1, 4)
     rows.views = n
     views: dict[int, tuple[float, float]] = {}
     for camera, _, x, y in values.tolist():

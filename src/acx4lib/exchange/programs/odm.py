@@ -21,7 +21,7 @@ from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line
 from acx4lib.expected import Array
-from acx4lib.flight.problems import RANGES, quoted
+from acx4lib.flight.problems import METRES, RANGES, quoted
 from acx4lib.flight.text.in_memory import Columns
 
 UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
@@ -157,7 +157,7 @@ def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> coordinat
 
 
 def _seen(row: Line) -> Seen:
-    x, y = (row.number_at(k, name) for k, name in ((0, "x"), (1, "y")))
+    x, y = (row.number_at(k, name, METRES) for k, name in ((0, "x"), (1, "y")))
     z = float("nan")
     if row.cell(2, "z").lower() != "nan":
         z = row.number_at(2, "z", RANGES["height_m"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acx4lib.errors import FlightError
@@ -24,10 +24,13 @@ class Opened:
     file : str
         Its path, as messages name it.
     data : bytes
+    encoding : str
+        Of its text, where it is neither UTF-8 nor UTF-16 with its mark; empty otherwise.
     """
 
     file: str
     data: bytes
+    encoding: str = ""
 
     @property
     def name(self) -> str:
@@ -51,7 +54,7 @@ class Opened:
         FlightError
             Where it is neither UTF-8 nor, with its mark, UTF-16.
         """
-        code = "utf-16" if self.data[:2] in TEXT_MARKS else "utf-8-sig"
+        code = self.encoding or ("utf-16" if self.data[:2] in TEXT_MARKS else "utf-8-sig")
         try:
             text = self.data.decode(code)
         except UnicodeDecodeError as error:
@@ -63,6 +66,15 @@ class Opened:
             found, line = "holds a null character", text.count("\n", 0, at) + 1
             raise self.wrong("file", found, "must be text", line=line)
         return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def of_windows(source: Opened) -> Opened:
+    """Return a file as text of Windows-1252 if it is not UTF-8 nor UTF-16, else as it is."""
+    try:
+        source.data.decode("utf-16" if source.data[:2] in TEXT_MARKS else "utf-8")
+    except UnicodeDecodeError:
+        return replace(source, encoding="cp1252")
+    return source
 
 
 def refusal(file: str, line: int, element: str, found: str, expected: str) -> FlightError:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe.opened import Opened, refusal
 from acx4lib.expected import Array
@@ -70,13 +72,17 @@ class Line:
             raise self.wrong(element, quoted(cell), "must be a whole number")
         return int(cell)
 
-    def numbers(self, first: int, last: int | None, element: str) -> Array:
-        """Return the cells from one to another, this one excluded, as finite numbers."""
+    def numbers(
+        self, first: int, last: int | None, element: str, allowed: Range | None = None
+    ) -> Array:
+        """Return the cells from one to another, this one excluded, as finite numbers in a range."""
         if last is not None:
             self.cell(last - 1, element)
         values = numbers_of(self.cells[first:last])
-        for k in (~(abs(values) < float("inf"))).nonzero()[0][:1]:
-            self.number_at(first + int(k), element)
+        low, high = (-np.inf, np.inf) if allowed is None else (allowed.low, allowed.high)
+        good = (values >= low) & (values <= high) & np.isfinite(values)
+        for k in np.flatnonzero(~good)[:1]:
+            self.number_at(first + int(k), element, allowed)
             raise self.wrong(element, quoted(self.cells[first + int(k)]), "must be a finite number")
         return values
 

@@ -76,7 +76,7 @@ def read(path: Path, meaning: Meaning, options: orientation_table.Options) -> Br
         With file and line, where no heading is found, a word of it is not known, positions are
         not in metres, or a row is wrong.
     """
-    source = opened.read(path)
+    source = opened.of_windows(opened.read(path))
     heading, columns = _heading(source)
     listed = _listed(source, heading, columns)
     preamble = _preamble(source, heading.number)

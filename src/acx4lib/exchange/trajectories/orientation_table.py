@@ -53,7 +53,7 @@ def read(path: Path, meaning: Meaning, options: Options) -> Brought:
     FlightError
         With file and line.
     """
-    source = opened.read(path)
+    source = opened.of_windows(opened.read(path))
     listed = read_list(source, options.columns, separator=options.separator, numbers=NUMBERS)
     return brought(listed, meaning, options, source="Table of orientations")
 
@@ -124,6 +124,7 @@ def _assumed(
         )
     return (
         f"The columns, by {heading}, are: {columns}; x counts east, y north{numbered}.",
+        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
         attitude,
         _whose(options.of),
         orientations.heights_said(meaning),
@@ -147,7 +148,7 @@ def _angles(found: orientations.Oriented) -> tuple[str, ...]:
 
 
 def _found(listed: Listed, found: orientations.Oriented, meaning: Meaning) -> tuple[str, ...]:
-    lines = [f"{len(listed.rows)} orientations."]
+    lines = [f"Positions and attitudes: {len(listed.rows)}."]
     angles = found.opk if found.opk is not None else found.rph
     low, high = (
         np.degrees(np.asarray(angles)).min(axis=0),

@@ -89,7 +89,10 @@ def read(trajectory: Path, events: Path, deviations: Path | None, options: Optio
     """
     track = sbet.read_track(_opened(trajectory))
     listed = read_events(
-        _opened(events), columns=options.columns, separator=options.separator, base=options.time
+        opened.of_windows(_opened(events)),
+        columns=options.columns,
+        separator=options.separator,
+        base=options.time,
     )
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")

@@ -17,7 +17,7 @@ from acx4lib.tie_points.least_squares_matching import correlate, match
 SPLINE = 8
 """Pixels around a patch over which the splines of a stack's neighbours fade away."""
 
-OTHER_PIXELS = 0.2
+OTHER_PIXELS = 0.1
 """Standard deviation of a position between pictures of other flying heights, as a share of the
 difference of their pixels: an edge is where a pixel mixes both sides, and not the same in both."""
 

@@ -50,6 +50,7 @@ def _candidates(i: int, view: View, x_m: Array) -> Iterator[Candidate]:
             yield Candidate(
                 point=k,
                 view=i,
+                at_m=(float(x_m[k, 0]), float(x_m[k, 1])),
                 offset_m=_offset(view, x_m[k], places[k], colrow),
                 pixel_m=float(pixel_m[k]),
                 radius_m=float(disc.radius_px * pixel_m[k]),

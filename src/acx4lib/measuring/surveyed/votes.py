@@ -21,6 +21,9 @@ OTHERS = 2
 """Other points that must agree, where as many have candidates: a bright stone, too, is at the same
 place in all pictures, but not beside every point."""
 
+AROUND = 9
+"""Measurements of the nearest other points, the median of whose offsets is compared."""
+
 ALIKE, ALIKE_PX = 1.5, 0.5
 """Largest ratio, or else difference, of the radii on the ground of two targets."""
 
@@ -32,6 +35,8 @@ class Candidate:
     Attributes
     ----------
     point, view : int
+    at_m : tuple of float
+        x, y of the point in the mapping frame.
     offset_m : tuple of float
         On the ground, from where the point should be.
     pixel_m : float
@@ -45,6 +50,7 @@ class Candidate:
 
     point: int
     view: int
+    at_m: tuple[float, float]
     offset_m: tuple[float, float]
     pixel_m: float
     radius_m: float
@@ -72,7 +78,20 @@ def elected(candidates: Sequence[Candidate]) -> list[Candidate]:
         other = best.get((one.point, one.view))
         if votes[k] > 0 and (other is None or votes[k] > votes[other]):
             best[one.point, one.view] = k
-    return [candidates[k] for k in sorted(best.values())]
+    return _as_beside([candidates[k] for k in sorted(best.values())])
+
+
+def _as_beside(chosen: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates with the offset of the points around them; two stones may agree."""
+    out = []
+    for one in chosen:
+        others = [other for other in chosen if other.point != one.point]
+        others.sort(key=lambda other: np.hypot(*np.subtract(other.at_m, one.at_m)))
+        near = np.array([other.offset_m for other in others[:AROUND]] or [one.offset_m])
+        away = np.hypot(*(np.median(near, axis=0) - one.offset_m))
+        if away < OTHER_POINT_PX * one.pixel_m:
+            out.append(one)
+    return out
 
 
 def _votes(candidates: Sequence[Candidate]) -> tuple[Array, Array]:

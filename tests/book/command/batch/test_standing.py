@@ -12,7 +12,7 @@ from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader
 from acx4lib.results import provenance
 from support.flights import written
-from support.small_notebooks import write
+from support.helpers import write_notebook
 
 
 @pytest.fixture
@@ -79,10 +79,12 @@ def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
 ):
     for folder, more in ((tmp_path / "notebooks", ""), (left / runner.EXECUTED, "seed = 2")):
         for part in ("flight", "mounting"):
-            write(folder / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
+            write_notebook(folder / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
     wanted = replace(settings, notebooks=tmp_path / "notebooks")
     assert standing.is_whole(flight, left, wanted)
-    write(tmp_path / "notebooks" / f"{runner.NOTEBOOKS['mounting']}.ipynb", "seed = 1", "seed + 1")
+    write_notebook(
+        tmp_path / "notebooks" / f"{runner.NOTEBOOKS['mounting']}.ipynb", "seed = 1", "seed + 1"
+    )
     assert not standing.is_whole(flight, left, wanted)
     (left / runner.EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
     assert not standing.is_whole(flight, left, wanted)

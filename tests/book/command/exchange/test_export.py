@@ -1,8 +1,11 @@
 """`acx4 export` as its user meets it: files, lines and statuses."""
 
+import shutil
+
 import pytest
 
 from acx4lib.exchange.outward.kinds import KINDS
+from acx4lib.results import provenance
 from support.run_results import estimated, leave_calibration
 
 
@@ -28,12 +31,34 @@ def test_every_kind_is_written_said_and_the_same_again(acx4, rig, tmp_path, kind
         assert (outs[0] / name).read_bytes() == (outs[1] / name).read_bytes()
 
 
+def test_what_is_written_says_which_flight_it_is_of(acx4, rig, tmp_path):
+    acx4("export", rig, "--to", "toml", "--out", tmp_path / "out")
+    text = (tmp_path / "out" / "export.md").read_text()
+    digest = provenance.read(rig).digest
+    assert f"Calibrated on the flight 'small'; SHA-256 of its tables {digest}.\n" in text
+
+
 def test_images_of_a_later_flight_are_oriented_by_it(acx4, rig, tmp_path):
-    later = rig.parent / "flight"
+    """Of which nothing is measured, and where there is no control."""
+    later = tmp_path / "later"
+    shutil.copytree(rig.parent / "flight", later)
+    (later / "control_points.csv").unlink()
+    for block in ("heads", "calibration"):
+        (later / block / "image_points.csv").unlink()
     options = ("--to", "opk", "--orientations", "heads", "--out", tmp_path / "out")
     assert acx4("export", rig, *options, "--flight", later)[0] == 0
     lines = (tmp_path / "out/orientations.csv").read_text().splitlines()
     assert len(lines) == 1 + 12  # six exposures of two heads
+    acx4("export", rig, *options[:-1], tmp_path / "own")
+    own = (tmp_path / "own/orientations.csv").read_text().splitlines()
+    assert own == lines  # its trajectory is that of the calibration
+
+
+def test_a_later_flight_that_is_none_is_refused(acx4, rig, tmp_path):
+    options = ("--to", "opk", "--orientations", "heads", "--out", tmp_path / "out")
+    status, _, wrong = acx4("export", rig, *options, "--flight", tmp_path / "none")
+    assert status == 2
+    assert "none/flight.toml:1: file: is not there" in wrong
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ def test_a_trajectory_at_events_is_added_to_a_new_flight(acx4, files):
 
 def test_lists_of_orientations(acx4, files):
     status, said, _ = acx4("import", "orientations", files / "eo.txt", "--out", files / "f")
-    assert (status, "found: 1 orientations." in said) == (0, True)
+    assert (status, "found: Positions and attitudes: 1." in said) == (0, True)
     status, said, _ = acx4("import", "pospac-text", files / "pospac.txt", "--out", files / "g")
     assert (status, "those of the camera" in said) == (0, True)
     assert (files / "g" / "import.md").is_file()

@@ -107,7 +107,7 @@ def test_windows_are_scaled_to_the_samples_of_the_image(text):
     rows = {row[0]: row[1:] for row in lines(text, "tab-rendering-time")}
     # 0.5 s for 10 000 samples; the image needs 220 000
     assert rows["scipy map_coordinates, order 1"] == [
-        *("100 x 100 px, scaled", "1.000", "11.00", "11.00", "50000.0"),
+        *("100 × 100 px, scaled", "1.000", "11.00", "11.00", "50000.0"),
         *("–", "110.0"),
     ]
     assert rows["acx4lib, two threads"][:2] == ["the image", "1.100"]
@@ -124,9 +124,9 @@ def test_errors_are_shown_of_those_that_have_some(text):
 def test_commands_are_sorted_by_size(text):
     rows = [row[:3] for row in lines(text, "tab-rendering-files")]
     assert rows == [
-        ["acx4 render", "400 x 500 px", "2.0"],
-        ["nona", "400 x 500 px", "30.0"],
-        ["nona", "100 x 125 px", "3.0"],
+        ["acx4 render", "400 × 500 px", "2.0"],
+        ["nona", "400 × 500 px", "30.0"],
+        ["nona", "100 × 125 px", "3.0"],
     ]
 
 

@@ -94,7 +94,7 @@ def test_computed_numbers_are_those_found_independently(findings, number, number
         (3, "2.57^07, -1.04^10, 2.28^14 in Table 3, but k1 = 2.27^-06"),
         (4, "p1, p2 in mm^-2 (Tables 1 and 3)"),
         (14, "+0.0107, -0.0118, +0.0228 mm, 11, 8, 13 standard"),
-        (17, "67.20 x 90.72 mm with 5.6 µm"),
+        (17, "67.20 × 90.72 mm with 5.6 µm"),
         (22, "262 pairs for 36 points"),
     ],
 )
@@ -320,7 +320,7 @@ def test_what_agrees():
     agreements = audit.agreements().set_index("printed")["computed"]
     assert agreements["31 and 52 images"].endswith("31 and 52")
     assert agreements["60.5 megapixels"].endswith("60.5 million")
-    assert agreements["67.20 x 90.72 mm"].startswith("67.20 x 90.72 mm")
+    assert agreements["67.20 × 90.72 mm"].startswith("67.20 × 90.72 mm")
     assert agreements["ground pixels 8, 11, 10 cm"] == "7.5, 11.3, 9.8 cm"
     assert agreements["residuals of 3 µm, 0.5 pixel"].startswith("0.54 pixel")
     assert agreements["38.89 %"].endswith("38.89 %")

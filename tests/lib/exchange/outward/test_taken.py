@@ -16,15 +16,15 @@ FAR = Taken(
 
 
 def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
-    taken.write(FAR, tmp_path / "out", title="some: A, B")
+    taken.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
     assert (tmp_path / "out/a/b.txt").read_text() == "1\n"
     assert (tmp_path / "out/export.md").read_text() == (
-        "# some: A, B\n\n## Lenses\n\n"
+        "# some: A, B\n\nBy hand.\n\n## Lenses\n\n"
         "- A: lens refitted over the whole image, off by at most 0.2000 px, rms 0.1000 px\n"
         "- B: lens refitted over the whole image, off by at most 0.0100 px, rms 0.0000 px\n\n"
         "## Conventions\n\n- y is down\n\n## Left out\n\n- colours\n"
     )
-    taken.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other")
+    taken.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
     left = {path.name for path in (tmp_path / "out").rglob("*")}
     assert left == {"c.txt", "export.md", ".acx4.json"}
 
@@ -32,7 +32,7 @@ def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
 def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="holds what acx4 export did not write"):
-        taken.write(FAR, tmp_path, title="some")
+        taken.write(FAR, tmp_path, title="some", origin="x")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 

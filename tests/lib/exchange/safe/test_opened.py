@@ -37,3 +37,10 @@ def test_a_missing_or_too_large_file_and_a_folder_are_refused(tmp_path):
         opened.read(tmp_path / "a.txt", most=4)
     with pytest.raises(FlightError, match="Is a directory"):
         opened.read(tmp_path)
+
+
+def test_text_of_windows_is_read_where_it_is_asked_for():
+    source = opened.Opened(file="a", data="5°".encode("cp1252"))
+    assert opened.of_windows(source).text() == "5°"
+    plain = opened.Opened(file="a", data="5°".encode())
+    assert opened.of_windows(plain) is plain

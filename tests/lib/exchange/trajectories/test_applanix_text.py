@@ -52,6 +52,15 @@ def test_exterior_orientations(tmp_path, heading, begin, name):
     assert "Boresight values used: tx 0.1 deg" in brought.found[-1]
 
 
+def test_a_preamble_of_windows(tmp_path):
+    row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
+    text = f"Vol d'été\n{PREAMBLE}{HEADING}\n{row}\n"
+    (tmp_path / "eo.txt").write_bytes(text.encode("cp1252"))
+    brought = applanix_text.read(tmp_path / "eo.txt", Meaning(crs="EPSG:32617"), Options())
+    assert "Vol d'été" in brought.found[-1]
+    assert any("Windows-1252" in line for line in brought.assumed)
+
+
 def test_positions_in_two_forms_say_whether_the_crs_is_right(tmp_path):
     text = f"{PREAMBLE}{HEADING}\n7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}\n"
     brought = read(tmp_path, text)

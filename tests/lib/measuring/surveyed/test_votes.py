@@ -5,6 +5,7 @@ def spot(point, view, east, *, radius=0.3, bright=True, correlation=0.9):
     return Candidate(
         point=point,
         view=view,
+        at_m=(100.0 * point, 0.0),
         offset_m=(east, 0.0),
         pixel_m=0.2,
         radius_m=radius,
@@ -36,6 +37,12 @@ def test_a_point_in_one_picture_needs_others_beside_it():
     far = [spot(3, 1, 9.0), spot(4, 1, -9.0)]
     assert elected([spot(0, 0, 0.5), spot(1, 1, 0.6), *far]) == []
     assert len(elected([spot(0, 0, 0.5), *(spot(k, 1, 0.6) for k in (1, 2)), *far])) == 3
+
+
+def test_two_stones_that_agree_are_not_beside_the_others():
+    true = [spot(point, view, 0.5) for view in range(2) for point in range(6)]
+    stones = [spot(point, view, 7.0) for view in range(2) for point in (6, 7, 8)]
+    assert elected([*true, *stones]) == true
 
 
 def test_nobody_is_elected_without_candidates():

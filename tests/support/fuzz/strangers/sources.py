@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from acx4lib.exchange.outward.kinds import KINDS as EXPORTS
 from support import run_results
 from support.pictures import tagged
+from support.projects import colmap, metashape, opf
 
 CRS = ("--crs", "EPSG:31982")
 SIZED = ("--size", "400x300")
@@ -108,49 +108,6 @@ ID\tEVENT\tTIME(s)\tEASTING\tNORTHING\tELLIPSOID HEIGHT\tOMEGA\tPHI\tKAPPA\tLAT\
 a\t1\t100.5\t669850.0\t7187900.0\t2000.0\t0.1\t-0.2\t45.0\t-25.41\t-49.31
 b\t2\t101.5\t669950.0\t7187900.0\t2001.0\t0.1\t-0.2\t45.0\t-25.41\t-49.309
 """
-CHUNK = """<?xml version="1.0" encoding="UTF-8"?>
-<document version="1.2.0"><chunk label="Chunk 1" enabled="1">
-<sensors next_id="2"><sensor id="0" label="cam, 10mm" type="frame">
-<resolution width="400" height="300"/>
-<property name="pixel_width" value="0.01"/><property name="pixel_height" value="0.01"/>
-<calibration type="frame" class="adjusted"><resolution width="400" height="300"/>
-<f>360</f><cx>1.5</cx><cy>-2.5</cy><k1>-0.05</k1><k2>0.01</k2><p1>0.001</p1><p2>0.002</p2>
-</calibration></sensor></sensors>
-<cameras next_id="2" next_group_id="0">
-<camera id="0" sensor_id="0" label="a.jpg" enabled="1">
-<transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</transform>
-<reference x="-49.31" y="-25.41" z="2000" yaw="10" pitch="1" roll="2" enabled="1"/></camera>
-<camera id="1" sensor_id="0" label="b.jpg" enabled="1">
-<transform>1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1</transform>
-<reference x="-49.309" y="-25.41" z="2001" yaw="10" pitch="1" roll="2" enabled="1"/></camera>
-</cameras>
-<markers next_id="1" next_group_id="0"><marker id="0" label="P">
-<reference x="-49.31" y="-25.41" z="900" enabled="1"/></marker></markers>
-<frames next_id="1"><frame id="0"><markers><marker marker_id="0">
-<location camera_id="0" pinned="1" x="200.5" y="150.25"/>
-<location camera_id="1" x="100.5" y="50.25"/></marker></markers></frame></frames>
-<reference>WGS_84</reference>
-<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>3758300 -4370300 -2720000</translation>
-<scale>10</scale></transform>
-</chunk></document>
-"""
-WGS_84 = (
-    'GEOGCS["WGS 84",DATUM["World Geodetic System 1984",SPHEROID["WGS 84",6378137,298.257223563,'
-    'AUTHORITY["EPSG","7030"]],AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0],'
-    'UNIT["degree",0.01745329251994328],AUTHORITY["EPSG","4326"]]'
-).replace('"', "&quot;")
-COLMAP = {
-    "cameras.txt": "# cameras\n1 OPENCV 400 300 360 360 200 150 -0.05 0.01 0.001 0.002\n",
-    "images.txt": """# images
-1 1 0 0 0 0 0 0 1 a.jpg
-235.5 150.25 1 271.0 221.0 2 10.5 20.5 -1
-2 1 0 0 0 -1 0 0 1 b.jpg
-165.5 150.25 1 200.0 221.0 2
-""",
-    "points3D.txt": "1 0.5 0 5 0 0 0 0.5 1 0 2 0\n2 1 1 5 0 0 0 0.5 1 1 2 1\n",
-    "rigs.txt": "1 1 CAMERA 1\n",
-    "frames.txt": "1 1 1 0 0 0 0 0 0 1 CAMERA 1 1\n2 1 1 0 0 0 -1 0 0 1 CAMERA 1 2\n",
-}
 EVENTS = "image,time\na,100.52\nb,101.01\n"
 
 
@@ -202,21 +159,6 @@ def _sbet(folder: Path) -> None:
     (folder / "events.csv").write_text(EVENTS)
 
 
-def _colmap(folder: Path) -> None:
-    """Write the binary twin of `COLMAP`, without rigs."""
-    camera = struct.pack("<QIiQQ8d", 1, 1, 4, 400, 300, 360, 360, 200, 150, -0.05, 0.01, 1e-3, 2e-3)
-    (folder / "cameras.bin").write_bytes(camera)
-    images = struct.pack("<Q", 2)
-    for number, (x, at) in enumerate(((0.0, 235.5), (-1.0, 165.5)), start=1):
-        images += (
-            struct.pack("<I7dI", number, 1.0, *[0.0] * 3, x, 0.0, 0.0, 1) + b"a%d.jpg\0" % number
-        )
-        images += struct.pack("<QddQddQ", 2, at, 150.25, 1, 10.5, 20.5, 2**64 - 1)
-    (folder / "images.bin").write_bytes(images)
-    point = struct.pack("<QQ3d3BdQIIII", 1, 1, 0.5, 0.0, 5.0, 0, 0, 0, 0.5, 2, 1, 0, 2, 0)
-    (folder / "points3D.bin").write_bytes(point)
-
-
 SMALL = {
     "Camera:PrincipalPoint": "0.12,0.09",
     "Camera:PerspectiveFocalLength": 1.2,
@@ -253,10 +195,12 @@ def _results(folder: Path) -> None:
 
 SOURCES: dict[str, Source] = {
     "metashape": Source(
-        write=_files(chunk__xml=CHUNK.replace("WGS_84", WGS_84)), source="chunk.xml", options=CRS
+        write=lambda folder: metashape.write(folder / "chunk.xml"), source="chunk.xml"
     ),
-    "colmap": Source(write=_of(COLMAP), options=("--orientations", "adjusted", *CRS)),
-    "colmap-binary": Source(write=_colmap, kind="colmap"),
+    "metashape-project": Source(write=metashape.write_project, source="p.psx", kind="metashape"),
+    "colmap": Source(write=colmap.write_text, options=("--orientations", "adjusted", *CRS)),
+    "colmap-binary": Source(write=colmap.write_binary, kind="colmap"),
+    "opf": Source(write=opf.write),
     "opensfm": Source(
         write=_of(
             {

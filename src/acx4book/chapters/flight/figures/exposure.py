@@ -149,7 +149,7 @@ def caption(flight: Flight) -> str:
     thick = "the synthetic image that is made of them" if n > 1 else "its frame"
     return (
         f"{cameras}, {found.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
-        f"cameras of the flight {shown(flight.name)}. Thick: {thick}, {each[0]:.0f} x "
+        f"cameras of the flight {shown(flight.name)}. Thick: {thick}, {each[0]:.0f} × "
         f"{each[1]:.0f} m on the ground. Thin: the other exposures of the strip."
     )
 

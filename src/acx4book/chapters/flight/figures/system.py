@@ -117,7 +117,7 @@ def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
     first, n = cameras[0], len(cameras)
     what = f"{n} heads of" if n > 1 else "one camera of"
     camera = (
-        f"{what}\n{first.width_px} x {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
+        f"{what}\n{first.width_px} × {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
         f"focal length {first.interior.f:g} mm"
     )
     for at, text in (

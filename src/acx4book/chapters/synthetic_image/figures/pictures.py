@@ -213,7 +213,7 @@ def synthetic_picture(
             _draw_crop(fig.add_subplot(grid[number, 1]), image, stretch, window, "AB"[number])
         frameless(ax)
         size = (
-            f"{synthetic.width_px} x {synthetic.height_px} px of {1000 * synthetic.pixel_mm:g} µm"
+            f"{synthetic.width_px} × {synthetic.height_px} px of {1000 * synthetic.pixel_mm:g} µm"
         )
         style.heading(ax, "synthetic image", size)
     return fig
@@ -292,4 +292,4 @@ def _draw_crop(ax: Axes, image: Raster, stretch: Stretch, window: Window, letter
     part = displayed(image[top:bottom, left:right], stretch, levels=ALL_LEVELS)
     ax.imshow(part, interpolation="nearest")
     frameless(ax)
-    style.heading(ax, letter, f"{right - left} x {bottom - top} px at column {left}, row {top}")
+    style.heading(ax, letter, f"{right - left} × {bottom - top} px at column {left}, row {top}")

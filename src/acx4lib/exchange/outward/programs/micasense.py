@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acx4lib.exchange.outward import brown, relative
-from acx4lib.exchange.outward.brown import CORNER, Brown
+from acx4lib.exchange.outward.brown import Brown
 from acx4lib.exchange.outward.calibrated import Calibrated
 from acx4lib.exchange.outward.programs.text import lines
 from acx4lib.exchange.outward.relative import Relative
@@ -22,8 +22,10 @@ from acx4lib.geometry.camera import Camera
 ASSUMED = (
     "RigRelatives are three angles a, b, c, degrees: Rx(a) Ry(b) Rz(c) takes a ray of the head to "
     "one of {}, x right, y down, z ahead; its transpose takes a ray of {} to the head",
-    "PrincipalPoint and PerspectiveFocalLength in mm, the first from the outer corner of the "
-    "top-left pixel; PerspectiveDistortion is k1, k2, k3, p1, p2 of OpenCV",
+    "PrincipalPoint and PerspectiveFocalLength in mm; PerspectiveDistortion is k1, k2, k3, p1, p2 "
+    "of OpenCV",
+    "PrincipalPoint counts from the centre of the top-left pixel, as acx4 import pictures reads "
+    "it; that the vendor does not mean its corner, half a pixel away, is not confirmed",
 )
 POSITIONS = "positions of the heads: RigRelatives are rotations only"
 
@@ -41,7 +43,7 @@ def cameras(calibrated: Calibrated) -> Taken:
     return Taken(
         files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
         lenses=brown.lenses(found),
-        assumed=(ASSUMED[0].format(first, first), ASSUMED[1]),
+        assumed=(ASSUMED[0].format(first, first), *ASSUMED[1:]),
         left_out=(POSITIONS, BODY),
     )
 
@@ -58,8 +60,7 @@ def _tags(index: int, camera: Camera, one: Relative, lens: Brown) -> Iterator[st
     distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
     yield f"[{camera.name}]"
     yield "Camera:ModelType = perspective"
-    at = ((lens.hole.cx + CORNER) * mm, (lens.hole.cy + CORNER) * mm)
-    yield f"Camera:PrincipalPoint = {_listed(*at)}"
+    yield f"Camera:PrincipalPoint = {_listed(lens.hole.cx * mm, lens.hole.cy * mm)}"
     yield f"Camera:PerspectiveFocalLength = {_listed(lens.hole.fx * mm)}"
     yield "Camera:PerspectiveFocalLengthUnits = mm"
     yield f"Camera:PerspectiveDistortion = {_listed(*distortion)}"

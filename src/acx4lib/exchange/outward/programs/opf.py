@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pyproj
 
 from acx4lib.exchange.outward import brown, orientations, relative
 from acx4lib.exchange.outward.brown import CORNER, Brown
@@ -19,6 +20,7 @@ from acx4lib.exchange.outward.orientations import Oriented
 from acx4lib.exchange.outward.programs.text import as_json
 from acx4lib.exchange.outward.relative import Relative
 from acx4lib.exchange.outward.taken import BODY, Taken
+from acx4lib.geometry.geodesy import GridSystem
 
 ASSUMED = (
     "perspective internals: R1 to R3, T1, T2 are k1 to k3, p1, p2 of OpenCV; pixel (0, 0) is the "
@@ -62,7 +64,7 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
         "camera-list.json": {**_head("camera-list"), "cameras": listed},
         "scene-reference-frame.json": {
             **_head("scene-reference-frame"),
-            "crs": {"definition": grid.crs},
+            "crs": {"definition": _definition(_plane(grid))},
             "base_to_canonical": {
                 "scale": [1.0, 1.0, 1.0],
                 "shift": shift.tolist(),
@@ -74,9 +76,21 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     return Taken(
         files={**alone.files, **{name: as_json(value) for name, value in more.items()}},
         lenses=alone.lenses,
-        assumed=(*alone.assumed, IN_CRS.format(grid.crs)),
+        assumed=(*alone.assumed, IN_CRS.format(_plane(grid).name)),
         left_out=alone.left_out,
     )
+
+
+def _plane(grid: GridSystem) -> pyproj.CRS:
+    """Return the part of a CRS that has no heights: in OPF they are then ellipsoidal."""
+    crs = pyproj.CRS.from_user_input(grid.crs)
+    return crs.sub_crs_list[0] if crs.is_compound else crs
+
+
+def _definition(plane: pyproj.CRS) -> str:
+    """Return a CRS as a code or WKT."""
+    code = plane.to_authority(min_confidence=100)
+    return ":".join(code) if code else plane.to_wkt("WKT2_2019")
 
 
 def _head(name: str) -> dict[str, str]:

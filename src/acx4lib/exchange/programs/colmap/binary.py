@@ -80,8 +80,7 @@ def _images(source: Opened) -> Iterator[Image]:
         (count,) = cursor.take("<Q", element)
         measured = cursor.array(MEASUREMENT, count, element)
         wrong = partial(source.wrong, element)
-        if not np.isfinite(measured["xy"]).all():
-            raise wrong("a measurement is not finite", "must be finite")
+        model.require_size(measured["xy"], wrong)
         yield Image(
             number=number,
             name=name,
@@ -101,8 +100,7 @@ def _points(source: Opened) -> tuple[Index, Array]:
         ids[k], xyz[k] = number, there
         _, _, _, _, length = cursor.take("<3BdQ", "point")
         cursor.array(np.dtype(f"V{ELEMENT_BYTES}"), length, f"track of point {number}")
-    if not np.isfinite(xyz).all():
-        raise source.wrong("point", "a coordinate is not finite", "must be finite")
+    model.require_size(xyz, partial(source.wrong, "point"))
     return ids, xyz
 
 

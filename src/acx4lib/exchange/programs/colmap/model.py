@@ -20,6 +20,9 @@ Wrong = Callable[[str, str], FlightError]
 NO_POINTS = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 """Numbers and coordinates of no points."""
 
+LARGEST = 1e8
+"""Largest coordinate, in pixels as in units of the model."""
+
 UNMATCHED = -1
 """Number of the point of a measurement that belongs to none."""
 
@@ -121,17 +124,28 @@ def camera(name: str, width: float, height: float, parameters: Array, wrong: Wro
     wanted = lens.MODELS[name].names
     if len(parameters) != len(wanted):
         raise wrong(f"{name} has {len(parameters)} parameters", f"must be {', '.join(wanted)}")
-    if not np.isfinite(parameters).all() or (parameters[: lens.MODELS[name].first - 2] <= 0).any():
-        raise wrong(f"{name} {parameters.tolist()}", "must be finite, focal lengths positive")
+    require_size(parameters, wrong)
+    if (parameters[: lens.MODELS[name].first - 2] <= 0).any():
+        raise wrong(f"{name} {parameters.tolist()}", "focal lengths must be positive")
     return Camera(
         model=name, width=int(width), height=int(height), parameters=tuple(parameters.tolist())
     )
 
 
+def require_size(values: Array, wrong: Wrong) -> None:
+    """Raise where coordinates are not finite, or larger than any is."""
+    fits = np.abs(values) <= LARGEST
+    if not fits.all():
+        raise wrong(
+            f"coordinate {values[~fits][0]:g}", f"must be between -{LARGEST:g} and {LARGEST:g}"
+        )
+
+
 def pose(values: Array, wrong: Wrong) -> Pose:
     """Return a pose from qw, qx, qy, qz, tx, ty, tz."""
+    require_size(values, wrong)
     size = float(np.linalg.norm(values[:4]))
-    if not np.isfinite(values).all() or not 0.5 < size < 2:
+    if not 0.5 < size < 2:
         raise wrong(f"quaternion of length {size:g}", "must be a quaternion of length 1")
     w, x, y, z = values[:4] / size
     R = np.array(

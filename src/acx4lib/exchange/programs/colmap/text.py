@@ -90,6 +90,7 @@ def _measurements(line: Line) -> tuple[Array, Index]:
     values = whole.numbers(0, None, "POINTS2D").reshape(-1, 3)
     if (values[:, 2] != np.round(values[:, 2])).any() or (np.abs(values[:, 2]) > 2**53).any():
         raise whole.wrong("POINT3D_ID", "is not whole", "must be a whole number, or -1")
+    model.require_size(values[:, :2], partial(whole.wrong, "POINTS2D"))
     return values[:, :2], values[:, 2].astype(np.int64)
 
 
@@ -99,6 +100,7 @@ def _points(source: Opened) -> tuple[Index, Array]:
         if line.cells:
             ids.append(line.whole_at(0, "POINT3D_ID"))
             xyz.append(line.numbers(1, 4, "X, Y, Z"))
+            model.require_size(xyz[-1], partial(line.wrong, "X, Y, Z"))
     return np.array(ids, dtype=np.int64), np.array(xyz, dtype=float).reshape(-1, 3)
 
 

@@ -16,7 +16,7 @@ from acx4lib.exchange.programs.metashape.shots import LOCATION, Shot, accuracy, 
 from acx4lib.exchange.programs.shared.tables import require_names
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array, Mask
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import RANGES, quoted
 
 HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5 in Metashape."""
@@ -115,7 +115,8 @@ def locations(chunk: Chunk, shots: Mapping[str, Shot], names: Mapping[str, str])
             seen.add((i, camera))
             in_shots.append(shots[camera])
             points.append(names[i])
-            colrow.append((place.number("x") - HALF, place.number("y") - HALF))
+            x, y = (place.number(axis, RANGES["col_px"]) for axis in ("x", "y"))
+            colrow.append((x - HALF, y - HALF))
             measured.append(place.attributes.get("pinned") in ("true", "1"))
     return Locations(
         shots=tuple(in_shots),

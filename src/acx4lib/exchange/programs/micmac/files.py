@@ -15,11 +15,13 @@ from acx4lib.exchange.safe import opened, xml_tree
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import METRES, Range, quoted
 from acx4lib.geometry.frames import Pose
 
 MOST = 100_000
 """Largest number of XML files of a folder."""
+
+ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
 
 SKEW = 1e-6
 """Largest difference of a matrix from a rotation."""
@@ -109,16 +111,30 @@ def pose(orientation: Element) -> Pose:
     if kind is not None and kind.text != "eProjStenope":
         raise kind.wrong(quoted(kind.text), "must be eProjStenope, a central projection")
     rotation = orientation.one("Externe", "ParamRotation", "CodageMatr")
-    R_w_v = np.stack([rotation.one(f"L{k}").numbers(3) for k in (1, 2, 3)])
+    R_w_v = np.stack([_three(rotation.one(f"L{k}"), ENTRY) for k in (1, 2, 3)])
     if np.abs(R_w_v @ R_w_v.T - np.eye(3)).max() > SKEW or np.linalg.det(R_w_v) < 0:
         raise rotation.wrong("L1, L2, L3 are no rotation", "must be the rows of one")
-    return Pose(R=R_w_v @ cameras.FLIP, r=orientation.one("Externe", "Centre").numbers(3))
+    return Pose(R=R_w_v @ cameras.FLIP, r=_three(orientation.one("Externe", "Centre"), METRES))
+
+
+def _three(element: Element, allowed: Range) -> Array:
+    return _within(element, element.numbers(3), allowed)
+
+
+def _pixel(element: Element) -> Array:
+    return _within(element, element.numbers(2), METRES)
+
+
+def _within(element: Element, values: Array, allowed: Range) -> Array:
+    if not all(value in allowed for value in values):
+        raise element.wrong(quoted(element.text), str(allowed))
+    return values
 
 
 def own_points(orientation: Element) -> tuple[Array, Array]:
     """Return what MicMac itself computed of an image: object points (n, 3), and pixels (n, 2)."""
     pairs = [
-        (one.one("Ter").numbers(3), one.one("Im").numbers(2))
+        (_three(one.one("Ter"), METRES), _pixel(one.one("Im")))
         for one in orientation.each("Verif", "Appuis")
     ]
     x_w, colrow = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
@@ -131,7 +147,7 @@ def measured(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array
         for image in one.each("MesureAppuiFlottant1Im"):
             name = image.one("NameIm").text
             for point in image.each("OneMesureAF1I"):
-                yield point, name, point.one("NamePt").text, point.one("PtIm").numbers(2)
+                yield point, name, point.one("NamePt").text, _pixel(point.one("PtIm"))
 
 
 def surveyed(dictionaries: Iterable[Element]) -> Iterator[tuple[Element, str, Array, Array]]:
@@ -139,5 +155,5 @@ def surveyed(dictionaries: Iterable[Element]) -> Iterator[tuple[Element, str, Ar
     for one in dictionaries:
         for point in one.each("OneAppuisDAF"):
             sigma = point.maybe("Incertitude")
-            values = np.full(3, np.nan) if sigma is None else sigma.numbers(3)
-            yield point, point.one("NamePt").text, point.one("Pt").numbers(3), values
+            values = np.full(3, np.nan) if sigma is None else _three(sigma, METRES)
+            yield point, point.one("NamePt").text, _three(point.one("Pt"), METRES), values

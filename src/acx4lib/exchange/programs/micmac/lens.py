@@ -23,6 +23,9 @@ KNOWN = "eConvApero_DistM2C"
 
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
 
+COEFFICIENT = Range(-0.5, 0.5)
+"""P1 and P2 per pixel, b1 and b2 without a unit."""
+
 MODELS = ("ModNoDist", "ModRad", "ModPhgrStd")
 """Distortion models that are read; others are refused by name."""
 
@@ -124,4 +127,4 @@ def _shift(element: Element) -> Shift:
 
 def _optional(element: Element, tag: str) -> float:
     found = element.maybe(tag)
-    return 0.0 if found is None else found.number()
+    return 0.0 if found is None else found.number(allowed=COEFFICIENT)

@@ -16,6 +16,9 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose, exp
 
+OPENSFM = "opensfm"
+"""Folder of OpenSfM's files in a project of ODM."""
+
 RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
 MODELS = ("camera_models.json", "cameras.json")
 """Cameras before the adjustment, by OpenSfM; and by ODM those that it found."""
@@ -24,6 +27,7 @@ VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
 LENGTH = Range(-1e8, 1e8)
+NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
 
 
@@ -48,6 +52,8 @@ class Project:
         """Return the first file of these names that is there."""
         for name in names:
             path = self.folder / self.names.get(name, name)
+            if name.startswith("../") and self.folder.name != OPENSFM:
+                continue  # above the folder is ODM's only if it has this name
             if path.is_symlink() or path.exists():
                 return self.read.setdefault(path.name, opened.read(path))
         return None
@@ -94,7 +100,7 @@ def project_of(source: Path) -> Project:
     if not source.is_dir():
         kind = MODELS[0] if _is_cameras(source) else RECONSTRUCTION
         return Project(folder=source.parent, names={kind: source.name} | _none_but(kind))
-    for folder in (source, source / "opensfm"):
+    for folder in (source, source / OPENSFM):
         known = Project(folder=folder)
         if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *MODELS)):
             return known
@@ -148,8 +154,8 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
     names = tuple(name for name, _ in found)
     models = tuple(shot.one("camera").text() for _, shot in found)
-    R_v_w = exp(np.array([_three(shot.one("rotation"), TURN) for _, shot in found]))
-    t = np.array([_three(shot.one("translation"), LENGTH) for _, shot in found])
+    R_v_w = exp(np.array([three(shot.one("rotation"), TURN) for _, shot in found]))
+    t = np.array([three(shot.one("translation"), LENGTH) for _, shot in found])
     alone = zip(names, names, models, strict=True)
     rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
     return Shots(
@@ -162,7 +168,8 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     )
 
 
-def _three(node: Node, allowed: Range) -> list[float]:
+def three(node: Node, allowed: Range) -> list[float]:
+    """Return three numbers inside a range."""
     values = node.numbers(3)
     for value in values:
         if value not in allowed:
@@ -175,7 +182,7 @@ def _gps(shot: Node) -> list[float]:
     position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
     if position is None or (dop is not None and dop.number() >= 999_999):
         return [np.nan] * 3
-    return _three(position, LENGTH)
+    return three(position, LENGTH)
 
 
 def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -206,11 +213,16 @@ def rig_mounts(node: Node | None) -> dict[str, Pose]:
         return {}
     return {
         name: Pose(
-            R=exp(np.array(_three(one.one("rotation"), TURN))),
-            r=np.array(_three(one.one("translation"), LENGTH)),
+            R=exp(np.array(three(one.one("rotation"), TURN))),
+            r=np.array(three(one.one("translation"), LENGTH)),
         ).inverse
         for name, one in node.items()
     }
+
+
+def points(node: Node) -> dict[str, list[float]]:
+    """Return the coordinates of object points by their names."""
+    return {name: three(one.one("coordinates"), LENGTH) for name, one in node.items()}
 
 
 def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
@@ -230,7 +242,7 @@ def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
             continue
         images.append(row.cell(0, "image"))
         names.append(row.cell(1, "track"))
-        points.append(row.numbers(3, 5, "x, y"))
+        points.append(row.numbers(3, 5, "x, y", NORMALISED))
     return images, names, np.array(points).reshape(-1, 2)
 
 

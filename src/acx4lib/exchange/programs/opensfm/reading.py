@@ -138,9 +138,7 @@ def _of_library(T_r_v: Pose) -> Pose:
 def _images(found: Project, root: Node, shots: Shots, refitted: Refitted) -> Oriented:
     """Return shots, points and measurements."""
     known = root.maybe("points")
-    x_w = (
-        {} if known is None else {n: one.one("coordinates").numbers(3) for n, one in known.items()}
-    )
+    x_w = {} if known is None else project.points(known)
     source = found.maybe(project.TRACKS)
     images, names, points = ([], [], np.zeros((0, 2))) if source is None else project.tracks(source)
     row_of = {name: row for row, name in enumerate(shots.names)}
@@ -186,17 +184,17 @@ def _with_control(
     brought: Brought, found: Project, images: Oriented, place: places.Place | None, block: str
 ) -> Brought:
     """Return what was brought with the control points of the project and their measurements."""
-    node = found.tree("ground_control_points.json")
-    if node is None:
+    files = [one for one in map(found.maybe, control.FILES) if one is not None]
+    if not files:
         return brought
-    points = control.read(node)
     if place is None:
-        said = f"{len(points.names)} control points: the project has no place on the Earth"
+        said = f"{files[0].name}: the reconstruction has no place on the Earth"
         return replace(brought, left_out=(*brought.left_out, said))
     sizes = {
         image: (images.cameras[name].width_px, images.cameras[name].height_px)
         for image, name in zip(images.images, images.camera_of, strict=True)
     }
+    points = control.read(files[0], sizes, place.frame.grid.crs)
     known, colrow = control.colrow(points, sizes)
     measured = tables.image_points(
         [points.images[k] for k in known], [points.points[k] for k in known], colrow
@@ -215,7 +213,11 @@ def _with_control(
             f"{len(points.names) - points.flat} control points with {len(known)} measurements",
             _proved(points, images, place, known, colrow),
         ),
-        left_out=(*brought.left_out, *_of_control(points, len(known))),
+        left_out=(
+            *brought.left_out,
+            *_of_control(points, len(known)),
+            *(f"{one.name}: {files[0].name} is taken" for one in files[1:]),
+        ),
     )
 
 

@@ -107,6 +107,9 @@ def _of_items(path: Path, root: Node) -> Project:
         parts = (generator.maybe("name"), generator.maybe("version"))
         program = " ".join(["OPF of", *(one.text() for one in parts if one is not None)])
     title = root.maybe("name")
+    if not roots:
+        known = ", ".join(READ)
+        raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
     found = _documents(path.stem if title is None else title.text(), program, roots)
     found.others += others
     found.sources = (root.source, *found.sources)

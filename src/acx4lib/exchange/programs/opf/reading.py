@@ -23,7 +23,7 @@ from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.exchange.safe.opened import checksums
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import RANGES, quoted
 from acx4lib.flight.text.in_memory import Columns
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
@@ -237,7 +237,10 @@ def _marks(control: Node | None, shots: Mapping[str, Shot]) -> tuple[list[Any], 
                 if number not in shots:
                     lost += 1
                     continue
-                found.append((shots[number], name, mark.one("position_px").numbers(2) - HALF))
+                colrow = mark.one("position_px").numbers(2) - HALF
+                if np.abs(colrow).max() > RANGES["col_px"].high:
+                    raise mark.one("position_px").wrong("is too large", str(RANGES["col_px"]))
+                found.append((shots[number], name, colrow))
     return found, lost
 
 

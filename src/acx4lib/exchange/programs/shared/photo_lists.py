@@ -13,7 +13,10 @@ from acx4lib.exchange.programs.shared import tables
 from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import Range, quoted
+
+IMAGE = Range(-1e7, 1e7)
+"""Image coordinates, in micrometres or larger units."""
 
 END = "-99"
 """What a block ends with; a list without any has headers of exactly two cells instead."""
@@ -60,7 +63,7 @@ def read(file: Opened) -> list[Measured]:
                 what = f"{quoted(point)} stands twice in image {quoted(image)}"
                 raise row.wrong("point", what, "must stand once")
             seen.add((image, point))
-            xy = (row.number_at(1, "x"), row.number_at(2, "y"))
+            xy = (row.number_at(1, "x", IMAGE), row.number_at(2, "y", IMAGE))
             found.append(Measured(line=row, image=image, camera=camera, point=point, xy=xy))
     if not found:
         raise file.wrong("file", "has no measurement", "must have blocks: image camera; point x y")

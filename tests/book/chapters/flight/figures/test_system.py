@@ -16,7 +16,7 @@ def test_the_parts_are_named(flight):
     said = texts(flight)
     assert all(head in said for head in ("CAM1", "CAM2", "CAM3", "CAM4"))
     assert "POS-AV510" in said
-    assert "8984 x 6732 px" in said
+    assert "8984 × 6732 px" in said
 
 
 def test_another_system_has_no_part_of_the_papers(other):

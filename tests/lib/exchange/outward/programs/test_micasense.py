@@ -1,14 +1,18 @@
 """RigRelatives read as real pictures of the vendor have them: M^T takes rays into the head."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acx4lib.exchange.outward.programs import micasense
+from acx4lib.exchange.pictures.lens import lens_of
+from acx4lib.exchange.pictures.tags import Tags
+from acx4lib.geometry.camera import correct, xy_from_colrow
 
 
-def tags(text):
+def tags_of(text):
     found, own = {}, {}
     for line in text.splitlines():
         if line.startswith("["):
@@ -39,7 +43,7 @@ def made(shown):
 def test_rays_of_the_reference_go_into_every_head_by_the_transpose(shown, made, agrees):
     """To where the head sees them, by its own focal length, principal point and distortion."""
     pixel_mm = shown.found.cameras[0].pixel_mm
-    for head, own in tags(made.files["xmp_tags.txt"]).items():
+    for head, own in tags_of(made.files["xmp_tags.txt"]).items():
         a, b, c = numbers(own["RigRelatives"])
         M = turn(0, a) @ turn(1, b) @ turn(2, c)
         x = (shown.x_r[head] - base(shown, head)) * [1, -1, -1] @ M
@@ -50,7 +54,7 @@ def test_rays_of_the_reference_go_into_every_head_by_the_transpose(shown, made, 
         xd = x * d + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
         yd = y * d + 2 * p2 * x * y + p1 * (r2 + 2 * y**2)
         f, at = numbers(own["PerspectiveFocalLength"])[0], numbers(own["PrincipalPoint"])
-        seen = (np.stack([xd, yd], axis=1) * f + at) / pixel_mm - 0.5
+        seen = (np.stack([xd, yd], axis=1) * f + at) / pixel_mm
         agrees(seen, shown.colrow[shown.first_images()[head]], made.lenses[head])
 
 
@@ -68,5 +72,28 @@ def test_the_table_has_sigma_of_all_heads(made):
         0.0
     ] * 5
     assert all(1e-4 < float(other[f"sigma_{k}_deg"]) < 0.1 for k in "abc")
-    said = numbers(tags(made.files["xmp_tags.txt"])["RIGHT"]["RigRelatives"])
+    said = numbers(tags_of(made.files["xmp_tags.txt"])["RIGHT"]["RigRelatives"])
     assert [float(other[f"{k}_deg"]) for k in "abc"] == pytest.approx(said.tolist(), abs=1e-6)
+
+
+def test_the_reader_of_pictures_makes_the_cameras_of_the_tags(shown, made):
+    """To twice what the refit loses: rays of points all over the image."""
+    for camera in shown.found.cameras:
+        own = tags_of(made.files["xmp_tags.txt"])[camera.name]
+        picture = Tags(
+            path=Path("a.tif"),
+            width_px=camera.width_px,
+            height_px=camera.height_px,
+            samples=1,
+            bits=16,
+            exif={"FocalPlaneXResolution": 1 / camera.pixel_mm, "FocalPlaneResolutionUnit": 4},
+            xmp={f"Camera:{key}": (value,) for key, value in own.items()},
+            sha256="",
+        )
+        back = lens_of(picture, camera.name).camera
+        colrow = shown.colrow[shown.first_images()[camera.name]]
+        rays = [
+            correct(c.interior, xy_from_colrow(c, colrow)) / c.interior.f for c in (camera, back)
+        ]
+        apart = np.linalg.norm(rays[0] - rays[1], axis=1).max() * camera.interior.f
+        assert apart / camera.pixel_mm <= 2.1 * made.lenses[camera.name].largest_px + 1e-3

@@ -1,14 +1,17 @@
 """A project by the words of OPF's specification, and as Pix4D's own library reads it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
+import pyproj
 import pytest
 from numpy.testing import assert_allclose
 from pyopf.io import load
 from pyopf.resolve import resolve
 
 from acx4lib.exchange.outward.programs import opf
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 
 
 def turn(axis, degrees):
@@ -90,3 +93,19 @@ def test_the_specifications_own_library_reads_the_project(made, tmp_path):
     sensors = project.input_cameras.sensors
     assert [sensor.name for sensor in sensors] == ["LEFT", "RIGHT"]
     assert sensors[1].rig_relatives.rotation.sigmas_deg.min() > 0
+
+
+@pytest.mark.parametrize("crs", ["EPSG:25833+7837", "+proj=utm +zone=33 +ellps=GRS80 +units=m"])
+def test_the_crs_has_two_dimensions_as_heights_are_ellipsoidal(shown, crs):
+    """A code or WKT, of which PROJ makes the same grid."""
+    block = shown.oriented.block
+    frame = MappingFrame(grid=GridSystem(crs=crs), origin=np.array([13.0, 50.0]))
+    elsewhere = replace(shown.oriented, block=replace(block, frame=frame))
+    made = opf.images(shown.found, elsewhere)
+    text = json.loads(made.files["scene-reference-frame.json"])["crs"]["definition"]
+    found = pyproj.CRS.from_user_input(text)
+    assert not found.is_compound
+    assert found.to_wkt().startswith("PROJCRS")
+    assert_allclose(
+        pyproj.Proj(found)(13.0, 50.0), pyproj.Proj("EPSG:25833")(13.0, 50.0), atol=1e-4
+    )

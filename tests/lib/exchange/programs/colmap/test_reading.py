@@ -95,7 +95,7 @@ def test_colmap_s_own_code_writes_what_is_read(tmp_path):
             "cameras",
             "1450.0",
             "-1450.0",
-            r"cameras\.txt:2: camera: OPENCV .* focal lengths positive",
+            r"cameras\.txt:2: camera: OPENCV .*; focal lengths must be positive",
         ),
         (
             "cameras",

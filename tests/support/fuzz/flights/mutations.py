@@ -8,11 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from support.fuzz import nasty
-from support.fuzz.hostile_sizes import large
-from support.fuzz.inside import data_of, write
-from support.fuzz.pixels import geoid, pictures
-from support.fuzz.special_files import special
-from support.fuzz.spoilt_tables import (
+from support.fuzz.flights.hostile_sizes import large
+from support.fuzz.flights.pixels import geoid, pictures
+from support.fuzz.flights.special_files import special
+from support.fuzz.flights.spoilt_tables import (
     cells,
     column_of_cells,
     columns,
@@ -24,6 +23,7 @@ from support.fuzz.spoilt_tables import (
     text_file,
     units,
 )
+from support.fuzz.inside import data_of, write
 
 Mutation = Callable[[Path, random.Random], None]
 

@@ -13,8 +13,8 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.georeferencing import validation
 from acx4lib.production.image_files import image_from_file
 from acx4lib.stages import heads
-from support.fuzz import good_flights
-from support.fuzz.mutations import spoil
+from support.fuzz.flights.good import write_all
+from support.fuzz.flights.mutations import spoil
 from support.fuzz.said import complaint, said
 
 COMPUTED = 8
@@ -23,7 +23,7 @@ COMPUTED = 8
 PER = 1
 """Cases for each of those that are asked for."""
 
-write_good = good_flights.write_all
+write_good = write_all
 
 
 def warm(good: Path, work: Path) -> None:

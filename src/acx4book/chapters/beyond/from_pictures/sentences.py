@@ -1,0 +1,61 @@
+"""What the chapter says with the numbers of its flight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acx4book.chapters.beyond.from_pictures.exact import Errors
+from acx4book.chapters.beyond.from_pictures.whole import REDUCE, Whole
+from acx4book.typesetting.plain_text import shown
+from acx4lib.expected import Mask
+
+
+def said(whole: Whole, *, most: int = 6) -> str:
+    """Return the lines that the command prints, some of those on points that it missed."""
+    lines = list(whole.outcome.sentences)
+    more = [f"… and {len(lines) - most} more"] if len(lines) > most else []
+    return (
+        "~~~text\n"
+        + "\n".join(shown(line, "terminal") for line in [*lines[:most], *more])
+        + "\n~~~"
+    )
+
+
+def ties(errors: Errors, alike: Mask) -> str:
+    """Say how large the errors of tie points are."""
+    own, other = (np.sqrt(np.mean(errors.off[which] ** 2)) for which in (alike, ~alike))
+    ratio = np.median(np.abs(errors.off) / errors.sigma[:, None]) / 0.6745
+    n = len(errors.off)
+    return (
+        f"The root mean square of a coordinate is {errors.rms:.3f} px of these pictures, "
+        f"{errors.rms * REDUCE:.2f} px of the full size. Of {n} measurements {errors.wrong} are "
+        f"off by more than a pixel. Points that pictures of one height alone show are good to "
+        f"{own:.3f} px, the others to {other:.3f} px. Half of the errors are below "
+        f"{0.6745 * ratio:.2f} of their standard deviations; of normal errors it would be 0.67."
+    )
+
+
+def control(errors: Errors) -> str:
+    """Say how well the control points were centred."""
+    z = float(np.sqrt(np.mean((errors.off / errors.sigma[:, None]) ** 2)))
+    return (
+        f"{len(errors.off)} discs were centred, with a root mean square error of "
+        f"{errors.rms:.3f} px in a coordinate; over their standard deviations it is {z:.1f}. "
+        f"{errors.wrong} of them are off by more than a pixel."
+    )
+
+
+def answer(whole: Whole, errors: Errors) -> str:
+    """Answer the question of the chapter."""
+    off = [(one.value - whole.truth[one.name]) / one.sigma for one in whole.parameters]
+    k = int(np.argmax(np.abs(off)))
+    sigma = {one.name: one.sigma for one in whole.parameters}
+    angles = max(sigma[f"boresight_{name}_deg"] for name in ("omega", "phi", "kappa"))
+    return (
+        f"Yes. From {len(whole.block.images)} pictures at 1/{REDUCE} of their size, "
+        f"{whole.block.image_points.sigma_px.size} measurements were taken without anybody "
+        f"pointing at anything, good to {errors.rms:.2f} px. With the trajectory and the control "
+        f"points they give all {len(off)} parameters of the camera within "
+        f"{np.ceil(10 * abs(off[k])) / 10:.1f} standard deviations of the truth, and the boresight "
+        f"to {angles:.4f}° and better."
+    )
