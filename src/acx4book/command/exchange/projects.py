@@ -20,7 +20,7 @@ points are not in these files. The trajectory is what was measured of the camera
 and angles are there; with --orientations adjusted it is Metashape's own adjustment, and then a
 boresight means nothing.
 
-\\b
+\b
 Example:
   acx4 import metashape cameras.xml --out my_flight
   acx4 import metashape survey.psx --orientations adjusted --out my_flight
@@ -133,9 +133,9 @@ def colmap(
 OPF = """Read a project in Pix4D's open photogrammetry format (OPF).
 
 SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig relatives,
-images, control points with their marks and the measured orientations are taken; with
+images, tie points, control points with their marks and the measured orientations are taken; with
 --orientations adjusted the trajectory is the calibrated cameras, and then a boresight means
-nothing. Tie points of its point clouds are not read.
+nothing.
 
 \b
 Example:

@@ -23,13 +23,13 @@ on where it was.
 \b
 Examples:
   acx4 measure my_flight --out measured
-  acx4 measure my_flight --out measured --jobs 4 --show
+  acx4 measure my_flight --out measured --jobs 4 --show seen
   acx4 measure my_flight --out measured --reduce 2 --ground 140
   acx4 check measured
 """
 
 
-def measure(
+def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     flight: Flight,
     out: Annotated[
         Path, typer.Option(metavar="MEASURED", show_default=False, help="Folder for the flight.")
@@ -46,6 +46,12 @@ def measure(
             metavar="HEIGHT", show_default=False, help="Of the mean ground; else from the points."
         ),
     ] = None,
+    show_in: Annotated[
+        Path | None,
+        typer.Option(
+            "--show", metavar="FOLDER", show_default=False, help="New folder for pictures of them."
+        ),
+    ] = None,
     jobs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Pairs at a time, a process each.")
     ] = 1,
@@ -55,16 +61,23 @@ def measure(
     ] = None,
 ) -> None:
     """Measure the pictures of a flight."""
+    from acx4lib.measuring import shown  # noqa: PLC0415 quick help
     from acx4lib.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
     from acx4lib.measuring.measure import measure_flight  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
         refuse(f"{out}: is the flight itself; choose another folder for the measured one")
+    if show_in is not None:
+        places.check_new(show_in)
     options = MeasureOptions(points=points, reduce=reduce, ground_m=ground)
     here = jobs == 1 and cluster is None
     where = contextlib.nullcontext() if here else Where(jobs=jobs, cluster=cluster).executor()
     with stage_bars("pairs") as tell, where as executor:
         found = measure_flight(flight, out, options=options, executor=executor, tell=tell)
+    if show_in is not None:
+        with claims.placed(show_in, command="acx4 measure --show") as draft:
+            shown.write(found, draft)
     say_if_not_kept()
     for one in found:
         for sentence in one.sentences:

@@ -1,0 +1,10 @@
+"""The chapter's flight, measured once; it takes half a minute."""
+
+import pytest
+
+from acx4book.chapters.beyond.from_pictures import whole
+
+
+@pytest.fixture(scope="session")
+def found():
+    return whole.measured(1)
