@@ -39,7 +39,7 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
-STUBS = ("first-flight", "library", "many-flights", "notation")
+STUBS = ("first-flight", "library", "many-flights", "notation", "your-files")
 """Pages that show nothing of a flight, but are referred to."""
 
 OTHERS = ("15-which-flight", "16-error-budget", "18-over-the-years")

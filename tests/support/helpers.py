@@ -1,4 +1,4 @@
-"""What several test files need: numeric derivatives, normal equations, flights refused, notebooks."""
+"""What several test files need: derivatives, normal equations, flights refused, notebooks."""
 
 from __future__ import annotations
 

@@ -36,6 +36,7 @@ RUNS = {
     "odm-control": "odm-control formats/odm/gcp_list.txt",
     "opf": "opf formats/opf/project.opf",
     "micmac": "micmac formats/micmac",
+    "pictures": "pictures formats/dji",
 }
 """Arguments by the name of the kind."""
 

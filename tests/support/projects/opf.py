@@ -45,12 +45,10 @@ def opk(R_g_cv):
 def documents(*, as_opk=False):
     """Return the documents of a project by their names."""
     block, turned = scene.scene(), cameras_on_map()
-    to_map = pyproj.Transformer.from_crs(scene.GEOGRAPHIC, scene.CRS, always_xy=True)
-    east, north = to_map.transform(*block.lonlath.T[:2])
-    centres = np.stack([east, north, block.lonlath[:, 2]], axis=1)
+    places = centres(block)
     captures, listed, after = [], [], []
     marks = {k: [] for k in range(len(block.points_enh))}
-    for i, (R, r) in enumerate(zip(turned, centres, strict=True)):
+    for i, (R, r) in enumerate(zip(turned, places, strict=True)):
         captures.append(_capture(i, block.lonlath[i], opk(R) if as_opk else None))
         for head, (axes, at) in enumerate([(R, r), (R @ relative(), r + R @ BASE)]):
             number = 10 * i + head
@@ -84,7 +82,66 @@ def documents(*, as_opk=False):
     }
 
 
-def write(folder, *, with_project=True, **wanted):
+def write_tracks(folder):
+    """Write the nine points as tie points: sparse.gltf and its buffers."""
+    folder.mkdir(parents=True, exist_ok=True)
+    block, turned = scene.scene(), cameras_on_map()
+    places = centres(block)
+    heads = [
+        (10 * i + head, R @ relative() if head else R, r + R @ BASE if head else r)
+        for i, (R, r) in enumerate(zip(turned, places, strict=True))
+        for head in (0, 1)
+    ]
+    pixels = np.stack([scene.seen(R, r, block.points_enh) for _, R, r in heads], axis=1)
+    n, m = len(block.points_enh), len(heads)
+    upright = block.points_enh + SHIFT
+    ranges = [k * m | m << 40 for k in range(n)]
+    values = {
+        "positions": ("VEC3", 5126, np.stack([upright.T[0], upright.T[2], -upright.T[1]], axis=1)),
+        "cameraIds": ("SCALAR", 5125, np.tile(np.arange(m), n)),
+        "ranges": ("VEC2", 5125, np.array([[r & 0xFFFFFFFF, r >> 32] for r in ranges])),
+        "pixels": ("VEC2", 5126, pixels.reshape(-1, 2)),
+        "features": ("SCALAR", 5125, np.arange(n * m)),
+        "scales": ("SCALAR", 5126, np.ones(n * m)),
+    }
+    matches = {
+        "cameraUids": [number for number, _, _ in heads],
+        "cameraIds": 1,
+        "pointIndexRanges": 2,
+        "imagePoints": {"pixelCoordinates": 3, "featureIds": 4, "scales": 5},
+    }
+    primitive = {
+        "attributes": {"POSITION": 0},
+        "mode": 0,
+        "extensions": {"OPF_mesh_primitive_matches": matches},
+    }
+    kinds = {5125: "<u4", 5126: "<f4"}
+    for name, (_, kind, array) in values.items():
+        (folder / f"{name}.bin").write_bytes(array.astype(kinds[kind]).tobytes())
+    sizes = [array.size * 4 for _, _, array in values.values()]
+    document = {
+        "asset": {"version": "2.0", "extensions": {"OPF_asset_version": {"version": "1.0"}}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "matrix": np.eye(4).ravel().tolist()}],
+        "meshes": [{"primitives": [primitive]}],
+        "buffers": [
+            {"uri": f"{name}.bin", "byteLength": size}
+            for name, size in zip(values, sizes, strict=True)
+        ],
+        "bufferViews": [
+            {"buffer": k, "byteOffset": 0, "byteLength": size} for k, size in enumerate(sizes)
+        ],
+        "accessors": [
+            {"bufferView": k, "componentType": kind, "count": len(array), "type": form}
+            for k, (form, kind, array) in enumerate(values.values())
+        ],
+    }
+    (folder / "sparse.gltf").write_text(json.dumps(document, indent=1))
+    return folder / "sparse.gltf"
+
+
+def write(folder, *, with_project=True, tracks=False, **wanted):
     """Write a project; its folder is returned."""
     folder.mkdir(parents=True, exist_ok=True)
     resources = []
@@ -103,8 +160,19 @@ def write(folder, *, with_project=True, **wanted):
             "generator": {"name": "Writer", "version": "2.0"},
             "items": [{"id": "1", "type": "all", "resources": resources, "sources": []}],
         }
+        if tracks:
+            path = write_tracks(folder / "points")
+            listed = [{"uri": f"points/{path.name}", "format": "model/gltf+json"}]
+            item = {"id": "2", "type": "calibration", "resources": listed, "sources": []}
+            project["items"].append(item)
         (folder / "project.opf").write_text(json.dumps(project))
     return folder
+
+
+def centres(block):
+    to_map = pyproj.Transformer.from_crs(scene.GEOGRAPHIC, scene.CRS, always_xy=True)
+    east, north = to_map.transform(*block.lonlath.T[:2])
+    return np.stack([east, north, block.lonlath[:, 2]], axis=1)
 
 
 def _capture(i, lonlath, angles):

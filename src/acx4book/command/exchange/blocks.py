@@ -36,7 +36,7 @@ SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an O
 file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM has the
 axes of UTM, the measured positions tell.
 
-\\b
+\b
 Examples:
   acx4 import opensfm my_project --out my_flight
   acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
@@ -67,7 +67,7 @@ SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants
 DicoAppuisFlottant), a folder Ori-*, or one of these files. Distortion models ModRad, ModPhgrStd and
 ModNoDist are read; others are refused by name.
 
-\\b
+\b
 Examples:
   acx4 import micmac my_project --out my_flight
   acx4 import micmac my_project --orientations adjusted --crs EPSG:2154 --out my_flight
@@ -78,7 +78,7 @@ BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many 
 Names come from list.txt beside it. Its coordinates are in no CRS, so that its orientations are left
 out.
 
-\\b
+\b
 Example:
   acx4 import bundler bundle.out --size 4000x3000 --out my_flight
 """
@@ -88,7 +88,7 @@ BINGO = """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of ge
 Image coordinates are in mm from the middle of the image. The layout is that which Pix4D documents;
 it is untried on files that BINGO itself wrote.
 
-\\b
+\b
 Example:
   acx4 import bingo image.dat --size 4000x3000 --pixel-um 6 --out my_flight
 """
@@ -97,7 +97,7 @@ PATB = """Read PAT-B's image coordinates, .im: untried on a file that PAT-B wrot
 
 Blocks of an image, its points and -99. Control and orientations of PAT-B are not read.
 
-\\b
+\b
 Example:
   acx4 import patb my_block.im --unit um --size 4000x3000 --pixel-um 6 --out my_flight
 """
@@ -107,7 +107,7 @@ ODM_CONTROL = """Read ODM's gcp_list.txt: surveyed points and their places in th
 The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes are
 written in the UTM zone where they lie, or in --crs.
 
-\\b
+\b
 Examples:
   acx4 import odm-control gcp_list.txt --out my_flight
   acx4 import odm-control gcp_list.txt --camera CAM --crs EPSG:25833 --out my_flight

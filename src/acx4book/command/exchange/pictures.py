@@ -16,7 +16,7 @@ are turned to each other, exposures, positions, attitudes, times. The pictures a
 flight, or copied to another disk. Of several heads, `acx4 run --stages synthetic` finds tie points
 in the pictures, and `acx4 render --blend stack` lays their bands over each other.
 
-\\b
+\b
 Example:
   acx4 import pictures my_pictures --out my_flight
 """

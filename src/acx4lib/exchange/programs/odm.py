@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def read(
         For another layout, or one name for two points.
     """
     file = opened.read(source)
-    first, *rows = text_lines.lines(file, comment="#")
+    first, *rows = [*text_lines.lines(file, comment="#")] or [_blank(file)]
     seen = [_seen(row) for row in rows]
     if not seen:
         raise first.wrong("file", "has no point after the CRS", "must have one at least")
@@ -143,6 +143,10 @@ def crs_of(text: str) -> str:
     if found and 1 <= int(found[1]) <= 60:
         return f"EPSG:{(32700 if found[2].upper() == 'S' else 32600) + int(found[1])}"
     return "EPSG:4326" if re.fullmatch(r"WGS\s?84", text, re.I) else text
+
+
+def _blank(file: Opened) -> NoReturn:
+    raise file.wrong("file", "has no line but remarks", _EXPECTED)
 
 
 def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> coordinates.Chosen:

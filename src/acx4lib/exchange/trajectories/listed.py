@@ -14,12 +14,13 @@ from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line, lines
 from acx4lib.exchange.trajectories.columns import SKIP, Column, column, declared, position_of
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import Range, quoted
 from acx4lib.flight.text.names import NUMBER, name_fault
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 COMMENTS = "#"
 QUOTED_CELL = re.compile(r"\"[^\"]*\"")
+NUMBERS = Range(-1e12, 1e12)
 MOST = 10_000_000
 """Largest number of rows."""
 
@@ -53,7 +54,7 @@ class Listed:
     def numbers(self, name: str) -> Array:
         """Return a column of finite numbers, shape (n,)."""
         k = self.at(name)
-        return np.array([row.number_at(k, name) for row in self.rows], dtype=float)
+        return np.array([row.number_at(k, name, NUMBERS) for row in self.rows], dtype=float)
 
     def names(self, name: str) -> list[str]:
         """Return a column of names that a flight may use."""

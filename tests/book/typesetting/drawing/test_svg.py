@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from acx4book.typesetting import style
@@ -25,6 +26,13 @@ def test_a_drawing_is_the_same_twice_and_has_no_date():
     assert drawn[0] == drawn[1]
     assert drawn[0].startswith("<svg ")
     assert "date" not in drawn[0]
+
+
+def test_a_figure_is_drawn_once(monkeypatch):
+    drawn, draw = [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda own, *to: drawn.append(own) or draw(own, *to))
+    vector(figure())
+    assert len(drawn) == 1
 
 
 def test_a_drawing_has_outlines_of_letters_and_no_text():

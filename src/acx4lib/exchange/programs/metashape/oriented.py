@@ -18,7 +18,7 @@ from acx4lib.exchange.programs.metashape.shots import (
     location,
     rotation,
 )
-from acx4lib.exchange.programs.shared import proof, tables
+from acx4lib.exchange.programs.shared import crs, proof, tables
 from acx4lib.exchange.programs.shared.adjusted import MEANS_NOTHING, Flown
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.xml_tree import Element
@@ -139,14 +139,17 @@ def _geographic(chunk: Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[
     """Return longitude, latitude, height of references, and what is assumed of them."""
     source = system.source
     are_degrees = (np.abs(xyh[:, 0]) <= 180).all() and (np.abs(xyh[:, 1]) <= 90).all()
+    element = chunk.root.maybe("reference")
     if source is not None and source.is_projected and are_degrees:
+        grid = told(chunk, system.grid, element)
+        enh = np.column_stack([grid.grid_from_lonlat(xyh[:, :2]), xyh[:, 2]])
+        enh = told(chunk, lambda: crs.with_heights(system, enh, crs.heights_of(source)), element)
         said = (
             "Positions of cameras are longitude and latitude: as coordinates of the chunk's "
             "system they would lie at its origin"
         )
-        return xyh, (said,)
-    element = chunk.root.maybe("reference")
-    enh = told(chunk, lambda: system.from_source(xyh), element)
+        return np.column_stack([xyh[:, :2], enh[:, 2]]), (said,)
+    enh = told(chunk, lambda: crs.into(system, xyh), element)
     grid = told(chunk, system.grid, element)
     return np.column_stack([grid.lonlat_from_grid(enh[:, :2]), enh[:, 2]]), ()
 
@@ -254,7 +257,7 @@ def _measured_against(
         return ()
     xyh = np.array([known[places.points[k]].xyh for k in rows])
     element = chunk.root.maybe("reference")
-    enh = told(chunk, lambda: system.from_source(xyh), element)
+    enh = told(chunk, lambda: crs.into(system, xyh), element)
     grid = told(chunk, system.grid, element)
     lonlat = grid.lonlat_from_grid(enh[:, :2])
     height = enh[:, 2] + grid.undulation(lonlat)

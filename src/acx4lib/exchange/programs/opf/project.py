@@ -28,6 +28,9 @@ READ = (
 )
 """Names of the formats that are read."""
 
+CALIBRATION, GLTF = "calibration", "model/gltf+json"
+"""Type of the item, and format of its file, that has the tie points."""
+
 MAJOR = "1"
 """Major version that is read."""
 
@@ -45,6 +48,8 @@ class Project:
         The first document of each format of `READ`.
     others : list of str
         Formats of files that are not read, and of second documents.
+    tracks : Node or None
+        The glTF file of the calibration's tie points.
     sources : tuple of Opened
     """
 
@@ -52,6 +57,7 @@ class Project:
     program: str = "OPF"
     documents: Mapping[str, Node] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
+    tracks: Node | None = None
     sources: tuple[Opened, ...] = ()
 
 
@@ -94,13 +100,18 @@ def _gathered(folder: Path) -> Project:
 
 def _of_items(path: Path, root: Node) -> Project:
     _require_version(root)
-    roots, others = [], []
-    for resource in _resources(root):
+    roots, others, tracks = [], [], None
+    for kind, resource in _resources(root):
         name = resource.one("format").text()
+        if kind == CALIBRATION and name == GLTF and tracks is None:
+            place = inside(resource.one("uri"), path.parent)
+            if place.exists():
+                tracks = json_tree.tree(opened.read(place))
+                continue
         if name.removeprefix(BEGIN).removesuffix(END) not in READ:
             others.append(name)
             continue
-        roots.append(json_tree.tree(opened.read(_inside(resource.one("uri"), path.parent))))
+        roots.append(json_tree.tree(opened.read(inside(resource.one("uri"), path.parent))))
     generator = root.maybe("generator")
     program = "OPF"
     if generator is not None:
@@ -112,13 +123,16 @@ def _of_items(path: Path, root: Node) -> Project:
         raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
     found = _documents(path.stem if title is None else title.text(), program, roots)
     found.others += others
-    found.sources = (root.source, *found.sources)
+    found.tracks = tracks
+    found.sources = (root.source, *found.sources, *(() if tracks is None else (tracks.source,)))
     return found
 
 
-def _resources(root: Node) -> Iterator[Node]:
+def _resources(root: Node) -> Iterator[tuple[str, Node]]:
+    """Yield the files of a project, with the type of the item that they belong to."""
     for item in root.one("items").each():
-        yield from item.one("resources").each()
+        for resource in item.one("resources").each():
+            yield item.one("type").text(), resource
 
 
 def _documents(name: str, program: str, roots: list[Node]) -> Project:
@@ -131,6 +145,9 @@ def _documents(name: str, program: str, roots: list[Node]) -> Project:
             documents[kind] = root
         else:
             others.append(kind if kind not in READ else f"a second {kind}")
+    if not documents:
+        found = f"{quoted(others[0])} is none that is read"
+        raise roots[0].one("format").wrong(found, f"must be one of {', '.join(READ)}")
     return Project(
         name=name,
         program=program,
@@ -157,7 +174,7 @@ def _require_version(root: Node) -> None:
         raise version.wrong(quoted(version.text()), f"must be version {MAJOR}")
 
 
-def _inside(uri: Node, folder: Path) -> Path:
+def inside(uri: Node, folder: Path) -> Path:
     """Return the path of a file that a project names, which must lie below its folder."""
     text = unquote(uri.text())
     parts = PurePosixPath(text.replace("\\", "/"))

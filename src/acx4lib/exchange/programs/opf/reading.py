@@ -10,23 +10,21 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.programs.opf import measured, places, sensors, tracks
 from acx4lib.exchange.programs.opf import orientations as oriented
-from acx4lib.exchange.programs.opf import places, sensors
-from acx4lib.exchange.programs.opf.lens import HALF
+from acx4lib.exchange.programs.opf.measured import NOTHING, Measured
 from acx4lib.exchange.programs.opf.orientations import Shot
 from acx4lib.exchange.programs.opf.project import Project, project_of
 from acx4lib.exchange.programs.opf.sensors import Sensor
-from acx4lib.exchange.programs.shared import proof, tables
+from acx4lib.exchange.programs.shared import tables
 from acx4lib.exchange.programs.shared.adjusted import Flown
 from acx4lib.exchange.programs.shared.cameras import Refitted, refitted
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.exchange.safe.opened import checksums
 from acx4lib.expected import Array
-from acx4lib.flight.problems import RANGES, quoted
+from acx4lib.flight.problems import quoted
 from acx4lib.flight.text.in_memory import Columns
-from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import Pose
 
 ASSUMED = (
     "Pixels: OPF counts from the outer corner of the top-left one, so 0.5 is taken off",
@@ -42,6 +40,7 @@ def read(
     orientations: str = "initial",
     block: str | None = None,
     crs: str | None = None,
+    heights: str | float | None = None,
     pixel_um: float | None = None,
 ) -> Brought:
     """Read a project.
@@ -59,6 +58,8 @@ def read(
         Name of the block; by default heads for a rig, else calibration.
     crs : str, optional
         The flight's projected CRS; by default that of the scene, or the UTM zone of a place.
+    heights : str or float, optional
+        As the key of flight.toml; by default those of the control points, else of the captures.
     pixel_um : float, optional
         Pixel size where the project has none.
 
@@ -74,18 +75,23 @@ def read(
     control = project.documents.get("input-control-points")
     gcps = {} if control is None else _surveyed(control)
     system = places.system(project, _captured(every), [one for one, _ in gcps.values()], crs)
+    if system is not None and heights is not None:
+        system = places.with_heights(system, heights)
     flown = _flown(project, every, system, orientations)
     shots = _with_trajectory(every, flown)
     named = {one.sensor.name for one in shots} or set(fitted.cameras)
     fitted = fitted.only(named)
-    marks, lost = _marks(control, {one.number: one for one in shots})
+    by_number = {one.number: one for one in shots}
+    marks = measured.marks(project, by_number)
+    ties = NOTHING if project.tracks is None else tracks.read(project.tracks, by_number)
+    poses = oriented.calibrated(project)
     folder = block or _block(shots)
     known, strange = _control(gcps, system)
     return Brought(
         source=project.program,
         sha256=checksums(project.sources),
         settings={"name": project.name, **(system.settings if system else {}), **fitted.settings},
-        tables=_tables(folder, shots, marks, known, flown),
+        tables=_tables(folder, shots, measured.table(marks, ties), known, flown),
         assumed=(
             *ASSUMED,
             *fitted.assumed,
@@ -94,14 +100,16 @@ def read(
         ),
         found=(
             f"{len(shots)} images of {len({one.exposure for one in shots})} exposures",
-            f"{len(marks)} marks; {len(gcps)} points have coordinates, "
+            f"{len(marks.points)} marks; {len(gcps)} points have coordinates, "
             f"{sum(is_check for _, is_check in gcps.values())} of them check points",
             *sensors.kinds(of, named),
             *fitted.found,
-            *_proof(project, fitted.cameras, marks),
+            *((f"{len(ties.points)} measurements of tie points",) if ties.points else ()),
+            *measured.proved(fitted.cameras, poses, marks, "the calibrated control points"),
+            *measured.proved(fitted.cameras, poses, ties, "the calibrated tie points"),
         ),
         left_out=(
-            *((f"{lost} marks in images that are left out",) if lost else ()),
+            *_lost(marks, ties),
             *unusable,
             *strange,
             *_others(project),
@@ -219,31 +227,6 @@ def _fitted(
     return refitted(lenses, pixel_um=pixel_um), said
 
 
-def _marks(control: Node | None, shots: Mapping[str, Shot]) -> tuple[list[Any], int]:
-    """Return image, point and pixel of marks, and how many are in images that are not used."""
-    found, lost = [], 0
-    if control is None:
-        return [], 0
-    for kind in ("gcps", "mtps"):
-        listed = control.maybe(kind)
-        for one in listed.each() if listed is not None else ():
-            name, seen = one.one("id").text(), set()
-            tables.require_names([name], lambda _, what, wanted: one.one("id").wrong(what, wanted))  # noqa: B023 called at once
-            for mark in one.one("marks").each():
-                number = mark.one("camera_id").text()
-                if number in seen:
-                    raise mark.wrong(f"{name} is twice in one camera", "must be there once")
-                seen.add(number)
-                if number not in shots:
-                    lost += 1
-                    continue
-                colrow = mark.one("position_px").numbers(2) - HALF
-                if np.abs(colrow).max() > RANGES["col_px"].high:
-                    raise mark.one("position_px").wrong("is too large", str(RANGES["col_px"]))
-                found.append((shots[number], name, colrow))
-    return found, lost
-
-
 def _block(shots: list[Shot]) -> str:
     return "heads" if len({one.exposure for one in shots}) < len(shots) else "calibration"
 
@@ -276,7 +259,7 @@ def _control(
 
 
 def _tables(
-    folder: str, shots: list[Shot], marks: list[Any], control: Columns | None, flown: Flown
+    folder: str, shots: list[Shot], points: Columns | None, control: Columns | None, flown: Flown
 ) -> dict[str, Columns]:
     found: dict[str, Columns] = {}
     if shots:
@@ -285,12 +268,8 @@ def _tables(
             [one.sensor.name for one in shots],
             [one.exposure for one in shots],
         )
-    if marks:
-        found[f"{folder}/image_points.csv"] = tables.image_points(
-            [one.name for one, _, _ in marks],
-            [point for _, point, _ in marks],
-            np.stack([colrow for _, _, colrow in marks]),
-        )
+    if points is not None:
+        found[f"{folder}/image_points.csv"] = points
     if control is not None:
         found["control_points.csv"] = control
     if flown.table is not None:
@@ -298,29 +277,16 @@ def _tables(
     return found
 
 
-def _proof(project: Project, cameras: Mapping[str, Camera], marks: list[Any]) -> tuple[str, ...]:
-    """Return how well calibrated cameras see calibrated control points where they were marked."""
-    document = project.documents.get("calibrated-control-points")
-    poses = oriented.calibrated(project)
-    if document is None:
-        return ()
-    known: dict[str, Array] = {
-        one.one("id").text(): one.one("coordinates").numbers(3)
-        for one in document.one("points").each()
-    }
-    rows = [row for row in marks if row[0].number in poses and row[1] in known]
-    if not rows:
-        return ()
-    there = [poses[shot.number] for shot, _, _ in rows]
-    apart = proof.misfits(
-        cameras,
-        [shot.sensor.name for shot, _, _ in rows],
-        Pose(R=np.stack([one.R for one in there]), r=np.stack([one.r for one in there])),
-        np.stack([known[point] for _, point, _ in rows]),
-        np.stack([colrow for _, _, colrow in rows]),
+def _lost(marks: Measured, ties: Measured) -> tuple[str, ...]:
+    """Return sentences on measurements that are not in the table."""
+    counted = (
+        (marks.lost, "marks in images that are left out"),
+        (
+            ties.lost,
+            "measurements of tie points in other images, or second ones in one",
+        ),
     )
-    said = proof.said(apart)
-    return (f"the calibrated control points are seen by the cameras as imported to {said}",)
+    return tuple(f"{n} {what}" for n, what in counted if n)
 
 
 def _others(project: Project) -> tuple[str, ...]:

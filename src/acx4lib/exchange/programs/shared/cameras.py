@@ -125,7 +125,7 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
             "millimetres depend on it (--pixel-um)",
         )
     found = tuple(
-        f"camera {name}: {camera.width_px} x {camera.height_px} px, f "
+        f"lens of {name}: {camera.width_px} x {camera.height_px} px, f "
         f"{camera.interior.f / camera.pixel_mm:.2f} px; refitted as Brown's model it differs by "
         f"{left[name]}"
         for name, camera in cameras.items()
