@@ -12,10 +12,11 @@ from acx4lib.exchange.programs.shared.cameras import FLIP, is_rotation
 from acx4lib.exchange.programs.shared.tables import require_names, without_doubles
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
 
 ANGLES = ("yaw", "pitch", "roll")
+VALUES = Range(-1e9, 1e9)
 LOCATION = ("x", "y", "z")
 
 LARGEST = 1e9
@@ -136,7 +137,7 @@ def accuracy(reference: Element, names: tuple[str, str, str]) -> Array | None:
 def _three(element: Element, names: tuple[str, ...]) -> Array | None:
     if any(name not in element.attributes for name in names):
         return None
-    return np.array([element.number(name) for name in names])
+    return np.array([element.number(name, VALUES) for name in names])
 
 
 def _is_on(element: Element) -> bool:
