@@ -12,6 +12,7 @@ from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.shots import (
     ANGLES,
+    LARGEST,
     LOCATION,
     Shot,
     accuracy,
@@ -20,6 +21,7 @@ from acx4lib.exchange.programs.metashape.shots import (
 )
 from acx4lib.exchange.programs.shared import crs, proof, tables
 from acx4lib.exchange.programs.shared.adjusted import MEANS_NOTHING, Flown
+from acx4lib.exchange.programs.shared.cameras import is_rotation
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array, Index
@@ -193,14 +195,18 @@ def similarity(chunk: Chunk) -> Callable[[Shot], Similarity]:
 def _similarity(element: Element) -> Similarity:
     rotation = element.one("rotation")
     R = rotation.numbers(9).reshape(3, 3)
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
+    if not is_rotation(R):
         raise rotation.wrong("is no rotation", "must be a rotation matrix, row by row")
     scale = element.maybe("scale")
     size = 1.0 if scale is None else scale.number()
-    if scale is not None and size <= 0:
-        raise scale.wrong(f"{size:g}", "must be positive")
+    if scale is not None and not 0 < size <= LARGEST:
+        raise scale.wrong(f"{size:g}", f"must be positive, at most {LARGEST:g}")
+    place = element.one("translation")
+    r = place.numbers(3)
+    if np.abs(r).max() > LARGEST:
+        raise place.wrong("is too large", f"must be at most {LARGEST:g} either way")
     u, _, v = np.linalg.svd(R)
-    return Similarity(R=u @ v, r=element.one("translation").numbers(3), scale=size)
+    return Similarity(R=u @ v, r=r, scale=size)
 
 
 def proofs(

@@ -133,6 +133,13 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
     return Refitted(cameras=cameras, settings={"cameras": tables}, assumed=assumed, found=found)
 
 
+def is_rotation(R: np.ndarray, off: float = 1e-4) -> bool:
+    """Tell whether a matrix, shape (3, 3), of any numbers turns, and does not mirror."""
+    if not (np.abs(R) < 2).all():
+        return False
+    return bool(np.abs(R @ R.T - np.eye(3)).max() <= off and np.linalg.det(R) > 0)
+
+
 def turned(R_cv: np.ndarray) -> np.ndarray:
     """Return rotations between axes with y down, z ahead as those between the library's."""
     return FLIP @ R_cv @ FLIP
