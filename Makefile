@@ -6,7 +6,7 @@ PORT    ?= 8000
 # Pictures in the flight that ships: at which exposures of blocks 1 and 2, and at what part of the size.
 IMAGES  ?= H1-05,H3-04,C2-05
 REDUCE  ?= 4
-# Mutated flights for make fuzz.
+# Mutated files of each kind for make fuzz.
 N       ?= 1000
 SEED    ?= 1
 
@@ -99,7 +99,7 @@ test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats w
 test-all: .venv/.stamp-test ## all tests
 	@$(BIN)/pytest -q -n 2 --dist worksteal
 
-fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED: none crashes, hangs or fills the memory
+fuzz: .venv/.stamp-test ## read N mutated flights, and N files of each kind of other programs, drawn by SEED
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
 
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly

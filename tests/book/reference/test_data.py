@@ -29,6 +29,7 @@ SETS = (
         "ign-uce-m3",
         "nist-strd",
         "noaa-dss-dg",
+        "opensfm_berlin",
     ),
     *("rededge-dual", "rededge3-flight", "sxb-photos"),
 )

@@ -44,7 +44,10 @@ class Written:
 def written(path: Path) -> Written:
     """Return size and checksum of a file."""
     with path.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        try:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:  # of a damaged disk; the system does not name the file
+            raise OSError(error.errno, error.strerror, str(path)) from None
         return Written(size=os.fstat(file.fileno()).st_size, sha256=sha256)
 
 

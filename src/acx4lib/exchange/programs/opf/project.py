@@ -145,6 +145,9 @@ def _documents(name: str, program: str, roots: list[Node]) -> Project:
             documents[kind] = root
         else:
             others.append(kind if kind not in READ else f"a second {kind}")
+    if not documents:
+        found = f"{quoted(others[0])} is none that is read"
+        raise roots[0].one("format").wrong(found, f"must be one of {', '.join(READ)}")
     return Project(
         name=name,
         program=program,

@@ -150,3 +150,14 @@ def test_opensfm_and_colmap_agree_on_the_same_pictures():
     a, b = a - a.mean(axis=0), (images.T_w_c.r - images.T_w_c.r.mean(axis=0)) @ mean.T
     off = np.linalg.norm(a - b * np.sum(a * b) / np.sum(b * b), axis=1)
     assert off.max() < 0.02 * np.sqrt(np.mean(np.sum(a**2, axis=1)))
+
+
+@needs("opensfm_berlin")
+def test_points_of_a_real_project_are_met_as_its_description_says(tmp_path):
+    """Its README has a median of 2.44e-4, a 95th percentile of 1.20e-3 of the longer side."""
+    for name in ("reconstruction.json", "tracks.csv"):
+        stem, _, ending = name.partition(".")
+        (tmp_path / name).symlink_to(data.path(f"opensfm_berlin/{stem}_example.{ending}").resolve())
+    apart = oriented.misfits(reading.images_of(tmp_path)) / 3264
+    assert len(apart) == 3082
+    assert_allclose(np.quantile(apart, [0.5, 0.95]), [2.44e-4, 1.20e-3], rtol=0.02)
