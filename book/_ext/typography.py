@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from docutils import nodes
 from sphinx.application import Sphinx
 
@@ -9,6 +11,9 @@ from acx4book.typesetting.myst import numbers
 
 AS_IT_IS = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw)
 """What a reader may copy into a program, or another program sets."""
+
+TABLE, CELL = 'class="dataframe', re.compile(r"(?<=<td>)-(?=\d)")
+"""A table of pandas, which is HTML, and what begins a negative number in it."""
 
 WITHOUT = ("_generated/",)
 """Beginnings of the names of pages about code."""
@@ -32,6 +37,8 @@ def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
         said = numbers(text.astext())
         if said != text.astext() and is_set(text):
             text.parent.replace(text, nodes.Text(said))
+    for html in [raw for raw in page.findall(nodes.raw) if TABLE in raw.astext()]:
+        html[:] = [nodes.Text(CELL.sub("\N{MINUS SIGN}", html.astext()))]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import subprocess
@@ -16,6 +17,9 @@ FENCE = re.compile(r"^```(python|shell)\n(.*?)^```$", flags=re.DOTALL | re.MULTI
 
 ACX4 = (sys.executable, "-c", "from acx4book.command.acx4 import main; main()")
 """The command of this installation, whatever the path of programs has."""
+
+COLUMNS = "78"
+"""Width of the terminal on which a page shows commands, so that its lines fit on the page."""
 
 
 class Piece(NamedTuple):
@@ -53,5 +57,8 @@ def outputs(pieces: Iterable[Piece]) -> Iterator[str]:
 def _printed(line: str) -> str:
     """Return what a command prints that begins with ``acx4``."""
     arguments = shlex.split(line)[1:]
-    done = subprocess.run([*ACX4, *arguments], capture_output=True, text=True, check=True)
+    narrow = os.environ | {"COLUMNS": COLUMNS}
+    done = subprocess.run(
+        [*ACX4, *arguments], capture_output=True, text=True, check=True, env=narrow
+    )
     return done.stdout

@@ -12,6 +12,7 @@ import shutil
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -82,7 +83,9 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     return ()
 
 
-def begin(folder: Path, texts: Mapping[str, str]) -> None:
+def begin(
+    folder: Path, texts: Mapping[str, str], files: Mapping[str, Path] = MappingProxyType({})
+) -> None:
     """Write the files of a new flight, to which imports may add.
 
     Parameters
@@ -91,6 +94,8 @@ def begin(folder: Path, texts: Mapping[str, str]) -> None:
         New or empty.
     texts : mapping of str to str
         By file below the flight.
+    files : mapping of str to Path
+        Files that it gets as they are, such as a geoid grid.
 
     Raises
     ------
@@ -101,9 +106,11 @@ def begin(folder: Path, texts: Mapping[str, str]) -> None:
         if own.files:
             msg = f"{folder}: an import began this flight already; choose another folder"
             raise OutputError(msg)
-        own.expect(texts)
+        own.expect([*texts, *files])
         for name, text in texts.items():
             _place(folder / name, text)
+        for name, file in files.items():
+            _link(file, folder / name)
         own.seal()
 
 

@@ -184,10 +184,27 @@ def grey_window(
     if np.all(last - first > 3):
         part = image[first[1] : last[1], first[0] : last[0]]
         part = np.asarray(part, np.float32) if part.ndim == 2 else grey(part)
-        coefficients = spline_coefficients(part)
-        nodes = np.ascontiguousarray(head.nodes, dtype=float)
-        sample_between_nodes(coefficients, nodes, head.step_px, first.astype(float), out)
+        resample(part, head.nodes, head.step_px, first, out)
     return out
+
+
+def resample(part: Array, nodes: Array, step: int, origin: Array, out: Array) -> None:
+    """Fill an image with grey values of another one, by cubic splines.
+
+    Parameters
+    ----------
+    part : ndarray of float32, shape (rows, cols)
+        Grey values of a part of the other image.
+    nodes : ndarray, shape (m, n, 2)
+        col, row in the other image, at every `step`-th pixel of `out`; bilinear between them.
+    step : int
+    origin : ndarray, shape (2,)
+        col, row in the other image of the part's first pixel.
+    out : ndarray of float32
+        NaN where the part has no values.
+    """
+    whole = np.ascontiguousarray(nodes, dtype=float)
+    sample_between_nodes(spline_coefficients(part), whole, step, origin.astype(float), out)
 
 
 def _part(head: HeadMap) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration import heads as ro
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry import frames
-from acx4lib.geometry.camera import Interior
+from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from support import blocks
 from support.helpers import numeric_jacobian, rotation_angle
@@ -276,3 +276,23 @@ def test_heads_share_the_errors_of_their_control_points():
     correlation = cov[6:, :6] / np.outer(scale[6:], scale[:6])
     assert np.abs(correlation).max() > 0.3
     assert np.all(np.diag(found.cov) >= np.diag(cov) - 1e-15)
+
+
+def test_heads_as_declared_are_turned_against_the_frame_of_the_synthetic_image():
+    body = frames.rotation_from_opk(np.radians([[1.0, -2.0, 90.0], [3.0, 0.5, 88.0]]))
+    cameras = [
+        Camera(
+            name=name,
+            width_px=100,
+            height_px=80,
+            pixel_mm=0.01,
+            interior=Interior(f=f),
+            T_b_c=Pose(R=R, r=np.zeros(3)),
+        )
+        for name, f, R in zip("AB", (5.0, 6.0), body, strict=True)
+    ]
+    found = ro.declared_orientation(cameras, cameras[0])
+    R = rotation_from_opk(found.opk)
+    assert_allclose(R, body[0].T @ body, atol=1e-12)
+    assert_allclose(found.xyz_mm, [[0, 0, 5.0]] * 2)
+    assert not found.cov_joint.any()

@@ -11,7 +11,7 @@ from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads, synthetic_from_head
 from acx4lib.tie_points.matching import TieOptions
 from acx4lib.tie_points.overlaps import grey, grey_window, reduced_exposure, shared_windows
-from acx4lib.tie_points.search import find_ties
+from acx4lib.tie_points.search import OverlapTies, find_ties, strongest_chain
 from support.pictures import taken
 
 K = 8
@@ -323,3 +323,26 @@ def test_overlaps_are_where_both_heads_look():
     corners = [[col_0, row_0], [col_1 - 1, row_0], [col_0, row_1 - 1], [col_1 - 1, row_1 - 1]]
     assert max(np.ravel(corners)) < SYNTHETIC.height_px
     assert shared[0, 1].area_px <= (row_1 - row_0) * (col_1 - col_0)
+
+
+def test_the_strongest_chain_binds_all_heads_by_pairs_that_tie_best():
+    share = {(0, 1): 0.9, (0, 2): 0.2, (1, 2): 0.7, (0, 3): 0.0, (1, 3): 0.1, (2, 3): 0.8}
+    pairs = [
+        OverlapTies(
+            head_a=a,
+            head_b=b,
+            names=("", ""),
+            n_cells=200,
+            n_textured=100,
+            n_correlated=100,
+            n_matched=100,
+            n_ties=round(100 * one),
+            shift_px=np.zeros(2),
+            width_px=100.0,
+            least_width_px=28.0,
+        )
+        for (a, b), one in share.items()
+    ]
+    chain = strongest_chain(pairs)
+    assert [(one.head_a, one.head_b) for one in chain] == [(0, 1), (1, 2), (2, 3)]
+    assert strongest_chain([]) == []

@@ -1,5 +1,6 @@
 """The extension of the book that sets numbers."""
 
+import pandas as pd
 from docutils import nodes
 
 from support.helpers import book_extension
@@ -20,6 +21,15 @@ def test_text_is_set_and_what_may_be_copied_is_not():
     found = page(nodes.Text(text), nodes.literal(text, text), nodes.math(text, text))
     typography.set_numbers(None, found, "chapter")
     assert [child.astext() for child in found[0]] == ["by −0.5\u00a0m", text, text]
+
+
+def test_tables_of_pandas_have_minus_signs():
+    html = pd.DataFrame({"m": [-0.5, 1.5], "data-1": ["a-1", "b"]}).to_html()
+    found = page(nodes.raw("", html, format="html"), nodes.raw("", "<td>-1</td>", format="html"))
+    typography.set_numbers(None, found, "chapter")
+    table, other = found[0]
+    assert table.astext() == html.replace("<td>-0.5", "<td>−0.5")
+    assert other.astext() == "<td>-1</td>"
 
 
 def test_pages_about_code_are_as_they_are():

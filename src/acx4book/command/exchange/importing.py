@@ -18,7 +18,7 @@ the folder. What is still missing is named at the end.
 \b
 Examples:
   acx4 import metashape project.xml --out my_flight
-  acx4 import sbet sbet.out --events events.csv --time gps-sow --out flight
+  acx4 import sbet a.out --events log.csv --time gps-sow --out my_flight
 """
 
 TITLES = {

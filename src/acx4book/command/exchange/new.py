@@ -54,6 +54,8 @@ def new(
     """Write a new flight to be filled in."""
     answers = _answers({"cameras": cameras, "crs": crs, "heights": heights})
     from acx4lib.exchange import flight_folder, template  # noqa: PLC0415 quick help
+    from acx4lib.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
     from acx4lib.flight.text.names import name_fault  # noqa: PLC0415 quick help
 
     heads = [name.strip() for name in answers["cameras"].split(",") if name.strip()]
@@ -63,10 +65,9 @@ def new(
             terminal.refuse(f"{fault[0]}; {fault[1]}")
     if len(set(heads)) != len(heads) or not heads:
         terminal.refuse(f"--cameras: {answers['cameras']!r}: must be names that are all different")
-    files = template.files(
-        name, cameras=heads, crs=answers["crs"], heights=bring.heights_of(answers["heights"])
-    )
-    flight_folder.begin(folder, files)
+    system = Meaning(crs=answers["crs"], heights=bring.heights_of(answers["heights"]))
+    texts = template.files(name, cameras=heads, **orientations.settings(system))
+    flight_folder.begin(folder, texts, orientations.grid_file(system))
     for line in bring.missing(folder):
         terminal.show(f"  {line}")
     terminal.show(folder)

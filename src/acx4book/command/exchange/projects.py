@@ -26,6 +26,14 @@ Example:
   acx4 import metashape survey.psx --orientations adjusted --out my_flight
 """
 
+
+def _system(out: Path, crs: str | None) -> tuple[str | None, str | float | None]:
+    """Return CRS and heights that what is read is to have: those of a flight that was begun."""
+    known, heights = bring.system_of(out, crs or "", "")
+    begun, _ = bring.system_of(out, "", "")
+    return known or None, heights if begun else None
+
+
 Source = Annotated[
     Path, typer.Argument(metavar="SOURCE", show_default=False, help="What the program wrote.")
 ]
@@ -42,7 +50,8 @@ Crs = Annotated[
     typer.Option(
         metavar="EPSG:N",
         show_default=False,
-        help="Projected CRS of the flight, in metres; by default the project's own.",
+        help="Projected CRS of the flight, in metres; by default that of its flight.toml, else the "
+        "project's own.",
     ),
 ]
 Camera = Annotated[
@@ -84,12 +93,14 @@ def metashape(  # noqa: PLR0913, PLR0917 options of a command
     """Write what a project of Metashape has of a flight."""
     from acx4lib.exchange.programs.metashape import reading  # noqa: PLC0415 quick help
 
+    crs, heights = _system(out, crs)
     brought = reading.read(
         source,
         camera=camera,
         orientations=orientations,
         block=block,
         crs=crs,
+        heights=heights,
         chunk=chunk,
         pixel_um=pixel_um,
     )
@@ -155,12 +166,14 @@ def opf(
     """Write what a project of OPF has of a flight."""
     from acx4lib.exchange.programs.opf import reading  # noqa: PLC0415 quick help
 
+    crs, heights = _system(out, crs)
     brought = reading.read(
         source,
         camera=camera,
         orientations=orientations,
         block=block,
         crs=crs,
+        heights=heights,
         pixel_um=pixel_um,
     )
     bring.place(brought, out)

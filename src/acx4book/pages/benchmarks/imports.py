@@ -11,7 +11,7 @@ from pathlib import Path
 
 from acx4book.pages.benchmarks import stored
 
-WIDTH = 78
+WIDTH = 76
 """Longest line that is shown, characters; longer ones go on in the next."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from acx4lib.exchange.lens import Left
 from acx4lib.exchange.opencv import from_opencv
+from acx4lib.exchange.pictures.fisheye import fisheye_camera
 from acx4lib.exchange.pictures.tags import Tags
 from acx4lib.flight.problems import quoted
 from acx4lib.geometry.camera import Camera
@@ -16,12 +17,13 @@ from acx4lib.geometry.camera import Camera
 FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUnits"
 POINT, DISTORTION = "Camera:PrincipalPoint", "Camera:PerspectiveDistortion"
 DEWARP, DESIGNED = "drone-dji:DewarpData", "drone-dji:CalibratedFocalLength"
+POLYNOMIAL, MATRIX = "Camera:FisheyePolynomial", "Camera:FisheyeAffineMatrix"
 CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCenterY")
 WIDTH_35_MM = 36.0
 PX_OF_WIDTH = 0.1
 """Focal lengths in pixels are more than this share of the width in pixels; in mm they are less."""
 
-WORST_PX = 1.0
+WORST_PX = 2.0
 """Largest distance to the lens of the metadata; more is no lens, or no perspective one."""
 
 _PER_MM = {2: 1 / 25.4, 3: 1 / 10, 4: 1.0, 5: 1000.0}
@@ -61,8 +63,8 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     Raises
     ------
     FlightError
-        Where the metadata have no focal length, contradict themselves, or state another model than
-        a central perspective.
+        Where the metadata have no focal length, contradict themselves, or state a model that is
+        neither a perspective nor a fisheye.
 
     Notes
     -----
@@ -71,11 +73,13 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     focal length of 35 mm film, here over the width of the picture.
     """
     model = tags.text("Camera:ModelType") or "perspective"
-    if model != "perspective":
-        raise tags.wrong("Camera:ModelType", quoted(model), "only perspective lenses are read")
+    if model not in ("perspective", "fisheye"):
+        raise tags.wrong("Camera:ModelType", quoted(model), "must be perspective or fisheye")
     if known_pixel_mm and pixel_mm(tags) is None:
         known = {"FocalPlaneXResolution": 1 / known_pixel_mm, "FocalPlaneResolutionUnit": 4}
         tags = replace(tags, exif={**tags.exif, **known})
+    if model == "fisheye":
+        return _fisheye(tags, name)
     ways = ((FOCAL, _calibrated), (DEWARP, _dewarped), (DESIGNED, _designed))
     for element, way in ways:
         if element in tags.xmp:
@@ -116,15 +120,42 @@ def focal_px(tags: Tags, pixel: float) -> float:
 
 def _calibrated(tags: Tags, name: str) -> Lens:
     """Return the camera that MicaSense and Parrot write, after the specification of Pix4D."""
-    pixel = pixel_mm(tags)
-    if pixel is None:
-        raise tags.wrong("FocalPlaneXResolution", "missing", "gives the size of a pixel")
+    pixel = _pixel_needed(tags)
     f = focal_px(tags, pixel)
     centre = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
     k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
     unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
     said = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
     return _made(tags, name, pixel, (f, f, *centre), (k1, k2, p1, p2, k3), said=said)
+
+
+def _fisheye(tags: Tags, name: str) -> Lens:
+    """Return the camera nearest to a fisheye lens that Parrot writes."""
+    pixel, values = _pixel_needed(tags), {}
+    for element, n in ((POLYNOMIAL, None), (MATRIX, 4), (POINT, 2)):
+        values[element] = np.array(tags.numbers(element, n))
+        if not len(values[element]):
+            raise tags.wrong(element, "missing", "a fisheye lens needs it")
+    try:
+        camera, left = fisheye_camera(
+            values[POLYNOMIAL],
+            values[MATRIX].reshape(2, 2),
+            values[POINT] / pixel,
+            name=name,
+            width_px=tags.width_px,
+            height_px=tags.height_px,
+            pixel_mm=pixel,
+        )
+    except (ValueError, ArithmeticError) as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return _checked(tags, camera, left, said=f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}")
+
+
+def _pixel_needed(tags: Tags) -> float:
+    pixel = pixel_mm(tags)
+    if pixel is None:
+        raise tags.wrong("FocalPlaneXResolution", "missing", "gives the size of a pixel")
+    return pixel
 
 
 def _dewarped(tags: Tags, name: str) -> Lens:
@@ -212,12 +243,14 @@ def _made(
         )
     except (ValueError, ArithmeticError) as error:
         raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return _checked(tags, camera, left, said=said)
+
+
+def _checked(tags: Tags, camera: Camera, left: Left, *, said: str) -> Lens:
+    """Return a fitted lens, with digits that mean something; refuse one that does not fit."""
     if not left.largest_px <= WORST_PX:
         expected = f"must be written with k1 to p2 to {WORST_PX:g} px"
-        raise tags.wrong(DISTORTION, f"{left.largest_px:.3g} px are left", expected)
-    # so that flight.toml has digits that mean something
+        raise tags.wrong("lens", f"{left.largest_px:.3g} px are left", expected)
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
-    if not any(distortion):
-        numbers |= dict.fromkeys(("k1", "k2", "k3", "p1", "p2"), 0.0)
     interior = replace(camera.interior, **numbers)
     return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

@@ -71,8 +71,8 @@ class Tags:
         """
         parts = [part for one in self.xmp.get(name, ()) for part in one.split(",")]
         try:
-            found = tuple(float(part) for part in parts)
-        except ValueError:
+            found = tuple(_fraction(part) for part in parts)
+        except (ValueError, ZeroDivisionError):
             raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
         if not np.all(np.isfinite(found)):
             raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
@@ -94,6 +94,12 @@ class Tags:
     def wrong(self, name: str, found: str, expected: str) -> FlightError:
         """Return the error for a tag of this picture."""
         return opened.refusal(str(self.path), 1, name, found, expected)
+
+
+def _fraction(text: str) -> float:
+    """Return a number, or the fraction that Parrot writes in the place of one."""
+    above, _, below = text.partition("/")
+    return float(above) / (float(below) if below else 1.0)
 
 
 def rational(value: object) -> float:

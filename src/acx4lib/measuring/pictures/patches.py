@@ -14,9 +14,8 @@ import numpy as np
 from acx4lib.expected import Array, Index
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.views import View, pixels_of_view, transferred
-from acx4lib.tie_points.compiled.spline import sample_between_nodes
-from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
-from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.least_squares_matching import REACH
+from acx4lib.tie_points.overlaps import grey, resample
 
 STEP = 8
 """Pixels between the nodes of a patch's map, which is bilinear between them."""
@@ -102,5 +101,4 @@ def _lay(image: np.ndarray, nodes: Array, scale: float, out: Array) -> None:
     part = grey(np.ascontiguousarray(image[first[1] : last[1], first[0] : last[0]]))
     if scale > FINER:
         part[:] = cv2.GaussianBlur(part, (0, 0), 0.5 * np.sqrt(scale**2 - 1))
-    nodes = np.ascontiguousarray(nodes)
-    sample_between_nodes(spline_coefficients(part), nodes, STEP, first.astype(float), out)
+    resample(part, nodes, STEP, first, out)

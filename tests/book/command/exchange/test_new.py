@@ -41,3 +41,13 @@ def test_names_and_numbers_that_no_flight_has_are_refused(acx4, tmp_path):
         status, _, wrong = acx4("new", tmp_path / "f", *options)
         assert (status, says in wrong, wrong.count("\n")) == (2, True, 1)
     assert not (tmp_path / "f").exists()
+
+
+def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
+    (tmp_path / "geoid.gtx").write_bytes(b"grid")
+    options = ("--cameras", "A", "--crs", "EPSG:31982", "--heights", tmp_path / "geoid.gtx")
+    status, said, _ = acx4("new", tmp_path / "f", *options)
+    assert status == 0
+    assert 'heights = "geoid.gtx"' in (tmp_path / "f" / "flight.toml").read_text()
+    assert (tmp_path / "f" / "geoid.gtx").read_bytes() == b"grid"
+    assert "PROJ cannot read it as a geoid grid" in said

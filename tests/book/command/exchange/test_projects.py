@@ -1,6 +1,10 @@
 """``acx4 import metashape | colmap | opf`` from the command line, to a flight that is read."""
 
+import csv
+import tomllib
+
 import pytest
+from numpy.testing import assert_allclose
 
 from acx4book.command import acx4
 from acx4lib.flight.reader import read
@@ -49,3 +53,22 @@ def test_a_wrong_source_is_one_line(tmp_path, capsys):
     assert said.count("\n") == 1
     assert "c.xml:1: kml: is no file of Metashape" in said
     assert not (tmp_path / "flight").exists()
+
+
+@pytest.mark.parametrize("kind", ["metashape", "opf"])
+def test_what_is_added_has_the_system_of_the_flight(tmp_path, kind):
+    source = (
+        metashape.write(tmp_path / "c.xml") if kind == "metashape" else opf.write(tmp_path / "p")
+    )
+    out = tmp_path / "flight"
+    options = ("--cameras", "head 0", "--crs", "EPSG:32722", "--heights", "4.5")
+    assert run("new", out, *options) == 0
+    assert run("import", kind, source, "--block", "calibration", "--out", out) == 0
+    settings = tomllib.loads((out / "flight.toml").read_text())
+    assert (settings["crs"], settings["heights"]) == ("EPSG:32722", 4.5)
+    with (out / "control_points.csv").open() as lines:
+        heights = [float(row["height_m"]) for row in csv.DictReader(lines)]
+    assert_allclose(heights, scene.scene().points_enh[:, 2] - 4.5, atol=1e-4)
+    with (out / "calibration" / "trajectory.csv").open() as lines:
+        heights = [float(row["height_m"]) for row in csv.DictReader(lines)]
+    assert_allclose(heights, scene.scene().lonlath[:, 2] - 4.5, atol=1e-3)

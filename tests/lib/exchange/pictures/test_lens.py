@@ -18,7 +18,8 @@ def lens_of(tmp_path, properties, *, exif=None, name="a.tif", **known):
 
 
 @pytest.mark.parametrize(
-    ("focal", "unit"), [(5.46, "mm"), (364.0, None), (5.46, None), (364.0, "pixel")]
+    ("focal", "unit"),
+    [(5.46, "mm"), (364.0, None), (5.46, None), (364.0, "pixel"), ("546/100", "mm")],
 )
 def test_a_focal_length_is_told_in_mm_and_in_pixels(tmp_path, focal, unit):
     said = {lens.UNITS: unit} if unit else {}
@@ -96,7 +97,8 @@ def test_a_picture_that_does_not_say_its_pixels_needs_them_told(tmp_path):
 @pytest.mark.parametrize(
     ("properties", "said"),
     [
-        ({"Camera:ModelType": "fisheye"}, "only perspective lenses"),
+        ({"Camera:ModelType": "brown"}, "must be perspective or fisheye"),
+        ({"Camera:ModelType": "fisheye"}, "FisheyePolynomial: missing"),
         ({lens.DISTORTION: [1, 2]}, "must be 5"),
         ({lens.DISTORTION: [900, -900, 900, 9, 9]}, "k1 to p2|camera"),
         ({lens.POINT: "1.0"}, "must be 2"),

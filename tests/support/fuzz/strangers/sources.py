@@ -159,14 +159,32 @@ def _sbet(folder: Path) -> None:
     (folder / "events.csv").write_text(EVENTS)
 
 
-def _pictures(folder: Path) -> None:
-    """Write two heads of one exposure, and a JPEG of another camera."""
-    for index in (0, 1):
-        head = tagged.micasense(index, relatives=[0.1 * index, 0.2 * index, 0.0])
-        tagged.write(folder / f"IMG_0001_{index + 1}.tif", head)
-    angles = {"GimbalYawDegree": 10, "GimbalPitchDegree": -90, "GimbalRollDegree": 0}
-    of_dji = {f"drone-dji:{name}": value for name, value in angles.items()}
-    tagged.write(folder / "DJI_0001.JPG", of_dji, attributes=True)
+SMALL = {
+    "Camera:PrincipalPoint": "0.12,0.09",
+    "Camera:PerspectiveFocalLength": 1.2,
+    "Camera:PerspectiveFocalLengthUnits": "mm",
+    "Camera:VignettingCenter": [8, 6],
+    "Camera:VignettingPolynomial": [1e-4, -1e-5],
+    "DLS:Yaw": 0.1,
+    "DLS:Pitch": 0.1,
+    "DLS:Roll": 0.1,
+}
+
+
+def _heads(folder: Path) -> None:
+    """Write two heads at one exposure; so small that mutations find the metadata."""
+    grey = np.full((12, 16), 5000, np.uint16)
+    for k in range(2):
+        said = tagged.micasense(k, relatives=(0.1 * k, 0, 0), **SMALL)
+        tagged.write(folder / f"IMG_0001_{k + 1}.tif", said, pixels=grey)
+
+
+def _photograph(folder: Path) -> None:
+    said = {
+        "drone-dji:DewarpData": "2018-03-13;364,360,2.5,-1.5,0.01,0,0,0,0",
+        **{f"drone-dji:Gimbal{name}Degree": "+1.0" for name in ("Roll", "Pitch", "Yaw")},
+    }
+    tagged.write(folder / "DJI_0001.JPG", said, attributes=True)
 
 
 def _results(folder: Path) -> None:
@@ -218,7 +236,8 @@ SOURCES: dict[str, Source] = {
     "orientations": Source(
         write=_files(eo__csv=ORIENTATIONS), source="eo.csv", options=(*CRS, "--of", "camera")
     ),
-    "pictures": Source(write=_pictures),
+    "pictures": Source(write=_heads),
+    "pictures-jpeg": Source(write=_photograph, kind="pictures"),
     "export": Source(write=_results, source="results", options=("--allow", "1")),
 }
 """By the name of the kind."""

@@ -76,7 +76,7 @@ def read(
     Parameters
     ----------
     source : Path
-        Its folder; binary files are taken where there are both, as COLMAP does.
+        Its folder, or a file in it; binary files are taken where there are both, as COLMAP does.
     orientations : str
         The trajectory: "adjusted" or "none"; a model has none that was measured.
     block : str, optional
@@ -92,6 +92,7 @@ def read(
     FlightError
         Where the folder has no model, or something in it cannot be.
     """
+    source = source.parent if source.is_file() else source
     model = _model(source)
     if not model.images:
         return _cameras_alone(model, pixel_um)

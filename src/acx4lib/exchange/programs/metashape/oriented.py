@@ -12,14 +12,16 @@ from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.shots import (
     ANGLES,
+    LARGEST,
     LOCATION,
     Shot,
     accuracy,
     location,
     rotation,
 )
-from acx4lib.exchange.programs.shared import proof, tables
+from acx4lib.exchange.programs.shared import crs, proof, tables
 from acx4lib.exchange.programs.shared.adjusted import MEANS_NOTHING, Flown
+from acx4lib.exchange.programs.shared.cameras import is_rotation
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array, Index
@@ -139,14 +141,17 @@ def _geographic(chunk: Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[
     """Return longitude, latitude, height of references, and what is assumed of them."""
     source = system.source
     are_degrees = (np.abs(xyh[:, 0]) <= 180).all() and (np.abs(xyh[:, 1]) <= 90).all()
+    element = chunk.root.maybe("reference")
     if source is not None and source.is_projected and are_degrees:
+        grid = told(chunk, system.grid, element)
+        enh = np.column_stack([grid.grid_from_lonlat(xyh[:, :2]), xyh[:, 2]])
+        enh = told(chunk, lambda: crs.with_heights(system, enh, crs.heights_of(source)), element)
         said = (
             "Positions of cameras are longitude and latitude: as coordinates of the chunk's "
             "system they would lie at its origin"
         )
-        return xyh, (said,)
-    element = chunk.root.maybe("reference")
-    enh = told(chunk, lambda: system.from_source(xyh), element)
+        return np.column_stack([xyh[:, :2], enh[:, 2]]), (said,)
+    enh = told(chunk, lambda: crs.into(system, xyh), element)
     grid = told(chunk, system.grid, element)
     return np.column_stack([grid.lonlat_from_grid(enh[:, :2]), enh[:, 2]]), ()
 
@@ -190,14 +195,18 @@ def similarity(chunk: Chunk) -> Callable[[Shot], Similarity]:
 def _similarity(element: Element) -> Similarity:
     rotation = element.one("rotation")
     R = rotation.numbers(9).reshape(3, 3)
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
+    if not is_rotation(R):
         raise rotation.wrong("is no rotation", "must be a rotation matrix, row by row")
     scale = element.maybe("scale")
     size = 1.0 if scale is None else scale.number()
-    if scale is not None and size <= 0:
-        raise scale.wrong(f"{size:g}", "must be positive")
+    if scale is not None and not 0 < size <= LARGEST:
+        raise scale.wrong(f"{size:g}", f"must be positive, at most {LARGEST:g}")
+    place = element.one("translation")
+    r = place.numbers(3)
+    if np.abs(r).max() > LARGEST:
+        raise place.wrong("is too large", f"must be at most {LARGEST:g} either way")
     u, _, v = np.linalg.svd(R)
-    return Similarity(R=u @ v, r=element.one("translation").numbers(3), scale=size)
+    return Similarity(R=u @ v, r=r, scale=size)
 
 
 def proofs(
@@ -254,7 +263,7 @@ def _measured_against(
         return ()
     xyh = np.array([known[places.points[k]].xyh for k in rows])
     element = chunk.root.maybe("reference")
-    enh = told(chunk, lambda: system.from_source(xyh), element)
+    enh = told(chunk, lambda: crs.into(system, xyh), element)
     grid = told(chunk, system.grid, element)
     lonlat = grid.lonlat_from_grid(enh[:, :2])
     height = enh[:, 2] + grid.undulation(lonlat)

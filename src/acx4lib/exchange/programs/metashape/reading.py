@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +36,14 @@ APRIORI = {
 """Metashape's settings and the keys of ``[apriori]`` that they are."""
 
 
-def read(
+def read(  # noqa: PLR0913 one for every option
     source: Path,
     *,
     camera: str = "adjusted",
     orientations: str = "initial",
     block: str | None = None,
     crs: str | None = None,
+    heights: str | float | None = None,
     chunk: str | None = None,
     pixel_um: float | None = None,
 ) -> Brought:
@@ -60,6 +62,8 @@ def read(
         Name of the block; by default heads for a rig, else calibration.
     crs : str, optional
         The flight's projected CRS; by default the chunk's own, or its UTM zone.
+    heights : str or float, optional
+        As the key of flight.toml; by default the chunk's own.
     chunk : str, optional
         Label of the chunk; by default the active one.
     pixel_um : float, optional
@@ -83,7 +87,7 @@ def read(
     named = {one.camera for one in used.values()}
     lenses = {one.name: one.lens for one in of.values() if one.name in named}
     fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=pixel_um))
-    system = _system(whole, used, wanted=crs)
+    system = _system(whole, used, wanted=crs, heights=heights)
     names = markers.labels(whole.root)
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
@@ -107,7 +111,9 @@ def read(
     )
 
 
-def _system(chunk: Chunk, used: Mapping[str, Shot], *, wanted: str | None) -> Chosen | None:
+def _system(
+    chunk: Chunk, used: Mapping[str, Shot], *, wanted: str | None, heights: str | float | None
+) -> Chosen | None:
     """Return the flight's coordinate system; None where the chunk has none."""
     element = chunk.root.maybe("reference")
     text = "" if element is None else element.text
@@ -119,7 +125,8 @@ def _system(chunk: Chunk, used: Mapping[str, Shot], *, wanted: str | None) -> Ch
         ),
         None,
     )
-    return oriented.told(chunk, lambda: crs.chosen(text, at, wanted), element)
+    found = oriented.told(chunk, lambda: crs.chosen(text, at, wanted), element)
+    return found if found is None or heights is None else replace(found, heights=heights)
 
 
 def _with_trajectory(used: dict[str, Shot], flown: Flown) -> dict[str, Shot]:
@@ -159,7 +166,7 @@ def _control(
     if not known or system is None:
         return None
     xyh = np.array([one.xyh for one in known.values()])
-    enh = oriented.told(chunk, lambda: system.from_source(xyh), chunk.root.maybe("reference"))
+    enh = oriented.told(chunk, lambda: crs.into(system, xyh), chunk.root.maybe("reference"))
     common = _setting(chunk, "accuracy_markers") or 0.005
     sigma = [np.full(3, common) if one.sigma is None else one.sigma for one in known.values()]
     east, north, height = np.round(enh, tables.METRES).T.tolist()

@@ -8,7 +8,7 @@ import numpy as np
 
 from acx4lib.exchange.programs.metashape import lens
 from acx4lib.exchange.programs.metashape.lens import Calibration
-from acx4lib.exchange.programs.shared.cameras import TOP_AHEAD, Lens, turned
+from acx4lib.exchange.programs.shared.cameras import TOP_AHEAD, Lens, is_rotation, turned
 from acx4lib.exchange.programs.shared.tables import require_names, without_doubles
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
@@ -91,7 +91,7 @@ def _rotation(element: Element, *, is_slave: bool) -> Array:
     if rotation is None or not is_slave:
         return np.eye(3)
     R = rotation.numbers(9).reshape(3, 3)
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-5 or np.linalg.det(R) < 0:
+    if not is_rotation(R, 1e-5):
         raise rotation.wrong("is no rotation", "must be a rotation matrix, row by row")
     return np.asarray(turned(R))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.exchange.programs.metashape.sensors import Sensor
-from acx4lib.exchange.programs.shared.cameras import FLIP
+from acx4lib.exchange.programs.shared.cameras import FLIP, is_rotation
 from acx4lib.exchange.programs.shared.tables import require_names, without_doubles
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
@@ -18,6 +18,9 @@ from acx4lib.geometry.frames import Pose
 ANGLES = ("yaw", "pitch", "roll")
 VALUES = Range(-1e9, 1e9)
 LOCATION = ("x", "y", "z")
+
+LARGEST = 1e9
+"""Largest coordinate of a chunk, or of the place where it lies."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +107,7 @@ def _pose(master: Element, sensor: Sensor, of_master: Sensor) -> Pose | None:
         return None
     values = transform.numbers(16).reshape(4, 4)
     R = values[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
+    if not is_rotation(R) or np.abs(values[:3, 3]).max() > LARGEST:
         raise transform.wrong("does not turn", "must be a rotation and a place, row by row")
     u, _, v = np.linalg.svd(R)
     R_master_c = of_master.lens.mount.R.T @ sensor.lens.mount.R

@@ -85,10 +85,11 @@ def system(
     if found is None and fault is not None:
         raise fault
     places = (*surveyed, *captured)
-    return found if found is None or not places else _with_heights(found, places[0].heights)
+    return found if found is None or not places else with_heights(found, places[0].heights)
 
 
-def _with_heights(found: Chosen, heights: str | float) -> Chosen:
+def with_heights(found: Chosen, heights: str | float) -> Chosen:
+    """Return a system with other heights, and what is said of them."""
     said = "above the ellipsoid" if heights == "ellipsoidal" else f"of {heights}"
     if isinstance(heights, float):
         said = f"{heights:g} m less than above the ellipsoid"

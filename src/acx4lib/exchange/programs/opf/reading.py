@@ -40,6 +40,7 @@ def read(
     orientations: str = "initial",
     block: str | None = None,
     crs: str | None = None,
+    heights: str | float | None = None,
     pixel_um: float | None = None,
 ) -> Brought:
     """Read a project.
@@ -57,6 +58,8 @@ def read(
         Name of the block; by default heads for a rig, else calibration.
     crs : str, optional
         The flight's projected CRS; by default that of the scene, or the UTM zone of a place.
+    heights : str or float, optional
+        As the key of flight.toml; by default those of the control points, else of the captures.
     pixel_um : float, optional
         Pixel size where the project has none.
 
@@ -72,6 +75,8 @@ def read(
     control = project.documents.get("input-control-points")
     gcps = {} if control is None else _surveyed(control)
     system = places.system(project, _captured(every), [one for one, _ in gcps.values()], crs)
+    if system is not None and heights is not None:
+        system = places.with_heights(system, heights)
     flown = _flown(project, every, system, orientations)
     shots = _with_trajectory(every, flown)
     named = {one.sensor.name for one in shots} or set(fitted.cameras)

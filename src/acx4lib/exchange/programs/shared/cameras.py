@@ -125,12 +125,19 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
             "millimetres depend on it (--pixel-um)",
         )
     found = tuple(
-        f"camera {name}: {camera.width_px} x {camera.height_px} px, f "
+        f"lens of {name}: {camera.width_px} x {camera.height_px} px, f "
         f"{camera.interior.f / camera.pixel_mm:.2f} px; refitted as Brown's model it differs by "
         f"{left[name]}"
         for name, camera in cameras.items()
     )
     return Refitted(cameras=cameras, settings={"cameras": tables}, assumed=assumed, found=found)
+
+
+def is_rotation(R: np.ndarray, off: float = 1e-4) -> bool:
+    """Tell whether a matrix, shape (3, 3), of any numbers turns, and does not mirror."""
+    if not (np.abs(R) < 2).all():
+        return False
+    return bool(np.abs(R @ R.T - np.eye(3)).max() <= off and np.linalg.det(R) > 0)
 
 
 def turned(R_cv: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ class Chosen:
         return grid_of(self.crs, self.heights)
 
     def from_source(self, xyh: Array) -> Array:
-        """Return coordinates of the project as east, north, height of the flight, shape (n, 3).
+        """Return coordinates of the project as east, north of the flight; heights stay, (n, 3).
 
         Raises
         ------
@@ -162,6 +162,17 @@ def _said_heights(source: pyproj.CRS) -> str:
     if source.is_compound:
         return f"Heights are in {source.sub_crs_list[1].name}"
     return "Heights are above the ellipsoid: the coordinate system has no vertical part"
+
+
+def into(system: Chosen, xyh: Array) -> Array:
+    """Return coordinates of a project as east, north, height of the flight, shape (n, 3).
+
+    Raises
+    ------
+    ValueError
+        Where PROJ cannot do it exactly, or a geoid's grid is not here.
+    """
+    return with_heights(system, system.from_source(xyh), heights_of(system.source))
 
 
 def with_heights(system: Chosen, enh: Array, given: str | float) -> Array:
