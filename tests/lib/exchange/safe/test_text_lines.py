@@ -5,6 +5,9 @@ import pytest
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import cut, lines
+from acx4lib.flight.problems import Range
+
+SMALL = Range(-1.0, 1.0)
 
 
 def read(text, **options):
@@ -40,10 +43,11 @@ def test_lines_keep_their_numbers_and_comments_are_left_out():
         (lambda x: x.number_at(3, "north"), "a.txt:1: north: is missing, the line has 3 cells"),
         (lambda x: x.numbers(1, 3, "x y"), "a.txt:1: x y: '1,5'; must be a finite number"),
         (lambda x: x.whole_at(0, "id"), "a.txt:1: id: 'a'; must be a whole number"),
+        (lambda x: x.numbers(3, 5, "x", SMALL), "a.txt:1: x: '9'; must lie between -1 and 1"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(do, says):
-    (line,) = read("a 1,5 inf")
+    (line,) = read("a 1,5 inf 0.5 9" if "'9'" in says else "a 1,5 inf")
     with pytest.raises(FlightError) as raised:
         do(line)
     assert says in str(raised.value)

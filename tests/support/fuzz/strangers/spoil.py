@@ -122,7 +122,7 @@ def values(data: bytes, rng: random.Random) -> bytes:
     """Put any JSON in the place of a value, remove a key, or add one."""
     try:
         tree = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         return bytes_(data, rng)
     for _ in range(rng.choice((1, 1, 2, 4))):
         node, key = _place(tree, rng)
