@@ -11,6 +11,7 @@ import os
 import shutil
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -31,6 +32,13 @@ SETTINGS, STATEMENT = "flight.toml", "import.md"
 
 SYSTEMS = ("crs", "heights")
 """Settings of which a flight has one for all its numbers."""
+
+SYNTHETIC = "SYN"
+"""Name of the camera that a rig's heads make together, where the source has none."""
+
+SEEN = ("width_px", "height_px", "pixel_um", "focal_mm")
+SEEN_FROM = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+"""What the synthetic camera has of the first head."""
 
 
 def write(brought: Brought, folder: Path) -> tuple[str, ...]:
@@ -194,3 +202,26 @@ def _link(picture: Path, place: Path) -> None:
         os.link(picture.resolve(), place)
     except OSError:
         shutil.copyfile(picture, place)
+
+
+def with_synthetic(brought: Brought) -> Brought:
+    """Return what was brought with the camera that heads make together, as a flight needs it.
+
+    It has the size, the focal length and the direction of the first head: right for heads whose
+    fields coincide, and to be enlarged where they look apart.
+    """
+    images = brought.tables.get("heads/images.csv")
+    cameras = brought.settings.get("cameras", {})
+    heads = [] if images is None else [*dict.fromkeys(images["camera"])]
+    if len(heads) < 2 or "synthetic" in brought.settings or SYNTHETIC in cameras:
+        return brought
+    if heads[0] not in cameras:
+        return brought
+    first = cameras[heads[0]]
+    virtual = {key: first[key] for key in (*SEEN, *SEEN_FROM) if key in first}
+    settings = dict(brought.settings) | {
+        "cameras": {**cameras, SYNTHETIC: virtual},
+        "synthetic": {"camera": SYNTHETIC, "heads": heads},
+    }
+    said = f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
+    return replace(brought, settings=settings, assumed=(*brought.assumed, said))

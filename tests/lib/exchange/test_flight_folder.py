@@ -109,3 +109,16 @@ def test_a_flight_that_is_begun_is_added_to_and_not_begun_again(tmp_path):
     assert "# a remark" in (tmp_path / "flight.toml").read_text()
     with pytest.raises(OutputError, match="began this flight already"):
         flight_folder.begin(tmp_path, texts)
+
+
+def test_heads_get_the_camera_that_they_make_together_as_the_first_of_them_sees():
+    heads = {"A": {**CAMERA["cameras"]["C 1"], "k1": 1e-5, "mount_kappa_deg": -90.0}, "B": {}}
+    images = {"heads/images.csv": {"image": ["1", "2", "3"], "camera": ["A", "B", "A"]}}
+    brought = flight_folder.with_synthetic(control(settings={"cameras": heads}, tables=images))
+    assert brought.settings["synthetic"] == {"camera": "SYN", "heads": ["A", "B"]}
+    syn = {"width_px": 10, "focal_mm": 8.25, "mount_kappa_deg": -90.0}
+    assert brought.settings["cameras"] == {**heads, "SYN": syn}
+    assert "SYN has size, focal length and direction of A" in brought.assumed[-1]
+    assert flight_folder.with_synthetic(brought) is brought
+    alone = control(settings={"cameras": heads}, tables={"calibration/images.csv": {}})
+    assert flight_folder.with_synthetic(alone) is alone
