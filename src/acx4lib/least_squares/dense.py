@@ -168,18 +168,24 @@ class DenseInverse:
 
     @property
     def condition(self) -> float:
-        """Condition of the scaled normal matrix."""
-        if len(self.dense) == 0:
-            return 1.0
+        """Condition of the scaled normal matrix, of the directions that it determines."""
         values, _ = self.system.spectrum
-        return float(values[-1] / max(values[0], 1e-300))
+        if self.defect == len(values):
+            return 1.0
+        return float(values[-1] / max(values[self.defect], 1e-300))
 
     @property
     def weakest(self) -> Array:
-        """Eigenvector of the scaled matrix's smallest eigenvalue, in scaled unknowns."""
-        if len(self.dense) == 0:
-            return np.zeros(0)
-        weakest = self.system.spectrum[1][:, 0]
+        """Eigenvector of the scaled matrix's smallest eigenvalue, in scaled unknowns.
+
+        Unknowns that no observation touches, such as those of an image without measurements, have
+        no part in it.
+        """
+        vectors = self.system.spectrum[1]
+        untouched = int(np.sum(self.system.diagonal == 0))
+        if untouched == len(vectors):
+            return np.zeros(len(vectors))
+        weakest = vectors[:, untouched]
         if self.order is None:
             return weakest
         return weakest[places(self.order)]

@@ -338,6 +338,8 @@ def test_a_column_that_is_not_observed_at_all_is_undetermined():
     design = np.column_stack([np.ones(4), np.zeros(4)])
     _, solution = solve(linear(design, np.arange(4.0), 1.0), np.zeros(2))
     assert solution.undetermined.tolist() == [False, True]
+    assert solution.condition == pytest.approx(1.0)  # of what is observed
+    assert_allclose(np.abs(solution.weakest), [1, 0])
     assert solution.cov[0, 0] == pytest.approx(0.25)
 
 
