@@ -20,7 +20,7 @@ from acx4lib.measuring.pictures.overlaps import overlapping
 from acx4lib.measuring.pictures.pairs import MatchOptions, PairJob
 from acx4lib.measuring.pictures.store import Matching
 from acx4lib.measuring.pictures.views import View, ground_of, pixels_of, seen_at
-from acx4lib.measuring.points import Rays, chosen, joined
+from acx4lib.measuring.points import TieRays, chosen, joined
 
 COARSE_PX = 760
 """Longer side of the pictures at the first level, at most."""
@@ -66,7 +66,7 @@ class Matched:
     views : tuple of View
         With their refined orientations.
     surface : Surface
-    rays : Rays
+    rays : TieRays
         Of tie points; gross errors are left out.
     n_rejected : int
         Rays that the adjustment rejected.
@@ -76,7 +76,7 @@ class Matched:
 
     views: tuple[View, ...]
     surface: Surface
-    rays: Rays
+    rays: TieRays
     n_rejected: int
     reduced: int
 
@@ -178,7 +178,7 @@ def _matched(
     n_points: int,
     matching: Matching,
     count: Callable[[int, int], None],
-) -> Rays:
+) -> TieRays:
     """Return the points of one level."""
     pairs = overlapping(views, surface)
     if not pairs:
@@ -218,7 +218,7 @@ def _shown(
     return np.concatenate(out)
 
 
-def _whole_points(rays: Rays) -> Rays:
+def _whole_points(rays: TieRays) -> TieRays:
     """Return the rays of points that still have two."""
     _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
     return rays[count[inverse] >= 2]

@@ -19,7 +19,7 @@ from acx4lib.geometry.prior import Prior
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.views import View, seen_at
-from acx4lib.measuring.points import Rays
+from acx4lib.measuring.points import TieRays
 
 LOOSE_POSITION, LOOSE_ATTITUDE = 0.005, float(np.radians(1.0))
 """Standard deviations of positions, in flying heights, and of attitudes as approximate values."""
@@ -65,7 +65,7 @@ class Oriented:
     bundle: Bundle
 
 
-def refined(block: Block, views: Sequence[View], rays: Rays) -> Oriented:
+def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
     """Adjust the rays of points, reject gross errors, and refine orientations and ground.
 
     Nothing of this reaches the measured flight but which rays are kept.
@@ -76,7 +76,7 @@ def refined(block: Block, views: Sequence[View], rays: Rays) -> Oriented:
         With one image for each view, in their order, and a trajectory as `approximate` or `firm`
         make it.
     views : sequence of View
-    rays : Rays
+    rays : TieRays
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _adjusted(block: Block) -> Bundle:
     raise AdjustmentError(reasons[-1])
 
 
-def _with_rays(block: Block, views: Sequence[View], rays: Rays) -> Block:
+def _with_rays(block: Block, views: Sequence[View], rays: TieRays) -> Block:
     """Return the block with these rays alone, and what a mounting may be off by."""
     number, idx = np.unique(rays.point, return_inverse=True)
     full, sigma = np.zeros((len(rays), 2)), np.zeros(len(rays))

@@ -19,7 +19,7 @@ Pairs = Mapping[tuple[int, int], tuple[Found, Found]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rays:
+class TieRays:
     """Measurements of points; those of a point share one number.
 
     Attributes
@@ -35,7 +35,7 @@ class Rays:
     colrow: Array
     sigma_px: Array
 
-    def __getitem__(self, keep: Index | Mask) -> Rays:
+    def __getitem__(self, keep: Index | Mask) -> TieRays:
         """Select measurements."""
         return expected.part_of(self, keep)
 
@@ -44,7 +44,7 @@ class Rays:
         return len(self.point)
 
 
-def joined(corners: Sequence[Index], pairs: Pairs) -> Rays:
+def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
     """Return one point for every corner that was found anywhere, with all its rays.
 
     The corner itself is a ray of the point. Of the variance of a difference, one half belongs to
@@ -70,7 +70,7 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> Rays:
     mean_square = np.bincount(inverse, sigma[:, 0] ** 2) / count
     master = np.searchsorted(first, own, side="right") - 1
     at = np.concatenate([np.zeros((0, 2), np.intp), *corners])[own].astype(float)
-    every = Rays(
+    every = TieRays(
         point=np.concatenate([own, point]),
         view=np.concatenate([master, view]),
         colrow=np.concatenate([at, colrow]),
@@ -79,7 +79,7 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> Rays:
     return every[np.lexsort((every.view, every.point))]
 
 
-def chosen(rays: Rays, shown: Index, *, apart_px: float) -> Rays:
+def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     """Return points of enough rays that do not measure the same texture twice.
 
     Of points with windows that overlap in a picture, the one with the most rays stays: two points
@@ -87,7 +87,7 @@ def chosen(rays: Rays, shown: Index, *, apart_px: float) -> Rays:
 
     Parameters
     ----------
-    rays : Rays
+    rays : TieRays
         Ordered by point.
     shown : ndarray, shape (n,)
         For every ray, the number of pictures that show its point's place.

@@ -4,7 +4,7 @@ from acx4lib.flight.block import select_images
 from acx4lib.measuring.flights import read_unmeasured
 from acx4lib.measuring.measure import views_of
 from acx4lib.measuring.oriented import approximate, refined
-from acx4lib.measuring.points import Rays
+from acx4lib.measuring.points import TieRays
 
 
 def block_and_views(whole):
@@ -21,7 +21,7 @@ def test_a_ray_that_misses_the_others_is_rejected(whole):
     many = np.flatnonzero(np.bincount(rays.point)[rays.point] == 3)[7]
     colrow = rays.colrow.copy()
     colrow[many] += [4.0, 12.0]
-    spoilt = Rays(point=rays.point, view=rays.view, colrow=colrow, sigma_px=rays.sigma_px)
+    spoilt = TieRays(point=rays.point, view=rays.view, colrow=colrow, sigma_px=rays.sigma_px)
     found = refined(approximate(block, 600.0), views, spoilt)
     assert not found.kept[many]
     assert np.mean(found.kept) > 0.97

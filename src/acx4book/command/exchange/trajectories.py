@@ -165,7 +165,7 @@ def sbet(  # noqa: PLR0913 options of a command
     from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
-    options = pospac.Options(
+    options = pospac.SbetOptions(
         time=time.value,
         columns=columns,
         separator=separator.value if separator else "",
@@ -225,7 +225,7 @@ def orientations(  # noqa: PLR0913 options of a command
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
-    options = orientation_table.Options(
+    options = orientation_table.TableOptions(
         columns=columns,
         separator=separator.value if separator else "",
         of=of.value,
@@ -250,5 +250,5 @@ def pospac_text(
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
-    options = orientation_table.Options(block=block, camera=camera)
+    options = orientation_table.TableOptions(block=block, camera=camera)
     bring.place(applanix_text.read(source, meaning, options), out)

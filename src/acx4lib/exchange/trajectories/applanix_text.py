@@ -58,7 +58,7 @@ MOST_PREAMBLE = 60
 """Lines of the preamble that are kept."""
 
 
-def read(path: Path, meaning: Meaning, options: orientation_table.Options) -> Brought:
+def read(path: Path, meaning: Meaning, options: orientation_table.TableOptions) -> Brought:
     """Return the orientations of a text export of POSPac.
 
     Parameters
@@ -66,7 +66,7 @@ def read(path: Path, meaning: Meaning, options: orientation_table.Options) -> Br
     path : Path
     meaning : Meaning
         Its unit of angles is replaced by the one that the text states.
-    options : Options
+    options : TableOptions
         Whose they are is found from the columns: omega, phi, kappa are the camera's, roll, pitch
         and heading the IMU's.
 

@@ -19,7 +19,7 @@ NORTH = {"grid": "grid north", "true": "true north"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class TableOptions:
     """What is done with a list.
 
     Attributes
@@ -39,14 +39,14 @@ class Options:
     camera: str = ""
 
 
-def read(path: Path, meaning: Meaning, options: Options) -> Brought:
+def read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
     """Return the orientations of a text with declared columns.
 
     Parameters
     ----------
     path : Path
     meaning : Meaning
-    options : Options
+    options : TableOptions
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read(path: Path, meaning: Meaning, options: Options) -> Brought:
 def brought(
     listed: Listed,
     meaning: Meaning,
-    options: Options,
+    options: TableOptions,
     *,
     source: str,
     says: tuple[str, ...] = (),
@@ -100,7 +100,7 @@ def _images(listed: Listed, names: list[str], camera: str) -> dict[str, Any]:
 
 
 def _assumed(
-    listed: Listed, found: orientations.Oriented, meaning: Meaning, options: Options
+    listed: Listed, found: orientations.Oriented, meaning: Meaning, options: TableOptions
 ) -> tuple[str, ...]:
     columns = " ".join(one.name for one in listed.columns)
     heading = "its heading" if listed.heading and not options.columns else "declaration"

@@ -33,7 +33,7 @@ NAMES = {GPS_SOW: "GPS time", UTC_SOW: "UTC"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class SbetOptions:
     """What the files do not say.
 
     Attributes
@@ -70,7 +70,7 @@ class Options:
     meaning: Meaning = field(default_factory=Meaning)
 
 
-def read(trajectory: Path, events: Path, deviations: Path | None, options: Options) -> Brought:
+def read(trajectory: Path, events: Path, deviations: Path | None, options: SbetOptions) -> Brought:
     """Return a trajectory at the times of events.
 
     Parameters
@@ -79,7 +79,7 @@ def read(trajectory: Path, events: Path, deviations: Path | None, options: Optio
         SBET, and text with a name and a time in every row.
     deviations : Path or None
         SMRMSG.
-    options : Options
+    options : SbetOptions
 
     Raises
     ------
@@ -108,7 +108,7 @@ def _opened(path: Path) -> opened.Opened:
     return opened.read(path, most=free_memory() // SHARE_OF_MEMORY)
 
 
-def _ahead(listed: Events, options: Options) -> float:
+def _ahead(listed: Events, options: SbetOptions) -> float:
     """Return the seconds by which the trajectory's clock is ahead of that of the events."""
     events_utc, track_utc = is_utc(options.time), is_utc(options.trajectory_time)
     if events_utc == track_utc:
@@ -121,7 +121,7 @@ def _ahead(listed: Events, options: Options) -> float:
     return options.leap_seconds if events_utc else -options.leap_seconds
 
 
-def _refuse_outside(track: sbet.Track, listed: Events, t: Array, options: Options) -> None:
+def _refuse_outside(track: sbet.Track, listed: Events, t: Array, options: SbetOptions) -> None:
     first, last = track.time[[0, -1]].tolist()
     file = Path(track.source.file).name
     at = interpolation.between(track.time, t)
@@ -159,7 +159,7 @@ def _brought(
     listed: Events,
     spread: sbet.Deviations | None,
     t: Array,
-    options: Options,
+    options: SbetOptions,
 ) -> Brought:
     at = interpolation.between(track.time, t)
     off, speed = interpolation.velocity_misfit(track, at)
@@ -196,7 +196,7 @@ def _brought(
     )
 
 
-def _assumed(listed: Events, options: Options) -> tuple[str, ...]:
+def _assumed(listed: Events, options: SbetOptions) -> tuple[str, ...]:
     seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
     shift = is_utc(options.time) != is_utc(options.trajectory_time)
     columns = " ".join(one.name for one in listed.listed.columns)

@@ -21,7 +21,7 @@ CRS = "EPSG:31982"
 
 def from_opk(folder):
     meaning = Meaning(crs=CRS)
-    options = orientation_table.Options(of="camera")
+    options = orientation_table.TableOptions(of="camera")
     return orientation_table.read(folder / "orientations.csv", meaning, options)
 
 

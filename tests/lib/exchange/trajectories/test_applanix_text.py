@@ -6,7 +6,7 @@ import pytest
 from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4lib.exchange.trajectories import applanix_text
-from acx4lib.exchange.trajectories.orientation_table import Options
+from acx4lib.exchange.trajectories.orientation_table import TableOptions
 from acx4lib.exchange.trajectories.orientations import Meaning
 from support.reference_files import needs
 
@@ -22,7 +22,7 @@ PLACE = f"{LAT:.7f} {LON:.7f}"
 def read(tmp_path, text, **meaning):
     (tmp_path / "eo.txt").write_text(text)
     given = Meaning(**{"crs": "EPSG:32617", **meaning})
-    return applanix_text.read(tmp_path / "eo.txt", given, Options())
+    return applanix_text.read(tmp_path / "eo.txt", given, TableOptions())
 
 
 def rows(*cells):
@@ -56,7 +56,7 @@ def test_a_preamble_of_windows(tmp_path):
     row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
     text = f"Vol d'été\n{PREAMBLE}{HEADING}\n{row}\n"
     (tmp_path / "eo.txt").write_bytes(text.encode("cp1252"))
-    brought = applanix_text.read(tmp_path / "eo.txt", Meaning(crs="EPSG:32617"), Options())
+    brought = applanix_text.read(tmp_path / "eo.txt", Meaning(crs="EPSG:32617"), TableOptions())
     assert "Vol d'été" in brought.found[-1]
     assert any("Windows-1252" in line for line in brought.assumed)
 

@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.reference import data
 from acx4lib.exchange.trajectories import orientation_table
-from acx4lib.exchange.trajectories.orientation_table import Options
+from acx4lib.exchange.trajectories.orientation_table import TableOptions
 from acx4lib.exchange.trajectories.orientations import Meaning
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
@@ -15,7 +15,7 @@ from support.reference_files import needs
 
 
 def read(file, options=None, **meaning):
-    return orientation_table.read(data.path(file), Meaning(**meaning), options or Options())
+    return orientation_table.read(data.path(file), Meaning(**meaning), options or TableOptions())
 
 
 def columns(table, *names):
@@ -25,7 +25,7 @@ def columns(table, *names):
 @needs("formats")
 def test_a_table_is_what_the_same_program_wrote_as_json():
     crs = data.path("formats/orthority/io_ngi_xyz_opk.prj").read_text()
-    brought = read("formats/orthority/io_ngi_xyz_opk.csv", Options(of="camera"), crs=crs)
+    brought = read("formats/orthority/io_ngi_xyz_opk.csv", TableOptions(of="camera"), crs=crs)
     table = brought.tables["calibration/trajectory.csv"]
     said = json.loads(data.path("formats/orthority/io_ngi_ext_param.geojson").read_text())
     shots = [shot["properties"] for shot in said["features"]]
@@ -40,7 +40,7 @@ def test_a_table_is_what_the_same_program_wrote_as_json():
 def test_roll_pitch_yaw_of_a_drone_against_its_adjusted_omega_phi_kappa():
     # the camera's x points right and its y forward: a quarter turn from the body's axes
     measured = read("formats/orthority/io_odm_lla_rpy.csv").tables["calibration/trajectory.csv"]
-    adjusted = read("formats/orthority/io_odm_xyz_opk.csv", Options(of="camera"))
+    adjusted = read("formats/orthority/io_odm_xyz_opk.csv", TableOptions(of="camera"))
     table = adjusted.tables["calibration/trajectory.csv"]
     order = [table["exposure"].index(name.removesuffix(".tif")) for name in measured["exposure"]]
     grid = GridSystem(crs="EPSG:32651")
@@ -59,7 +59,7 @@ def test_roll_pitch_yaw_of_a_drone_against_its_adjusted_omega_phi_kappa():
 
 @needs("ign-uce-m3")
 def test_the_heights_of_a_real_block_lose_the_scale_of_the_map():
-    options = Options(of="camera", block="validation")
+    options = TableOptions(of="camera", block="validation")
     meaning = {"crs": "EPSG:2154", "heights": str(data.path("ign-uce-m3/fr_ign_RAF20.tif"))}
     brought = read("ign-uce-m3/images.OPK", options, ground_m=3.0, **meaning)
     table = brought.tables["validation/trajectory.csv"]
@@ -74,7 +74,7 @@ def test_the_heights_of_a_real_block_lose_the_scale_of_the_map():
 def test_a_list_without_names_is_numbered(tmp_path):
     meaning = Meaning(crs="EPSG:31982")
     (tmp_path / "b.txt").write_text("x y z omega phi kappa\n400000 7200000 3 0 0 10\n")
-    brought = orientation_table.read(tmp_path / "b.txt", meaning, Options(camera="CAM"))
+    brought = orientation_table.read(tmp_path / "b.txt", meaning, TableOptions(camera="CAM"))
     images = brought.tables["calibration/images.csv"]
     assert images == {"image": ["1"], "camera": ["CAM"], "exposure": ["1"]}
     assert brought.assumed[0].endswith("exposures are numbered.")

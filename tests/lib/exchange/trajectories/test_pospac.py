@@ -23,7 +23,7 @@ def files(tmp_path, made):
 def read(folder, events, *, deviations=False, **options):
     (folder / "events.txt").write_text(events)
     spread = folder / "a.smrmsg" if deviations else None
-    given = pospac.Options(**{"time": "gps-sow", **options})
+    given = pospac.SbetOptions(**{"time": "gps-sow", **options})
     return pospac.read(folder / "a.sbet", folder / "events.txt", spread, given)
 
 
