@@ -17,6 +17,9 @@ from acx4lib.expected import Array, Index, Mask
 SINGULAR = 1e-11
 """Eigenvalue of the scaled normal matrix below which a direction is not determined."""
 
+LEAST = 1e-32
+"""Eigenvalue that conditions take for a smaller one, rounding only: the square of the precision."""
+
 
 class Inverse(Protocol):
     """The covariance of the reduced unknowns and what they leave open."""
@@ -167,12 +170,17 @@ class DenseInverse:
         )
 
     @property
+    def _untouched(self) -> int:
+        """Number of unknowns without observations; as many eigenvalues are zero."""
+        return int(np.sum(self.system.diagonal == 0))
+
+    @property
     def condition(self) -> float:
-        """Condition of the scaled normal matrix, of the directions that it determines."""
+        """Condition of the scaled normal matrix, of the unknowns that observations touch."""
         values, _ = self.system.spectrum
-        if self.defect == len(values):
+        if self._untouched == len(values):
             return 1.0
-        return float(values[-1] / max(values[self.defect], 1e-300))
+        return float(values[-1] / max(values[self._untouched], LEAST))
 
     @property
     def weakest(self) -> Array:
@@ -182,10 +190,9 @@ class DenseInverse:
         no part in it.
         """
         vectors = self.system.spectrum[1]
-        untouched = int(np.sum(self.system.diagonal == 0))
-        if untouched == len(vectors):
+        if self._untouched == len(vectors):
             return np.zeros(len(vectors))
-        weakest = vectors[:, untouched]
+        weakest = vectors[:, self._untouched]
         if self.order is None:
             return weakest
         return weakest[places(self.order)]

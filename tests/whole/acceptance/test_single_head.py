@@ -1,6 +1,6 @@
 """One ordinary camera, turned by 90 degrees: another zone, lat/lon, roll, pitch, heading.
 
-What holds for the paper's flight holds here; see test_acceptance_acx4 for the why.
+What holds for the paper's flight holds here; see test_acx4 for the why.
 """
 
 from dataclasses import replace
