@@ -30,7 +30,8 @@ def test_two_folders_are_compared(acx4, folders, tmp_path):
     options = ("--method", "two_step", "--against", "first", "--height", 1000, "--apriori")
     status, said, wrong = acx4(*folders, *options, "--level", 1e-6)
     assert (status, wrong) == (0, [])
-    assert "1000 m" in (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    assert "1000\N{NO-BREAK SPACE}m" in text
 
 
 def test_what_cannot_be_compared_is_one_line_and_status_2(acx4, folders, tmp_path):
