@@ -42,7 +42,10 @@ build.fill(flight, results, book)
 STUBS = ("first-flight", "library", "many-flights", "notation", "your-files")
 """Pages that show nothing of a flight, but are referred to."""
 
-OTHERS = ("15-which-flight", "16-error-budget", "18-over-the-years")
+OTHERS = (
+    *("11-ten-heads", "15-which-flight", "16-error-budget", "18-over-the-years"),
+    "19-from-pictures",
+)
 """Chapters that are referred to, and left out of this book."""
 
 CHAPTERS = (

@@ -48,7 +48,10 @@ def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
     assert "\n## designs\n" in house
 
 
-def test_modules_of_the_library_show_their_functions_those_of_the_book_what_they_are_for():
+def test_modules_for_users_show_their_functions_and_others_what_they_are_for():
     assert ".. automodule:: acx4lib.bundle.adjust\n```" in "\n".join(api.page("acx4lib.bundle"))
     paper = "\n".join(api.page("acx4book.paper"))
     assert ".. automodule:: acx4book.paper.printed\n   :no-members:\n" in paper
+    exchange = "\n".join(api.page("acx4lib.exchange"))
+    assert ".. automodule:: acx4lib.exchange.opencv\n```" in exchange
+    assert ".. automodule:: acx4lib.exchange.safe.records\n   :no-members:\n" in exchange

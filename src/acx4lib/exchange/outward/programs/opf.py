@@ -1,6 +1,6 @@
 """OPF, Pix4D's open photogrammetry format, version 1.0: sensors, rig relatives, oriented cameras.
 
-Specification: https://github.com/Pix4D/opf-spec. Rig relatives are R = Rx(a) Ry(b) Rz(c) from the
+Specification: https://pix4d.github.io/opf-spec. Rig relatives are R = Rx(a) Ry(b) Rz(c) from the
 head to the reference, x right, y down, z ahead; orientations are from right, up, back to the CRS.
 """
 
