@@ -18,8 +18,6 @@ EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
 BY_MODULE = (
     "acx4book.",
     *(f"acx4lib.exchange.{part}." for part in EXCHANGE),
-    *("acx4lib.flight.checks.", "acx4lib.flight.text."),
-    *("acx4lib.results.files.", "acx4lib.results.own_folder."),
 )
 """Where modules are listed with what they are for: their functions serve one page, or one kind of
 files, and no user's program calls them."""

@@ -27,7 +27,7 @@ MARGIN = 0.04
 LOSSY = 20_000
 """Bytes from which a picture inside a drawing is stored with the loss of WebP."""
 
-QUALITY, EDGES = 60, 50
+QUALITY, EDGES = 50, 50
 """Of its colours, and of where it is transparent, of 100."""
 
 EFFORT, THOROUGH = 4, 6
