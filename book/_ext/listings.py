@@ -13,6 +13,7 @@ from sphinx.config import Config
 from sphinx.environment import BuildEnvironment
 
 import acx4book
+import acx4sim
 
 COLOURED = re.compile(r'<span class="(?!sd|c1)[\w ]*">([^<]*)</span>')
 """All words of a program but texts that explain it, and comments."""
@@ -37,9 +38,12 @@ def copy_style(app: Sphinx) -> None:
 
 
 def leave_out(_app: Sphinx, env: BuildEnvironment, _changed: list[str]) -> None:
-    """Make no listings of the code that makes this book: it lies there as an archive."""
-    modules = pkgutil.walk_packages(acx4book.__path__, "acx4book.")
-    env._viewcode_modules = {module.name: False for module in modules}  # what viewcode knows
+    """Make no listings of the book's code and the simulator's: they lie there as archives."""
+    known: dict[str, Any] = {}  # what viewcode has listed, or will not
+    for house in (acx4book, acx4sim):
+        for module in pkgutil.walk_packages(house.__path__, f"{house.__name__}."):
+            known[module.name] = False
+    env._viewcode_modules = known
 
 
 def forget(app: Sphinx) -> list[Any]:

@@ -46,6 +46,9 @@ RUN_PAGES = ("first-flight", "library", "your-files")
 WRAPPED = ("your-files",)
 """Those of them whose output is sentences, not tables: long lines go on in the next."""
 
+SOURCES, ARCHIVED = Path(__file__).parents[2], ("acx4book", "acx4sim")
+"""Packages whose code the book has as archives, and where they are."""
+
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
@@ -114,8 +117,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
     (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
-    sources = Path(__file__).parents[1]
-    release.pack(sources, generated / f"{sources.name}.zip", UNDATED, files="*.py")
+    for house in ARCHIVED:
+        release.pack(SOURCES / house, generated / f"{house}.zip", UNDATED, files="*.py")
     api.write(book)
 
 

@@ -46,6 +46,7 @@ def test_listings_that_are_left_out_are_not_listed():
     env = SimpleNamespace()
     listings.leave_out(None, env, [])
     assert env._viewcode_modules["acx4book.pages.build"] is False
+    assert env._viewcode_modules["acx4sim.designs"] is False
     env._viewcode_modules["acx4lib.errors"] = kept
     assert listings.forget(SimpleNamespace(env=env)) == []
     assert env._viewcode_modules == {"acx4lib.errors": kept}
