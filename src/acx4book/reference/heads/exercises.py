@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from acx4book.notebooks.solution import Solution
 from acx4book.reference.heads.parallax import predicted_px
 from acx4lib.exchange.pictures import lens
 from acx4lib.exchange.pictures.tags import Tags
@@ -14,21 +14,6 @@ from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
 from acx4lib.geometry.collinearity import pinhole
 
 F_PX, PIXEL_MM = 1459.0, 0.00375
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solution:
-    """An answer with its number, and the same number found in another way.
-
-    Attributes
-    ----------
-    text : str
-    value, again : float
-    """
-
-    text: str
-    value: float
-    again: float
 
 
 def two_heights() -> Solution:

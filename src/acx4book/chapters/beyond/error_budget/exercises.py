@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from acx4book.chapters.beyond.error_budget.examined import BARE, HEIGHT_M, PAPERS, Examined
+from acx4book.notebooks.solution import Solution
 from acx4book.paper import printed
 from acx4lib.calibration.estimates import given
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.georeferencing import budget, direct
 from acx4lib.georeferencing.mapping_flight import MappingFlight, fly, over_ground, spacing
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solution:
-    """An answer with its number, and the same number found in another way.
-
-    Attributes
-    ----------
-    text : str
-    value, again : float
-    """
-
-    text: str
-    value: float
-    again: float
 
 
 def _part(variance: Array, source: str) -> Array:

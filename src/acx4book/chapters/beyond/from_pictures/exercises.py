@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from acx4book.notebooks.solution import Solution
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk
@@ -18,21 +17,6 @@ CAMERA = Camera(
 """The camera of the flight, with pictures of a seventh of the size."""
 
 HEIGHT_M, BASE_M = 600.0, 192.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solution:
-    """An answer with its number, and the same number found in another way.
-
-    Attributes
-    ----------
-    text : str
-    value, again : float
-    """
-
-    text: str
-    value: float
-    again: float
 
 
 def _seen(east_m: float, height_m: float, opk: tuple[float, float, float], x: float) -> np.ndarray:

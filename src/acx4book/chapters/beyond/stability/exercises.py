@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from acx4book.chapters.beyond.stability.history import CAMERA, HISTORY
+from acx4book.notebooks.solution import Solution
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.many_tests import holm
 from acx4lib.results.campaigns.estimates import fit
 from acx4lib.results.campaigns.ground import ground_effects
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solution:
-    """An answer with its number, and the same number found in another way.
-
-    Attributes
-    ----------
-    text : str
-    value, again : float
-    """
-
-    text: str
-    value: float
-    again: float
 
 
 def pooled() -> Solution:

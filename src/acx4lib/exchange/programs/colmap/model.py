@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -112,6 +112,28 @@ class Model:
     points: Array
     rigs: tuple[Rig, ...] = ()
     frames: Mapping[int, int] = field(default_factory=dict)
+
+
+def assembled(
+    files: Mapping[str, Opened],
+    *,
+    cameras: Callable[[Opened], Mapping[int, Camera]],
+    images: Callable[[Opened], Iterable[Image]],
+    points: Callable[[Opened], tuple[Index, Array]],
+    rigs: Callable[[Opened], Iterable[Rig]],
+    frames: Callable[[Opened], Mapping[int, int]],
+) -> Model:
+    """Return the model of some files, each read by its own function; all but cameras may lack."""
+    ids, places = points(files["points3D"]) if "points3D" in files else NO_POINTS
+    return Model(
+        sources=tuple(files.values()),
+        cameras=cameras(files["cameras"]),
+        images=tuple(images(files["images"])) if "images" in files else (),
+        point_ids=ids,
+        points=places,
+        rigs=tuple(rigs(files["rigs"])) if "rigs" in files else (),
+        frames=frames(files["frames"]) if "frames" in files else {},
+    )
 
 
 def camera(name: str, width: float, height: float, parameters: Array, wrong: Wrong) -> Camera:

@@ -21,15 +21,13 @@ def read(files: Mapping[str, Opened]) -> Model:
 
     ``rigs`` and ``frames`` may be absent, and all but ``cameras`` where there are no images.
     """
-    ids, points = _points(files["points3D"]) if "points3D" in files else model.NO_POINTS
-    return Model(
-        sources=tuple(files.values()),
-        cameras=_cameras(files["cameras"]),
-        images=tuple(_images(files["images"])) if "images" in files else (),
-        point_ids=ids,
-        points=points,
-        rigs=tuple(_rigs(files["rigs"])) if "rigs" in files else (),
-        frames=_frames(files["frames"]) if "frames" in files else {},
+    return model.assembled(
+        files,
+        cameras=_cameras,
+        images=_images,
+        points=_points,
+        rigs=_rigs,
+        frames=_frames,
     )
 
 

@@ -92,12 +92,7 @@ def read(
         sha256=checksums(project.sources),
         settings={"name": project.name, **(system.settings if system else {}), **fitted.settings},
         tables=_tables(folder, shots, measured.table(marks, ties), known, flown),
-        assumed=(
-            *ASSUMED,
-            *fitted.assumed,
-            *(system.assumed if system else ()),
-            *flown.assumed,
-        ),
+        assumed=(*ASSUMED, *fitted.assumed, *(system.assumed if system else ()), *flown.assumed),
         found=(
             f"{len(shots)} images of {len({one.exposure for one in shots})} exposures",
             f"{len(marks.points)} marks; {len(gcps)} points have coordinates, "
@@ -108,13 +103,7 @@ def read(
             *measured.proved(fitted.cameras, poses, marks, "the calibrated control points"),
             *measured.proved(fitted.cameras, poses, ties, "the calibrated tie points"),
         ),
-        left_out=(
-            *_lost(marks, ties),
-            *unusable,
-            *strange,
-            *_others(project),
-            *flown.left_out,
-        ),
+        left_out=(*_lost(marks, ties), *unusable, *strange, *_others(project), *flown.left_out),
     )
 
 
