@@ -71,6 +71,7 @@ def browser():
     flags = [
         "--headless",
         "--no-sandbox",
+        "--disable-gpu-compositing",  # only what turns is drawn by the slow stand-in for a GPU
         "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader",
         "--disable-background-networking",

@@ -27,6 +27,9 @@ Interpolation = Literal["bilinear", "cubic"]
 FEATHER_PX = 150.0
 """Usual width of the blend of two heads, px of a head at full size."""
 
+NARROWEST_PX = 0.01
+"""Of blends: single precision tells distances of ten thousand pixels to a thousandth."""
+
 STRIPE = 1024  # rows that are rendered at a time; more would not be faster
 CELLS = 32  # columns of cells that a thread takes at a time; with fewer, handing out costs more
 
@@ -45,7 +48,7 @@ class RenderPlan:
         Grey values of the heads are divided by it. None: 1.
     feather_px : float
         Heads blend on both sides of the line at the same distance from their borders, over this
-        number of pixels of theirs; 0 makes this line a hard seam.
+        number of pixels of theirs; less than `NARROWEST_PX` makes this line a hard seam.
     interpolation : str
         ``"bilinear"``, or ``"cubic"`` after Catmull and Rom, which is sharper.
     """
@@ -346,5 +349,6 @@ def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
 
 def _recipe(plan: RenderPlan, image: np.ndarray, out: np.ndarray) -> Recipe:
     bits, bands, cubic = 8 * image.itemsize, image.shape[2], plan.interpolation == "cubic"
-    method, feather = method_number(bits, bands, cubic=cubic), float(plan.feather_px)
+    method = method_number(bits, bands, cubic=cubic)
+    feather = float(plan.feather_px) if plan.feather_px >= NARROWEST_PX else 0.0
     return Recipe(plan.step_px, bands, bits, 8 * out.itemsize, method, cubic, feather)

@@ -82,12 +82,14 @@ def test_any_signs_are_text_on_a_page(name):
 
 
 @given(name=ANY)
+@example(name=" ")
 def test_any_signs_are_text_in_a_table_its_head_and_its_caption(name):
     table = myst.pd.DataFrame({name: [name], "n": [1]})
     soup = printed(myst.myst_table(table, name, name="tab-x"))
     cells = [same(cell.get_text()) for cell in soup.select("th, td")]
     assert cells == [name, "n", name, "1"]
-    assert soup.caption.get_text() == f"Table 1. {soup.th.get_text()}"
+    # white space that ends a paragraph is none to Markdown
+    assert soup.caption.get_text().rstrip() == f"Table 1. {soup.th.get_text()}".rstrip()
     tags = {element.name for element in soup.find_all(True)}
     assert tags == {"table", "caption", "b", "thead", "tbody", "tr", "th", "td"}
 
