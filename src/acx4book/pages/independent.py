@@ -32,6 +32,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "10-synthetic-quality": ("data/paper/*.csv",),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
+    "19-from-pictures": (),  # takes half a minute, so it is not the last
     "13-bad-starts": (),
     "14-failure-clinic": (),
     "15-which-flight": (),
@@ -40,7 +41,6 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
         "data/benchmarks/distortion_models*",
     ),
     "18-over-the-years": (),
-    "19-from-pictures": (),
     "16-error-budget": ("data/paper/*.csv",),
 }
 """The notebooks, and what files of the working copy they read; *measured* are the measurements of

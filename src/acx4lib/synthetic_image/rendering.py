@@ -27,9 +27,7 @@ Interpolation = Literal["bilinear", "cubic"]
 FEATHER_PX = 150.0
 """Usual width of the blend of two heads, px of a head at full size."""
 
-NARROWEST_PX = 0.01
-"""Of blends: single precision tells distances of ten thousand pixels to a thousandth."""
-
+NARROWEST_PX = 0.01  # of a blend; single precision tells 10 000 px to a thousandth
 STRIPE = 1024  # rows that are rendered at a time; more would not be faster
 CELLS = 32  # columns of cells that a thread takes at a time; with fewer, handing out costs more
 
@@ -283,13 +281,12 @@ def _resample(
 ) -> None:
     """Fill `out`; several threads take columns of cells in turn."""
     step, recipe = plan.step_px, _recipe(plan, images[0], out)
-    n_cells = -(-plan.width_px // step)
     stripe = max(STRIPE // step, 1) * step  # so that no cell is in two stripes
     cuts = [rows[0], *range((rows[0] // stripe + 1) * stripe, rows[1], stripe), rows[1]]
     parts = [
         (plan, images, recipe, out[start - rows[0] : stop - rows[0]], start, cell)
         for start, stop in pairwise(cuts)
-        for cell in range(0, n_cells, CELLS)
+        for cell in range(0, -(-plan.width_px // step), CELLS)
     ]
     with ThreadPoolExecutor(threads or processors.cores()) as pool:
         list(pool.map(_make, *zip(*parts, strict=True)))
@@ -311,9 +308,8 @@ def _make(
     above = start // step
     cells = min(CELLS, -(-plan.width_px // step) - cell)
     nodes = slice(above, -(-stop // step) + 1), slice(cell, cell + cells + 1)
-    window = Window(
-        (start - above * step, stop - above * step), cell, cells, plan.width_px, out.ctypes.data
-    )
+    rows = start - above * step, stop - above * step
+    window = Window(rows, cell, cells, plan.width_px, out.ctypes.data)
     work = room(len(images), step, recipe.bands)
     resample_cells(_heads(plan, images, nodes), recipe, window, work)
 

@@ -1,27 +1,15 @@
-"""The paper's heads, simulated and calibrated."""
+"""The orientation of the paper's heads, and what held focal lengths make of it."""
 
 import pytest
 
 from acx4book.chapters.heads.held_focal_length import all_heads
-from acx4lib.calibration.heads import Heads, calibrate_heads, relative_orientation
+from acx4lib.calibration.heads import Heads, relative_orientation
 from acx4lib.stages.heads import HeadsStage
-from support.flights.simulated import HEADS, fly
-
-
-@pytest.fixture(scope="session")
-def flown():
-    return fly("acx4", seed=1, blocks=("heads",))
 
 
 @pytest.fixture(scope="session")
 def synthetic(flown):
     return flown.flight.cameras["SYN"]
-
-
-@pytest.fixture(scope="session")
-def fits(flown):
-    free = flown.flight.estimate_heads
-    return calibrate_heads(flown.flight.heads, HEADS, free=free).bundles
 
 
 @pytest.fixture(scope="session")
