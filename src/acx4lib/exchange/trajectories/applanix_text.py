@@ -136,7 +136,7 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
 
 def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Listed:
     """Return the rows after the heading; a first column ID that all rows lack is dropped."""
-    rows = []
+    rows: list[Line] = []
     for line in lines(source):
         are_units = not rows and line.cells[0].startswith("(")
         if line.number > heading.number and not are_units:
