@@ -164,11 +164,6 @@ def _control(path: Path) -> frozenset[str]:
     return frozenset(lines[1:])
 
 
-def cameras_of(campaign: Campaign) -> tuple[str, ...]:
-    """Return the names of the cameras that a campaign calibrated."""
-    return tuple(camera.name for camera in campaign.calibration.cameras)
-
-
 def sensors(campaign: Campaign) -> dict[str, tuple[int, int, float]]:
     """Return width and height in pixels and the pixel in mm, by camera."""
     listed = campaign.calibration.cameras
