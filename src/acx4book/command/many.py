@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ _SHOWN = (
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Where flights are run.
+    """Where flights are run, images rendered, or pairs of pictures matched.
 
     Attributes
     ----------
@@ -53,6 +53,23 @@ class Where:
         if self.cluster is not None:
             return executors.on_cluster(self.cluster)
         return executors.on_processes(self.jobs)
+
+    def maybe_executor(self) -> AbstractContextManager[Executor | None]:
+        """Return the same; None in it where this process is enough."""
+        return nullcontext() if self._is_here else self.executor()
+
+    @property
+    def threads(self) -> int | None:
+        """Number of threads of each call; None for all that there are."""
+        from acx4lib.least_squares.processors import cores  # noqa: PLC0415 quick help
+
+        if self._is_here:
+            return None
+        return 1 if self.cluster is not None else max(cores() // self.jobs, 1)
+
+    @property
+    def _is_here(self) -> bool:
+        return self.jobs == 1 and self.cluster is None
 
 
 def run_many(
