@@ -120,15 +120,7 @@ def _simulated(flight: Path) -> str:
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
     """Return the table for the screen, a line for each flight under a header."""
-    rows = [HEADER, *(_shown(name, one) for name, one in outcomes.items())]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADER))]
-    return [
-        "  ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    return terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())])
 
 
 def _shown(name: str, outcome: Outcome) -> tuple[str, ...]:
