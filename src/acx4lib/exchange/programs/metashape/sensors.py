@@ -31,14 +31,12 @@ class Sensor:
         Which calibration was taken: adjusted, initial, or nominal.
     master : str
         Number of the master sensor of a rig; its own, where it is no slave.
-    element : Element
     """
 
     name: str
     lens: Lens
     kind: str
     master: str
-    element: Element
 
 
 def sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
@@ -85,7 +83,7 @@ def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: 
         ideal=calibration.ideal,
         mount=Pose(R=TOP_AHEAD @ _rotation(element, is_slave=is_slave), r=np.zeros(3)),
     )
-    return Sensor(name=name, lens=lens, kind=kind, master=master, element=element)
+    return Sensor(name=name, lens=lens, kind=kind, master=master)
 
 
 def _rotation(element: Element, *, is_slave: bool) -> Array:
