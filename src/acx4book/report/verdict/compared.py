@@ -10,7 +10,6 @@ from acx4book.report.material import Material, sentences, validated
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import listed
 from acx4lib.calibration.estimates import LIMIT_SCALE
-from acx4lib.calibration.trust.confirmation import FAR_DEG, FAR_M
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.accuracy import rms_limits
 from acx4lib.least_squares.statistical import distributions
@@ -31,7 +30,7 @@ def mountings(material: Material) -> Iterator[Finding]:
     elif compared:
         answer = (
             f"The estimates of {listed(list(dict.fromkeys(compared)))} agree with what flight.toml "
-            f"declares, to {FAR_M:g} m and {FAR_DEG:g}° where it declares no σ."
+            "declares. Where it declares no σ, only a difference as large as a mistake counts."
         )
         yield Finding(question=question, state=HOLDS, answer=answer)
     elif material.calibration:
