@@ -82,11 +82,13 @@ class Measured(NamedTuple):
 
 def measured(block: Block, points: ImagePoints) -> Measured:
     """Return image points of a block in millimetres."""
-    camera_idx = block.images.camera_idx[points.image_idx]
-    xy = np.empty_like(points.colrow)
-    for k, camera in enumerate(block.cameras):
-        own: Mask | slice = camera_idx == k if len(block.cameras) > 1 else slice(None)
-        xy[own] = xy_from_colrow(camera, points.colrow[own])
+    if len(block.cameras) == 1:
+        xy = xy_from_colrow(block.cameras[0], points.colrow)
+    else:
+        camera_idx, xy = block.images.camera_idx[points.image_idx], np.empty_like(points.colrow)
+        for k, camera in enumerate(block.cameras):
+            own = camera_idx == k
+            xy[own] = xy_from_colrow(camera, points.colrow[own])
     return Measured(
         point=points.point_idx, image=points.image_idx, xy=xy, weight=weights(block, points)
     )
@@ -95,8 +97,9 @@ def measured(block: Block, points: ImagePoints) -> Measured:
 def weights(block: Block, points: ImagePoints) -> Array:
     """Return the reciprocal standard deviations of image points, 1/mm."""
     pixel_mm = np.array([camera.pixel_mm for camera in block.cameras])
-    weight: Array = 1 / (points.sigma_px * pixel_mm[block.images.camera_idx[points.image_idx]])
-    return weight
+    sigma_mm: Array = pixel_mm[block.images.camera_idx][points.image_idx]
+    sigma_mm *= points.sigma_px
+    return np.divide(1, sigma_mm, out=sigma_mm)
 
 
 def pack(
@@ -127,7 +130,7 @@ def pack(
     pose: Index = np.arange(n_poses)
     dense = 6 * n_poses <= DENSE_COLUMNS
     if not dense:
-        pose = ordered(rows.point, pose_of_image[rows.image], n_poses, linked)
+        pose = ordered(rows.point, pose_of_image.astype(np.int32)[rows.image], n_poses, linked)
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
@@ -227,10 +230,9 @@ def ordered(point: Index, pose: Index, n_poses: int, also: Index) -> Index:
 
     So are the pairs in `also`, shape (k, 2).
     """
-    order = np.argsort(point, kind="stable")
-    starts = np.append(np.flatnonzero(np.diff(point[order], prepend=-1)), len(order))
+    starts = np.append(0, np.cumsum(np.bincount(point)))
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
-    _link(starts, pose[order], linked)
+    _link(starts, pose[np.argsort(point, kind="stable")], linked)
     linked[also[:, 0], also[:, 1]] = True
     graph = scipy.sparse.csr_matrix(linked)
     new = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)

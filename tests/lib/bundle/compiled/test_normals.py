@@ -228,7 +228,7 @@ def test_poses_along_a_strip_make_a_narrow_band(rng):
     along = rng.permutation(20)
     point = np.repeat(np.arange(19), 2)
     pose = along[np.stack([np.arange(19), np.arange(1, 20)], axis=1).ravel()]
-    order = packing.ordered(point, pose, 20, np.zeros((0, 2), dtype=int))
+    order = packing.ordered(point, pose.astype(np.int32), 20, np.zeros((0, 2), dtype=int))
     place = np.argsort(order)
     assert np.abs(np.diff(place[along])).max() == 1
 
