@@ -63,13 +63,13 @@ def opensfm(
 MICMAC = """Read MicMac's XML of version 1: calibration, orientations, measured and surveyed points.
 
 SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
-DicoAppuisFlottant), a folder Ori-*, or one of these files. Distortion models ModRad, ModPhgrStd and
-ModNoDist are read; others are refused by name.
+DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models ModRad,
+ModPhgrStd and ModNoDist are read; others are refused by name.
 
 \b
 Examples:
   acx4 import micmac my_project --out my_flight
-  acx4 import micmac my_project --orientations adjusted --crs EPSG:2154 --out my_flight
+  acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
 """
 
 BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
