@@ -245,7 +245,7 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     """
     long = rows(results, "covariance", stage_method)
     row, names = pd.factorize(long["row"])
-    column = names.get_indexer(long["column"])
+    column = names.get_indexer(pd.Index(long["column"]))
     square = np.zeros((len(names), len(names)))
     known = column >= 0
     square[row[known], column[known]] = long["value"].fillna(0.0)[known]

@@ -76,7 +76,7 @@ class _Canvas(FigureCanvasSVG):
 
     @cached_property
     def _renderer(self) -> RendererSVG:
-        return RendererSVG(*self.figure.bbox.size, io.StringIO())
+        return RendererSVG(*self.figure.bbox.size, io.StringIO())  # type: ignore[no-untyped-call]
 
     def get_renderer(self) -> RendererSVG:
         """Return the renderer that a figure asks its canvas for."""
