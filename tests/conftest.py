@@ -1,4 +1,4 @@
-"""The same examples every time, few of them, and the blocks that many tests adjust."""
+"""The same examples every time, few of them; the command, and blocks that many tests adjust."""
 
 import gc
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from acx4book.command.acx4 import main
 from acx4lib.bundle import adjust, uses
 from acx4lib.calibration.heads import calibrate_heads
 from support import blocks
@@ -63,3 +64,17 @@ def fits():
     """The study's heads, simulated and calibrated one by one."""
     flight = fly("acx4", seed=1, blocks=("heads",)).flight
     return calibrate_heads(flight.heads, HEADS, free=flight.estimate_heads).bundles
+
+
+@pytest.fixture
+def acx4(capsys):
+    """Run the command; return status, standard output and standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return end.value.code, captured.out, captured.err
+
+    return run

@@ -56,11 +56,6 @@ def repeats(*values):
 # --- an adjustment written out in full -------------------------------------------------------
 
 
-def used_components(problem, state):
-    """Return which components of all groups, flattened, take part."""
-    return np.isfinite(np.concatenate([s.ravel() for _, s in problem.residuals(state)]))
-
-
 def weighted_residuals(problem, state):
     """Return v / sigma of all components that take part."""
     v, sigma = (

@@ -10,7 +10,6 @@ import pytest
 from bs4 import BeautifulSoup
 
 import acx4sim
-from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
 from acx4book.notebooks.executed import Notebooks
 from acx4lib import flight as flights
@@ -54,13 +53,12 @@ def own(made, tmp_path):
 
 
 @pytest.fixture
-def acx4(capsys):
+def acx4(acx4):
     """Run the command; return status and lines of standard error."""
 
     def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in arguments])
-        return end.value.code, capsys.readouterr().err.splitlines()
+        status, _, wrong = acx4(*arguments)
+        return status, wrong.splitlines()
 
     return run
 

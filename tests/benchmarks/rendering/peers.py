@@ -76,12 +76,6 @@ def oracle(image: np.ndarray, at: np.ndarray) -> Sampler:
     return lambda: exact_rendering.sampled(image, flat).reshape(*at.shape[:2], -1)
 
 
-def oracle_cubic(image: np.ndarray, at: np.ndarray) -> Sampler:
-    """The same with Catmull and Rom's cubic."""
-    flat = at.reshape(-1, 2)
-    return lambda: exact_rendering.sampled_cubic(image, flat).reshape(*at.shape[:2], -1)
-
-
 PEERS: dict[str, Callable[[np.ndarray, np.ndarray], Sampler]] = {
     "remap_linear": remap,
     "remap_cubic": remap_cubic,

@@ -2,20 +2,16 @@
 
 import pytest
 
-from acx4book.command.acx4 import main
 from acx4book.report.campaigns.written import PAGE
 
 
 @pytest.fixture
-def acx4(capsys, tmp_path):
-    """Run the command into a folder; return status, standard output and standard error."""
+def acx4(acx4, tmp_path):
+    """Compare into a folder; return status, lines of standard output and of standard error."""
 
     def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main(["compare", *map(str, arguments), "--out", str(tmp_path / "out")])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return end.value.code, captured.out.splitlines(), captured.err.splitlines()
+        status, *said = acx4("compare", *arguments, "--out", tmp_path / "out")
+        return status, *(text.splitlines() for text in said)
 
     return run
 

@@ -13,7 +13,6 @@ import pytest
 
 import acx4sim
 from acx4book.command import many
-from acx4book.command.acx4 import main
 from acx4book.command.batch import runs, table
 from acx4book.command.batch.work import Outcome
 from acx4book.notebooks import runner
@@ -33,15 +32,12 @@ def flights(tmp_path_factory):
 
 
 @pytest.fixture
-def acx4(capsys):
-    """Run the command; return status, lines of standard output and of standard error."""
+def acx4(acx4):
+    """Run flights; return status, lines of standard output and of standard error."""
 
     def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main(["run", *(str(argument) for argument in arguments)])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return end.value.code, captured.out.splitlines(), captured.err.splitlines()
+        status, *said = acx4("run", *arguments)
+        return status, *(text.splitlines() for text in said)
 
     return run
 

@@ -4,23 +4,13 @@ import csv
 
 import pytest
 
-from acx4book.command.acx4 import main
-
 
 @pytest.fixture
-def acx4(capsys, tmp_path, monkeypatch):
+def acx4(acx4, tmp_path, monkeypatch):
     """Run the command in a folder with a key; return status, standard output and error."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "key.txt").write_text("ab" * 32)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([*arguments])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return end.value.code, captured.out, captured.err
-
-    return run
+    return acx4
 
 
 def test_from_a_students_flight_to_marks(acx4, tmp_path):

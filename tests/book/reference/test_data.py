@@ -13,11 +13,6 @@ import pytest
 from acx4book.reference import data
 from support.reference_files import needs
 
-OF_OTHER_IMAGES = b"""\
-MES_1 23FD1305x00001_00001 1.0 2.0
-MES_1 23FD1305x00001_00002 1.0 2.0
-MES_2 23FD1305x00026_01306 1.0 2.0
-"""
 """The flight's own files have other images, points seen once, and blanks at the ends of lines."""
 
 SETS = (

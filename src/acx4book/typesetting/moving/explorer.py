@@ -41,9 +41,6 @@ import numpy as np
 
 from acx4lib.expected import Array
 
-KINDS = ("arrows", "curve", "bars")
-"""Kinds of marks."""
-
 FIGURES = 6
 """Significant figures of the numbers in a page."""
 
@@ -186,7 +183,7 @@ class Mark:
     Attributes
     ----------
     kind : str
-        One of `KINDS`.
+        ``arrows``, ``curve`` or ``bars``.
     colour : str
         Name of a colour of `plane.COLOURS`.
     at : ndarray, shape (n, 2)

@@ -32,9 +32,6 @@ from acx4book.typesetting import sketch
 from acx4book.typesetting.moving import plane, shown
 from acx4lib.expected import Array
 
-KINDS = ("lines", "points", "ellipsoids")
-"""Kinds of layers."""
-
 FROM_DEG, ABOVE_DEG = 24.0, 28.0
 """From where the scene is seen at the start: from the south, towards east; above the horizon."""
 
@@ -54,7 +51,7 @@ class Layer:
     name : str
         As the reader switches it, plain text.
     kind : str
-        One of `KINDS`.
+        ``lines``, ``points`` or ``ellipsoids``.
     colour : str
         Name of a colour of `plane.COLOURS`.
     at : ndarray, shape (n, 3)

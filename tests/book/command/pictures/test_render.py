@@ -11,7 +11,6 @@ import time
 import pytest
 import tifffile
 
-from acx4book.command.acx4 import main
 from acx4lib.results.own_folder.marks import MARK
 from support.flights import pictured
 from support.helpers import hears_interrupts
@@ -42,15 +41,12 @@ def own(made, tmp_path):
 
 
 @pytest.fixture
-def acx4(capsys, tmp_path):
-    """Run the command into a folder; return status, standard output and standard error."""
+def acx4(acx4, tmp_path):
+    """Render into a folder; return status, lines of standard output and of standard error."""
 
     def run(flight, *options):
-        with pytest.raises(SystemExit) as end:
-            main(["render", str(flight[0]), *arguments(flight, tmp_path / "out"), *options])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return end.value.code, captured.out.splitlines(), captured.err.splitlines()
+        status, *said = acx4("render", flight[0], *arguments(flight, tmp_path / "out"), *options)
+        return status, *(text.splitlines() for text in said)
 
     return run
 

@@ -7,22 +7,10 @@ import sys
 
 import pytest
 
-from acx4book.command.acx4 import main
 from acx4book.report.material import image_residuals, read
 from acx4book.report.page.page import MARK
 from acx4lib.errors import FlightError
 from support.run_results import SINGLE, edit
-
-
-@pytest.fixture
-def acx4(capsys):
-    def command(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return end.value.code, captured.out, captured.err
-
-    return command
 
 
 @pytest.fixture(scope="module")
