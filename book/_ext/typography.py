@@ -1,4 +1,4 @@
-"""Minus signs before numbers; no end of a line between a number and its unit, nor before a comma."""
+"""Minus signs before numbers; no end of a line between number and unit, nor before a comma."""
 
 from __future__ import annotations
 
