@@ -1,4 +1,4 @@
-"""Minus signs before numbers, and no end of a line between a number and its sign or unit."""
+"""Minus signs before numbers; no end of a line between number and unit, nor before a comma."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ AS_IT_IS = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, no
 
 TABLE, CELL = 'class="dataframe', re.compile(r"(?<=<td>)-(?=\d)")
 """A table of pandas, which is HTML, and what begins a negative number in it."""
+
+STOPS = re.compile(r"[,.;:!?)]+")
+"""What does not begin a line: a browser would let it, behind a formula."""
 
 WITHOUT = ("_generated/",)
 """Beginnings of the names of pages about code."""
@@ -41,7 +44,23 @@ def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
         html[:] = [nodes.Text(CELL.sub("\N{MINUS SIGN}", html.astext()))]
 
 
+def keep_stops(_app: Sphinx, page: nodes.document, name: str) -> None:
+    """Keep what stands right behind a formula on its line."""
+    if name.startswith(WITHOUT):
+        return
+    for formula in list(page.findall(nodes.math)):
+        after = formula.next_node(descend=False, siblings=True)
+        stop = STOPS.match(after.astext()) if isinstance(after, nodes.Text) else None
+        if stop is None:
+            continue
+        after.parent.replace(after, nodes.Text(after.astext()[stop.end() :]))
+        kept = nodes.inline(classes=["one-line"])
+        formula.replace_self(kept)
+        kept += [formula, nodes.Text(stop[0])]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Work on a page when all its references are resolved."""
     app.connect("doctree-resolved", set_numbers)
+    app.connect("doctree-resolved", keep_stops)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -36,3 +36,11 @@ def test_pages_about_code_are_as_they_are():
     found = page(nodes.Text("-0.5 m"))
     typography.set_numbers(None, found, "_generated/api/acx4lib")
     assert found.astext() == "-0.5 m"
+
+
+def test_a_comma_stays_behind_its_formula():
+    found = page(nodes.math("f", "f"), nodes.Text(", and"), nodes.math("h", "h"), nodes.Text(" m"))
+    typography.keep_stops(None, found, "chapter")
+    kept, *rest = found[0]
+    assert (kept["classes"], kept.astext()) == (["one-line"], "f,")
+    assert [child.astext() for child in rest] == [" and", "h", " m"]
