@@ -1,4 +1,4 @@
-"""Minus signs before numbers, and no end of a line between a number and its sign or unit."""
+"""Minus signs before numbers, and no end of a line inside of a number with its unit, or a date."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ TABLE, CELL = 'class="dataframe', re.compile(r"(?<=<td>)-(?=\d)")
 WITHOUT = ("_generated/",)
 """Beginnings of the names of pages about code."""
 
+DATE = re.compile(r"\b(?:19|20)\d\d-[01]\d(?:-[0-3]\d)?(?![-\d])")
+"""A date, or a year and its month."""
+
 
 def is_set(text: nodes.Text) -> bool:
     """Tell whether a text is set: it is not, nor is it inside of, what stays as it is."""
@@ -34,11 +37,15 @@ def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
     if name.startswith(WITHOUT):
         return
     for text in list(page.findall(nodes.Text)):
-        said = numbers(text.astext())
+        said = DATE.sub(_on_one_line, numbers(text.astext()))
         if said != text.astext() and is_set(text):
             text.parent.replace(text, nodes.Text(said))
     for html in [raw for raw in page.findall(nodes.raw) if TABLE in raw.astext()]:
         html[:] = [nodes.Text(CELL.sub("\N{MINUS SIGN}", html.astext()))]
+
+
+def _on_one_line(date: re.Match[str]) -> str:
+    return date[0].replace("-", "\N{NON-BREAKING HYPHEN}")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

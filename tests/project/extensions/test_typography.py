@@ -36,3 +36,10 @@ def test_pages_about_code_are_as_they_are():
     found = page(nodes.Text("-0.5 m"))
     typography.set_numbers(None, found, "_generated/api/acx4lib")
     assert found.astext() == "-0.5 m"
+
+
+def test_dates_stay_on_one_line_and_ranges_of_pages_are_no_dates():
+    found = page(nodes.Text("2021-04-14 and 2021-04, 1926-1937, 370-386 and 2021-04-141"))
+    typography.set_numbers(None, found, "chapter")
+    said = "2021\u201104\u201114 and 2021\u201104, 1926-1937, 370-386 and 2021-04-141"
+    assert found.astext() == said
