@@ -111,7 +111,8 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
         zorder=3,
     )
     label = f"{key:g} px"
-    ax.quiverkey(arrows, 0.87, 1.06, scale * key, label, labelpos="W", fontproperties=style.LETTERS)
+    place = 0.87, 1.06, scale * key
+    ax.quiverkey(arrows, *place, label, labelpos="W", color=style.INK, fontproperties=style.LETTERS)
     ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
     ax.set(xlabel="column (px)", ylabel="row (px)")
     ax.locator_params(nbins=5)

@@ -20,9 +20,9 @@ def chain(table: pd.DataFrame) -> str:
     return (
         f"Of {len(table)} pairs, {tied} tie. {_pair(pairs[-1])} agree best: "
         f"{100 * pairs[-1]['share']:.0f} % of the corners with texture found their partner. "
-        f"{_pair(pairs[0])} agree least, with {100 * pairs[0]['share']:.0f} %: much of what is bright "
-        f"to one is dark to the other. The strongest chain has {len(links)} links; its weakest is "
-        f"{_pair(links[0])}, with {100 * links[0]['share']:.0f} %."
+        f"{_pair(pairs[0])} agree least, with {100 * pairs[0]['share']:.0f} %: much of what is "
+        f"bright to one is dark to the other. The strongest chain has {len(links)} links; its "
+        f"weakest is {_pair(links[0])}, with {100 * links[0]['share']:.0f} %."
     )
 
 

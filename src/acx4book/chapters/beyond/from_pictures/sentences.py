@@ -29,9 +29,10 @@ def ties(errors: Errors, alike: Mask) -> str:
     return (
         f"The root mean square of a coordinate is {errors.rms:.3f} px of these pictures, "
         f"{errors.rms * REDUCE:.2f} px of the full size. Of {n} measurements "
-        f"{_none_or(errors.wrong)} off by more than a pixel. Points that pictures of one height alone show are good to "
-        f"{own:.3f} px, the others to {other:.3f} px. Half of the errors are below "
-        f"{0.6745 * ratio:.2f} of their standard deviations; of normal errors it would be 0.67."
+        f"{_none_or(errors.wrong)} off by more than a pixel. Points that pictures of one height "
+        f"alone show are good to {own:.3f} px, the others to {other:.3f} px. Half of the "
+        f"errors are below {0.6745 * ratio:.2f} of their standard deviations; of normal "
+        "errors it would be 0.67."
     )
 
 
