@@ -1,4 +1,4 @@
-"""Minus signs before numbers; no end of a line between number and unit, nor before a comma."""
+"""Minus signs before numbers; what belongs together, such as a date, on one line."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ STOPS = re.compile(r"[,.;:!?)]+")
 WITHOUT = ("_generated/",)
 """Beginnings of the names of pages about code."""
 
+DATE = re.compile(r"\b(?:19|20)\d\d-[01]\d(?:-[0-3]\d)?(?![-\d])")
+"""A date, or a year and its month."""
+
 
 def is_set(text: nodes.Text) -> bool:
     """Tell whether a text is set: it is not, nor is it inside of, what stays as it is."""
@@ -37,7 +40,7 @@ def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
     if name.startswith(WITHOUT):
         return
     for text in list(page.findall(nodes.Text)):
-        said = numbers(text.astext())
+        said = DATE.sub(_on_one_line, numbers(text.astext()))
         if said != text.astext() and is_set(text):
             text.parent.replace(text, nodes.Text(said))
     for html in [raw for raw in page.findall(nodes.raw) if TABLE in raw.astext()]:
@@ -57,6 +60,10 @@ def keep_stops(_app: Sphinx, page: nodes.document, name: str) -> None:
         kept = nodes.inline(classes=["one-line"])
         formula.replace_self(kept)
         kept += [formula, nodes.Text(stop[0])]
+
+
+def _on_one_line(date: re.Match[str]) -> str:
+    return date[0].replace("-", "\N{NON-BREAKING HYPHEN}")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -42,8 +42,8 @@ COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
 """For every comparison, the set of files that it needs and the function that computes it."""
 
 LABELS = {
-    "lon_deg": "longitude (deg)",
-    "lat_deg": "latitude (deg)",
+    "lon_deg": "longitude (°)",
+    "lat_deg": "latitude (°)",
     "distance_m": "distance (m)",
     "ground_pixel_m": "ground pixel (m)",
     "ground_pixels": "distance (ground pixels)",
@@ -51,7 +51,7 @@ LABELS = {
     "misfit_px": "misfit (px)",
     "std_height_m": "height, std. dev. (m)",
     **{f"d_{axis}_m": f"{axis} (m)" for axis in AXES},
-    **{f"sigma_{axis}_m": f"{axis}, sigma (m)" for axis in AXES},
+    **{f"sigma_{axis}_m": f"{axis}, σ (m)" for axis in AXES},
     **{f"mean_{axis}_m": f"{axis}, mean (m)" for axis in AXES},
     "largest": "largest difference",
 }

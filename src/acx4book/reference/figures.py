@@ -62,7 +62,7 @@ def forgotten_steps(table: pd.DataFrame) -> Figure:
         Bars on logarithmic axes; dotted lines show the complete chain.
     """
     columns = (
-        ("misfit_px", "rms residual of IGN's coordinates (px)", style.BLUE),
+        ("misfit_px", "RMS residual of IGN's coordinates (px)", style.BLUE),
         ("mean_height_m", "mean difference in height (m)", style.ORANGE),
     )
     rows = np.arange(len(table))

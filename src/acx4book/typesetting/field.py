@@ -113,7 +113,8 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
     tall = camera.height_px > camera.width_px  # beside it there is room, above it not
     x, y, side = (1.12, 0.97, "E") if tall else (0.87, 1.06, "W")
     label = f"{key:g} px"
-    ax.quiverkey(arrows, x, y, scale * key, label, labelpos=side, fontproperties=style.LETTERS)
+    place, look = (x, y, scale * key), {"color": style.INK, "fontproperties": style.LETTERS}
+    ax.quiverkey(arrows, *place, label, labelpos=side, **look)
     ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
     ax.set(xlabel="column (px)", ylabel="row (px)")
     ax.locator_params(nbins=5)

@@ -44,3 +44,10 @@ def test_a_comma_stays_behind_its_formula():
     kept, *rest = found[0]
     assert (kept["classes"], kept.astext()) == (["one-line"], "f,")
     assert [child.astext() for child in rest] == [" and", "h", " m"]
+
+
+def test_dates_stay_on_one_line_and_ranges_of_pages_are_no_dates():
+    found = page(nodes.Text("2021-04-14 and 2021-04, 1926-1937, 370-386 and 2021-04-141"))
+    typography.set_numbers(None, found, "chapter")
+    said = "2021\u201104\u201114 and 2021\u201104, 1926-1937, 370-386 and 2021-04-141"
+    assert found.astext() == said

@@ -57,7 +57,7 @@ def page(commands: Commands) -> str:
     """Return the measured seconds and megabytes as MyST text."""
     about = commands.about
     machine = (
-        f"Measured on {about['date']} at commit `{about['commit']}`: {about['processor']}, "
+        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory."
     )
     return (

@@ -63,7 +63,7 @@ def page(many: Many) -> str:
         f"of {FIRST} over it, processor time, and the largest memory of a worker"
     )
     machine = (
-        f"Measured on {about['date']} at commit `{about['commit']}`: {about['processor']}, "
+        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory. The workers of the cluster "
         "are on the same computer, as is the scheduler. All ways left the same bytes."
     )

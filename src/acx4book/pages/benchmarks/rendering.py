@@ -89,7 +89,7 @@ def _machine(benchmark: Renderings) -> str:
         "" if benchmark.reduction == 1 else f", at 1/{benchmark.reduction} of the camera's size"
     )
     return (
-        f"Measured on {about['date']} at commit `{about['commit']}`: {about['processor']}, "
+        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory, {about['system']}; "
         f"{packages}. The image of exposure {about['exposure']} has {size}{reduced}, three bands "
         "of 16 bit."

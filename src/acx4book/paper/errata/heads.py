@@ -12,6 +12,9 @@ from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import correct, distort, distortion
 from acx4lib.geometry.frames import rotation_from_opk
 
+SIGNS = {"xp_mm": "x_p", "yp_mm": "y_p", "omega_deg": "ω", "phi_deg": "φ", "kappa_deg": "κ"}
+"""The paper's signs of parameters, by their names in results."""
+
 
 def ground_pixels_m(f: float) -> tuple[float, float]:
     """Compute the ground pixels of block 1, high and low, for a focal length in mm."""
@@ -121,9 +124,16 @@ def correlations(largest: Mapping[str, float] | None) -> tuple[str, str, str]:
     )
     return (
         printed,
-        "largest: " + ", ".join(f"{v:.2f} ({shown(name)})" for name, v in pairs),
+        "largest: " + ", ".join(f"{v:.2f} ({_signs(name)})" for name, v in pairs),
         verdict,
     )
+
+
+def _signs(pair: str) -> str:
+    """Return the names of two parameters of a head as the paper writes them."""
+    for name, sign in SIGNS.items():
+        pair = pair.replace(name, sign)
+    return shown(pair)
 
 
 def mean_phi_deg() -> float:

@@ -231,7 +231,7 @@ def lever_arm_table(absorbed: Absorption | None = None) -> pd.DataFrame:
             "Parameter": [name for name, _ in names],
             "Component": [lever for _, lever in names],
             **{
-                title: [f"{value:{spec}}" for value in values]
+                title: [f"{value:{spec}}".replace("-", "\N{MINUS SIGN}") for value in values]
                 for title, (values, spec) in columns.items()
             },
         }

@@ -25,7 +25,7 @@ def radial_mix_up_px() -> float:
 def y_equation() -> tuple[str, str, str]:
     """Item 1: eq. (2) adds the radial distortion of x."""
     return (
-        "y_a - y_p = -f·Dy/Dz + Δk_x + Δp_y",
+        "y_a − y_p = −f·Dy/Dz + Δk_x + Δp_y",
         f"as printed it would move y by up to {radial_mix_up_px():.0f} px at the corners of the"
         " heads (Table 1)",
         "Misprint: Δk_y is meant. Eq. (8) defines it and no other equation uses it.",

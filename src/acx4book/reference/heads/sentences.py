@@ -19,10 +19,10 @@ def chain(table: pd.DataFrame) -> str:
     tied = int((table["ties"] > 0).sum())
     return (
         f"Of {len(table)} pairs, {tied} tie. {_pair(pairs[-1])} agree best: "
-        f"{pairs[-1]['share']:.0%} of the corners with texture found their partner. "
-        f"{_pair(pairs[0])} agree least, with {pairs[0]['share']:.0%}: much of what is bright to "
-        f"one is dark to the other. The strongest chain has {len(links)} links; its weakest is "
-        f"{_pair(links[0])}, with {links[0]['share']:.0%}."
+        f"{100 * pairs[-1]['share']:.0f} % of the corners with texture found their partner. "
+        f"{_pair(pairs[0])} agree least, with {100 * pairs[0]['share']:.0f} %: much of what is "
+        f"bright to one is dark to the other. The strongest chain has {len(links)} links; its "
+        f"weakest is {_pair(links[0])}, with {100 * links[0]['share']:.0f} %."
     )
 
 
@@ -35,7 +35,7 @@ def agreement(pairs: pd.DataFrame, rotations: pd.DataFrame) -> str:
     trial, number = _less(rotations, "xyz", "trial"), f"{pairs['ties'].sum():,}"
     sigma = rotations.filter(regex="[xyz]_sigma").to_numpy()
     return (
-        f"All {number.replace(',', ' ')} tie points together leave {_left_px(pairs):.2f} px in a "
+        f"All {number} tie points together leave {_left_px(pairs):.2f} px in a "
         f"coordinate. The mean of a pair is {pairs['mean_px'].max():.2f} px at most: no pair of "
         "bands pulls in a direction of its own. From the trial the angles differ by "
         f"{_rms(trial):.4f}° (RMS), and by {np.abs(trial).max():.4f}° at most. The noise of "

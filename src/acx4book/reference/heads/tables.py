@@ -7,7 +7,7 @@ import pandas as pd
 from acx4book.typesetting import myst
 from acx4book.typesetting.plain_text import Markup
 
-_ANGLE, _SIGNED = ".3f", "+.3f"
+_ANGLE, _SIGNED = ".3f", "+z.3f"
 
 
 def rotations(table: pd.DataFrame, caption: str, *, name: str) -> str:

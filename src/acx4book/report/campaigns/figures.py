@@ -149,14 +149,17 @@ def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) 
     arrows = ax.quiver(
         *(-left, forward, *(np.column_stack([-moved[:, 1], moved[:, 0]]).T * gap / key)),
         np.hypot(*moved.T) / sigma,
-        cmap=style.SEQUENCE,
+        cmap=style.SHADES,
         clim=(0, 4),
         angles="xy",
         scale_units="xy",
         scale=1,
         width=0.005,
     )
-    ax.quiverkey(arrows, 0.84, 1.04, gap, f"{key:g} m", labelpos="W", fontproperties=style.LETTERS)
+    label, place = f"{key:g} m", (0.84, 1.04)
+    ax.quiverkey(
+        arrows, *place, gap, label, labelpos="W", color=style.INK, fontproperties=style.LETTERS
+    )
     ax.locator_params(axis="x", nbins=5)
     ax.set(aspect="equal", xlabel="to the right of the flight (m)", ylabel="forward (m)")
     bar = ax.figure.colorbar(arrows, ax=ax, shrink=0.7, aspect=30, extend="max")

@@ -82,7 +82,8 @@ def _change(row: Any, several: bool) -> str:
     factor, unit = scale(row.unit)
     said = value_and_sigma(factor * row.difference, factor * row.sigma)
     name = label(row.parameter, row.camera if several else "")
-    return f"{name} by {said} {unit} ({shown(row.earlier)} to {shown(row.later)})"
+    gap = "" if unit == "″" else " "
+    return f"{name} by {said}{gap}{unit} ({shown(row.earlier)} to {shown(row.later)})"
 
 
 def _on_the_ground(study: Study) -> Iterator[str]:

@@ -98,8 +98,8 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
         name="fig-ground",
         caption=(
             f"What the most significant difference moves on the ground, from "
-            f"{study.ground.height_m:g} m. Arrows begin where nodes over the format lie; a dark "
-            "arrow is long in its own standard deviation."
+            f"{study.ground.height_m:g} m. Arrows begin where nodes over the format lie; the "
+            "bluer an arrow, the longer it is in its own standard deviation."
         ),
         alt="Arrows over the ground that an image covers.",
     )

@@ -191,10 +191,10 @@ def test_a_head_sees_its_own_footprint(head):
 
 def test_correlations_are_judged_by_the_largest():
     below = heads.correlations({"CAM1 xp_mm/omega_deg": -0.09, "CAM1 yp_mm/phi_deg": 0.02})
-    assert below[1].startswith("largest: -0.09 (CAM1 xp_mm/omega_deg)")
+    assert below[1].startswith("largest: -0.09 (CAM1 x_p/ω)")
     assert below[2].startswith("Holds")
     above = heads.correlations({"CAM1 xp_mm/omega_deg": 0.02, "CAM2 yp_mm/phi_deg": -0.85})
-    assert above[1].startswith("largest: -0.85 (CAM2 yp_mm/phi_deg)")
+    assert above[1].startswith("largest: -0.85 (CAM2 y_p/φ)")
     assert above[2].startswith("Cannot")
 
 
@@ -208,7 +208,7 @@ def test_correlations_are_read_from_a_run(tmp_path):
     found = audit.read_run(tmp_path)
     assert found.correlations == {"CAM1 xp_mm/omega_deg": 0.85}
     assert found.absorbed is None
-    assert "0.85 (CAM1 xp_mm/omega_deg)" in audit.audit(found)[10].computed
+    assert "0.85 (CAM1 x_p/ω)" in audit.audit(found)[10].computed
 
 
 def test_without_a_run_the_correlations_stay_open():

@@ -133,7 +133,7 @@ def written(numbers: pd.DataFrame) -> pd.DataFrame:
     shown = numbers.map("{:#.2g}".format)
     counted = ["strips", "images", "minutes"]
     shown.loc[counted] = numbers.loc[counted].map("{:.0f}".format)
-    units = {name: name.rpartition("_")[2] for name in WANTED}
+    units = {name: name.rpartition("_")[2].replace("deg", "°") for name in WANTED}
     names = {name: Markup(f"σ of {LABELS[name]}, {unit}") for name, unit in units.items()}
     return shown.rename(index=names).reset_index(names="")
 

@@ -73,7 +73,8 @@ def _ticked(ax: Axes) -> None:
     low, high = ax.get_ylim()
     wider = max(1.0, LEAST_RANGE * low / high) ** 0.5
     low, high = low / wider, high * wider
-    ticks = [d * 10.0**k for k in range(-3, 4) for d in (1, 2, 5) if low <= d * 10.0**k <= high]
+    digits = (1, 2, 5) if high / low > 10 else (1, 1.5, 2, 3, 5, 7)
+    ticks = [d * 10.0**k for k in range(-3, 4) for d in digits if low <= d * 10.0**k <= high]
     ax.set_ylim(low, high)
     ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.set_yticks([], minor=True)

@@ -41,7 +41,8 @@ def opposite(table: pd.DataFrame) -> str:
         f"{_times(same, back, 'boresight_phi_deg')} times and that of {LABELS['xp_mm']} "
         f"{_times(same, back, 'xp_mm')} times. A crossing strip, turned by 90°, reaches "
         f"{_cm(across, 'lever_x_m')}: most of this. σ of {LABELS['boresight_kappa_deg']} hardly "
-        f"depends on the direction: it changes by {_spread(table, 'boresight_kappa_deg'):.1%}."
+        "depends on the direction: it changes by "
+        f"{_percent(_spread(table, 'boresight_kappa_deg'))}."
     )
 
 
@@ -78,8 +79,9 @@ def control(table: pd.DataFrame) -> str:
         f"{table.columns[-1]} points {_cm(most, 'lever_z_m')}; {LABELS['f_mm']} follows "
         f"({_um(none, 'f_mm')}, {_um(four, 'f_mm')}, {_um(most, 'f_mm')}). The "
         f"{LABELS['lever_x_m']} and {LABELS['boresight_phi_deg']} change by at most "
-        f"{max(_spread(table, 'boresight_phi_deg'), _spread(table, 'lever_x_m')):.1%}: images in "
-        "opposite directions and the trajectory tell them without any point on the ground."
+        f"{_percent(max(_spread(table, 'boresight_phi_deg'), _spread(table, 'lever_x_m')))}: "
+        "images in opposite directions and the trajectory tell them without any point on the "
+        "ground."
     )
 
 
@@ -123,6 +125,10 @@ def _times(large: pd.Series, small: pd.Series, name: str) -> str:
 
 def _other_gain(one: pd.Series, two: pd.Series, but: tuple[str, ...]) -> float:
     return float((one / two).drop([*but]).to_numpy(dtype=float).max())
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
 
 
 def _spread(table: pd.DataFrame, name: str) -> float:

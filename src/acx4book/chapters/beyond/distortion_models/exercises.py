@@ -26,8 +26,8 @@ def orthogonal() -> Solution:
     return Solution(
         text=(
             "The sums over the nine points of the products of two different terms are all zero "
-            f"(largest {off:.0e}), so the normal matrix is diagonal. k = x² - 2/3 has the mean "
-            "zero over -1, 0, 1: this is what the 2/3 is for."
+            f"(largest {off:.0e}), so the normal matrix is diagonal. k = x² − 2/3 has the mean "
+            "zero over −1, 0, 1: this is what the 2/3 is for."
         ),
         value=0.0,
         again=off,
@@ -45,8 +45,8 @@ def number_of_waves(order: int = 2) -> Solution:
     return Solution(
         text=(
             "There are (2N + 1)² pairs (m, n) with |m|, |n| ≤ N. One is the constant, and of "
-            "(m, n) and (-m, -n) one is enough. Each has a cosine and a sine, in x and in y: "
-            f"2 ((2N + 1)² - 1). This is {4 * len(WAVES)} for N = 1, {by_hand} for N = {order}."
+            "(m, n) and (−m, −n) one is enough. Each has a cosine and a sine, in x and in y: "
+            f"2 ((2N + 1)² − 1). This is {4 * len(WAVES)} for N = 1, {by_hand} for N = {order}."
         ),
         value=float(by_hand),
         again=float(4 * len(pairs)),

@@ -117,8 +117,8 @@ def real(study: Study) -> str:
         f"With Brown's model σ₀² is {factors[FIRST]:.2f}; with *{best}*, which BIC prefers, it is "
         f"{factors[best]:.2f}. In images left out the residuals are {residuals[FIRST]:.3f} px and "
         f"{residuals[best]:.3f} px. So the images of this small camera have a deformation that "
-        "Brown's model does not have. It is significant, and without it the residuals become "
-        f"smaller by {percent:.0f} %."
+        "Brown's model does not have. It is significant: the model that follows it makes these "
+        f"residuals smaller by {percent:.0f} %."
     )
 
 

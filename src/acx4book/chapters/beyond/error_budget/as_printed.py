@@ -170,6 +170,12 @@ class Suspect:
     size: float
     rms: Array
 
+    @property
+    def needed(self) -> str:
+        """The size with its unit, two digits."""
+        gap = "" if self.unit == "°" else " "
+        return f"{self.size:#.2g}{gap}{self.unit}"
+
 
 def suspects(found: Examined) -> list[Suspect]:
     """Return what one error at a time does to the pairs if it alone explains what is left in plan.

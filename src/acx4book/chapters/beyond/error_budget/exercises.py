@@ -52,8 +52,8 @@ def roll_of_half_a_pixel(found: Examined) -> Solution:
     paper = printed.statement("roll_pitch_deg")
     return Solution(
         text=(
-            f"Half a pixel is {0.5 * camera.pixel_mm * 1000:.1f} µm in the image and "
-            f"0.5 p / f = {degrees:.4f}° seen from the projection centre, at any flying height. "
+            f"Half a pixel $p$ is {0.5 * camera.pixel_mm * 1000:.1f} µm in the image, and seen "
+            f"from the projection centre $0.5\\,p / f$ = {degrees:.4f}°, at any flying height. "
             f"The paper's {paper:g}° harm as much as {0.5 * paper / degrees:.1f} px."
         ),
         value=degrees,
@@ -73,9 +73,10 @@ def more_overlap(found: Examined) -> Solution:
     ratio = sigma[1] / sigma[0]
     return Solution(
         text=(
-            "With images at the distances x from their middle, σ_Z = (H / f) s H / √(Σ x²). At "
-            "60 % the point is in two images, 0.2 L to both sides, where L is the length of a "
-            "footprint; at 75 % in four, at 0.125 L and 0.375 L. "
+            "Let $s$ be the standard deviation of an image point and $x$ the distance of an image "
+            "from the middle of all: $\\sigma_Z = (H / f)\\,s\\,H / \\sqrt{\\sum x^2}$. With 60 % "
+            "of overlap the point is in two images, 0.2 $L$ to both sides, where $L$ is the length "
+            "of a footprint; with 75 % it is in four, at 0.125 $L$ and 0.375 $L$. "
             f"σ of its height falls to {ratio:.2f} of what it was: neighbours are nearer to each "
             "other, but the outer rays are further apart."
         ),
@@ -97,8 +98,9 @@ def harmless_height(found: Examined) -> Solution:
     ]
     return Solution(
         text=(
-            "dZ = -(H / f) df + dz has the variance (H / f)² σ_f² - 2 (H / f) σ_fz + σ_z². Its "
-            f"derivative is zero at H = f σ_fz / σ_f² = {least:.0f} m. That lies between the "
+            "$\\mathrm{d}Z = -(H / f)\\,\\mathrm{d}f + \\mathrm{d}z$ has the variance "
+            "$(H / f)^2 \\sigma_f^2 - 2\\,(H / f)\\,\\sigma_{fz} + \\sigma_z^2$. Its derivative is "
+            f"zero at $H = f \\sigma_{{fz}} / \\sigma_f^2$ = {least:.0f} m. That lies between the "
             "heights of the calibration, 1000 and 1500 m: there the focal length and the lever "
             "arm were determined together."
         ),
@@ -121,7 +123,7 @@ def a_fifth_better(found: Examined) -> Solution:
             f"An RMS of 0.8 leaves 64 % of the variance, so that 36 % has to go. Only the image "
             f"points have as much ({100 * share:.0f} %); pitch, the second, has "
             f"{100 * pitch:.0f} %. Their σ must fall to {factor:.2f} of what it is, from "
-            f"{flight.sigma_px:.1f} to {factor * flight.sigma_px:.1f} px: signalised targets."
+            f"{flight.sigma_px:.2f} to {factor * flight.sigma_px:.2f} px: signalised targets."
         ),
         value=0.8,
         again=float(after.rms[2] / before.rms[2]),

@@ -100,8 +100,8 @@ def explorer(found: Examined) -> Explorer:
         name="explorer-error-budget",
         caption=(
             "Standard deviation of a ground point by its sources, for a mapping flight with 60 and "
-            "30 % of overlap and the single-step calibration, without an error of the survey. The "
-            "last bar is the root of the sum of the squares of the others."
+            "30\N{NO-BREAK SPACE}% of overlap and the single-step calibration, without an error of "
+            "the survey. The last bar is the root of the sum of the squares of the others."
         ),
         sliders=list(SLIDERS),
         presets={

@@ -81,7 +81,7 @@ def unexplained(found: Examined) -> str:
     able = [one for one in suspects if one.rms[2] <= left[2]]
     turn = next(one.size for one in suspects if one.name == "boresight κ")
     kappa = turn / printed.sigma(3, "boresight_kappa_deg", PAPERS)
-    named = " or ".join(f"{one.name} ({one.size:.2g} {one.unit})" for one in able)
+    named = " or ".join(f"{one.name} ({one.needed})" for one in able)
     return (
         f"With the smallest errors that the paper names, its budget predicts {said[0]:.2f}, "
         f"{said[1]:.2f} and {said[2]:.2f} m in east, north and height; printed are "

@@ -71,7 +71,5 @@ def suspects(found: Examined) -> pd.DataFrame:
     ----------
     found : Examined
     """
-    rows = [
-        (one.name, f"{one.size:.2g} {one.unit}", *one.rms) for one in as_printed.suspects(found)
-    ]
+    rows = [(one.name, one.needed, *one.rms) for one in as_printed.suspects(found)]
     return pd.DataFrame(rows, columns=["Error", "Size needed", *RMS])

@@ -84,7 +84,7 @@ def _draw_map(ax: Axes, one: Examined) -> None:
         north,
         c=turned,
         s=16,
-        cmap=style.SEQUENCE,
+        cmap=style.SHADES,
         norm=LogNorm(0.5, 500.0),
         zorder=3,
         edgecolor=style.SOFT,

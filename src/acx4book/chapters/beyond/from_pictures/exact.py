@@ -37,6 +37,17 @@ class Errors:
         """Root mean square of one coordinate of one measurement, px."""
         return float(np.sqrt(np.sum(self.off**2) / self.redundancy))
 
+    def of_points(self, own: Mask) -> Errors:
+        """Return the errors of some tie points alone, of each with all its measurements."""
+        n_points = len(np.unique(self.point_idx[own]))
+        return Errors(
+            image_idx=self.image_idx[own],
+            point_idx=self.point_idx[own],
+            off=self.off[own],
+            sigma=self.sigma[own],
+            redundancy=2 * (int(np.sum(own)) - n_points),
+        )
+
     @property
     def wrong(self) -> int:
         """Number of measurements that are off by more than a pixel."""

@@ -38,8 +38,8 @@ def search(relief_m: float = 25.0) -> Solution:
 
     return Solution(
         text=(
-            f"The parallax is $f B / h$. With f = {f_px:.0f} px, B = {BASE_M:g} m and "
-            f"h = {HEIGHT_M:g} m, ground that is {relief_m:g} m higher changes it by "
+            f"The parallax is $f B / h$. With $f$ = {f_px:.0f} px, $B$ = {BASE_M:g} m and "
+            f"$h$ = {HEIGHT_M:g} m, ground that is {relief_m:g} m higher changes it by "
             f"{by_hand:.0f} px. The search of the first level covers 14 px of pictures that are "
             "about three times smaller, so it is found there; later levels know the ground."
         ),

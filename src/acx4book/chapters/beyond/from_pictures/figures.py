@@ -35,7 +35,7 @@ def patches(whole: Whole) -> Figure:
     at = _shared_corner(whole, views)
     surface = whole.outcome.matched.surface
     with style.applied():
-        fig, axes = style.subplots(2, len(views), figsize=(style.WIDTH, 3.9))
+        fig, axes = style.subplots(2, len(views), figsize=(style.WIDTH, 3.7))
         for k, view in enumerate(views):
             there = np.rint(transferred(views[0], view, surface, at.astype(float))).astype(int)
             as_it_is = own_patches(view, there, SIDE).grey
@@ -43,6 +43,7 @@ def patches(whole: Whole) -> Figure:
             for ax, image in zip(axes[:, k], (as_it_is, laid), strict=True):
                 ax.imshow(image, cmap="gray", interpolation="nearest")
                 style.bare(ax)
+                ax.set(xticks=[], yticks=[])
             axes[0, k].set_title(f"{view.name}\n{NAMES[k]}")
     return fig
 
@@ -93,6 +94,7 @@ def cover(whole: Whole, name: str = "C2-04") -> Figure:
             ax.plot(*colrow[some].T, "o", ms=3.5, color=colour, mec="white", mew=0.4, label=words)
         ax.plot(*colrow[control].T, "^", ms=7, color=style.BRICK, mec="white", label="control")
         style.bare(ax)
+        ax.set(xticks=[], yticks=[])
         style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=4)
     return fig
 

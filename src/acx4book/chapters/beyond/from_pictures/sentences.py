@@ -23,15 +23,16 @@ def said(whole: Whole, *, most: int = 6) -> str:
 
 def ties(errors: Errors, alike: Mask) -> str:
     """Say how large the errors of tie points are."""
-    own, other = (np.sqrt(np.mean(errors.off[which] ** 2)) for which in (alike, ~alike))
+    own, other = (errors.of_points(which).rms for which in (alike, ~alike))
     ratio = np.median(np.abs(errors.off) / errors.sigma[:, None]) / 0.6745
     n = len(errors.off)
     return (
         f"The root mean square of a coordinate is {errors.rms:.3f} px of these pictures, "
-        f"{errors.rms * REDUCE:.2f} px of the full size. Of {n} measurements {errors.wrong} are "
-        f"off by more than a pixel. Points that pictures of one height alone show are good to "
-        f"{own:.3f} px, the others to {other:.3f} px. Half of the errors are below "
-        f"{0.6745 * ratio:.2f} of their standard deviations; of normal errors it would be 0.67."
+        f"{errors.rms * REDUCE:.2f} px of the full size. Of {n} measurements "
+        f"{_none_or(errors.wrong)} off by more than a pixel. Points that pictures of one height "
+        f"alone show are good to {own:.3f} px, the others to {other:.3f} px. Half of the "
+        f"errors are below {0.6745 * ratio:.2f} of their standard deviations; of normal "
+        "errors it would be 0.67."
     )
 
 
@@ -41,8 +42,12 @@ def control(errors: Errors) -> str:
     return (
         f"{len(errors.off)} discs were centred, with a root mean square error of "
         f"{errors.rms:.3f} px in a coordinate; over their standard deviations it is {z:.1f}. "
-        f"{errors.wrong} of them are off by more than a pixel."
+        f"{_none_or(errors.wrong).capitalize()} off by more than a pixel."
     )
+
+
+def _none_or(count: int) -> str:
+    return {0: "none is", 1: "one is"}.get(count, f"{count} are")
 
 
 def answer(whole: Whole, errors: Errors) -> str:

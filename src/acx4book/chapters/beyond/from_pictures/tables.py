@@ -6,6 +6,9 @@ import numpy as np
 import pandas as pd
 
 from acx4book.chapters.beyond.from_pictures.whole import Whole
+from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.plain_text import Markup
 
 
 def pictures(whole: Whole) -> pd.DataFrame:
@@ -44,14 +47,18 @@ def camera(whole: Whole) -> pd.DataFrame:
         off = (one.value - whole.truth[one.name]) / one.sigma
         rows.append(
             {
-                "parameter": one.name,
-                "estimate": f"{one.value:.6g}",
-                "σ": f"{one.sigma:.2g}",
-                "truth": f"{whole.truth[one.name]:.6g}",
+                "parameter": with_unit(LABELS[one.name], one.unit),
+                "estimate": value_and_sigma(one.value, one.sigma),
+                "truth": _truth(whole.truth[one.name]),
                 "difference / σ": off,
             }
         )
     return pd.DataFrame(rows)
+
+
+def _truth(value: float) -> Markup:
+    """Return a value that is exact, with all its digits."""
+    return Markup(scientific(value, digits=1) if abs(value) < 1e-3 else f"{value:.6g}")
 
 
 CAMERA_FORMATS = {"difference / σ": "+.1f"}

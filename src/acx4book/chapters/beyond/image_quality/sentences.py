@@ -20,13 +20,15 @@ def answer(examined: Mapping[str, Examined]) -> str:
     true, mean, turned = (
         left_px(examined[way], "oriented") for way in ("true", "mean shift", "rotations")
     )
-    radial = largest_radial(examined["rotations"].fits["calibrated"])
+    radial = [
+        largest_radial(examined[way].fits["calibrated"]) for way in ("mean shift", "rotations")
+    ]
     return (
         f"The renderer adds nothing that could be measured: with true heads {true:.2f} px are left "
         "in a coordinate, which is the noise of matching. Heads with errors as large as the "
         f"standard deviations of Table 1 leave {mean:.2f} px after the paper's mean differences, "
         f"and {turned:.2f} px after three rotations of each head; the paper has "
-        f"{printed.statement('synthetic_quality_px'):g} px. A self-calibration of the image finds "
-        f"{radial:.1f} px of radial distortion at most, since errors of heads change at their "
-        "borders, where no lens does."
+        f"{printed.statement('synthetic_quality_px'):g} px. A self-calibration finds "
+        f"at most {radial[0]:.1f} px of radial distortion in the one image and {radial[1]:.1f} px "
+        "in the other, since errors of heads change at their borders, where no lens does."
     )

@@ -214,9 +214,10 @@ def self_calibration_sentence(examined: Examined) -> str:
     f = next(p for p in parameters(from_bundle(interior)) if p.name == "f_mm")
     held = lens.cameras[0].interior.f
     return (
-        f"Of the true orientation it finds a radial distortion of {largest_radial(lens):.2f} px "
-        f"at most and a decentring of {largest_decentring(lens):.2f} px in the corner "
-        f"($p_1$, $p_2$ up to {t:.1f} standard deviations), and leaves the residuals as they "
+        "In the image of the true orientation it finds a radial distortion of "
+        f"{largest_radial(lens):.2f} px at most and a decentring of "
+        f"{largest_decentring(lens):.2f} px in the corner ($p_1$, $p_2$ up to {t:.1f} "
+        "standard deviations), and leaves the residuals as they "
         f"were: {left_px(examined, 'oriented'):.3f} and {left_px(examined, 'calibrated'):.3f} px. "
         f"Only relief tells $f$ from the flying height in one image: freed, it becomes "
         f"{f.value:.3f} ± {f.sigma:.3f} mm instead of {held:g} mm, because the lenses "

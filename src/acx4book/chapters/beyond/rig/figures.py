@@ -52,8 +52,8 @@ def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
         )
         for ax, title in zip(axes[0], others, strict=True):
             _draw_gains(ax, gains(ways[title], ways[RIG]))
-            style.heading(ax, title, "standard deviations over the rig's")
-        axes[0, 0].set_ylabel("ratio (1)")
+            ax.set_title(title)
+        axes[0, 0].set_ylabel("σ over that of the rig (1)")
         handles = [
             Line2D([], [], ls="", marker="o", color=style.colour(k), label=style.plain(head.name))
             for k, head in enumerate(heads)
@@ -194,4 +194,7 @@ def _draw_errors(ax: Axes, one: Deformation, *, key: float, pixel: float) -> Non
         scale=1,
         width=0.006,
     )
-    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties=style.LETTERS)
+    label, place = f"{key:g} px", (0.86, 1.03)
+    ax.quiverkey(
+        arrows, *place, gap, label, labelpos="W", color=style.INK, fontproperties=style.LETTERS
+    )

@@ -84,7 +84,7 @@ def temperatures() -> Solution:
     return Solution(
         text=(
             "The standard deviation of a slope is σ over the root of the sum of squares of "
-            f"T - mean(T). Half cold and half hot make it {by_hand:.2f} times smaller. But with "
+            f"T − mean(T). Half cold and half hot make it {by_hand:.2f} times smaller. But with "
             "two temperatures alone no campaign shows whether the line is straight."
         ),
         value=by_hand,

@@ -33,7 +33,7 @@ def pattern(found: Study) -> Figure:
             ax.set(xlabel="column (px)")
             ax.locator_params(nbins=5)
             rms = heights.rms_px(own)
-            style.heading(ax, f"From {height_m:.0f} m", f"rms {rms:.2f} px")
+            style.heading(ax, f"From {height_m:.0f} m", f"RMS {rms:.2f} px")
         np.atleast_1d(axes)[0].set_ylabel("row (px)")
         handles = [Line2D([], [], color=style.colour(k), label=n) for k, n in enumerate(names)]
         style.legend_below(fig, handles)
@@ -55,7 +55,10 @@ def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> 
         width=0.005,
         zorder=3,
     )
-    ax.quiverkey(arrows, 0.86, 1.03, gap, f"{key:g} px", labelpos="W", fontproperties=style.LETTERS)
+    label, place = f"{key:g} px", (0.86, 1.03)
+    ax.quiverkey(
+        arrows, *place, gap, label, labelpos="W", color=style.INK, fontproperties=style.LETTERS
+    )
 
 
 def _draw_seams(ax: Axes, own: pd.DataFrame, names: list[str]) -> None:

@@ -155,11 +155,11 @@ def fingerprint(found: Study) -> str:
         for ks in (radial.printed_with_sigma()[0], square, one)
     ]
     return (
-        "Are Table 3's $k_1$, $k_2$, $k_3$ the fingerprint of focal lengths held at 74 mm? Points "
-        "that are carried through heads as they were calibrated bear such a fingerprint: the "
+        "Are Table 3's $k_1$, $k_2$, $k_3$ the trace of focal lengths held at 74 mm? Points "
+        "that are carried through heads as they were calibrated bear such a trace: the "
         f"printed coefficients, one by one, ask for $f_1$ = {f_1[0]:.2f}, {f_1[1]:.2f} and "
-        f"{f_1[2]:.2f} mm. Tie points wipe it out. Through refined heads no coefficient changes by "
-        f"more than {moved:.1f} σ over the whole sweep, and the farthest is "
+        f"{f_1[2]:.2f} mm. Refining the heads by tie points removes it: then no "
+        f"coefficient changes by more than {moved:.1f} σ over the whole sweep, and the farthest is "
         f"{refined.abs().max().max():.1f} σ from print.\n\n"
         "What makes these coefficients is the distance of the lens centres. With all centres in "
         f"one point $k_1$ is {100 * one[0] / square[0]:.0f} % of what it is in a square of "
@@ -175,7 +175,7 @@ def fingerprint(found: Study) -> str:
 def centres(found: Study) -> str:
     """Say which focal length the printed X_c and Y_c ask for, and what they can tell."""
     misfit = figures.centre_misfit(found)
-    each = " and ".join(
+    each = ", and ".join(
         f"{LABELS[str(name)]} fits best at {own.idxmin():.1f} mm, to {1000 * own.min():.0f} µm"
         for name, own in misfit.items()
     )
@@ -199,9 +199,9 @@ def recommendation(found: Study) -> str:
         for i, text in enumerate(
             (
                 "Map with the synthetic image. From heights between those of its calibration it "
-                f"costs at most {table['percent'].max():.1f} % of accuracy at check points.",
+                f"costs at most {table['percent'].max():.2f} % of accuracy at check points.",
                 "Keep the measurements in the heads, and calibrate them as a rig. Only the rig's "
-                "σ can be believed, and only its $\\chi^2$ test is one of the measurements.",
+                "σ can be believed, and only its $\\chi^2$ test says how good measurements are.",
                 "Multiply the stated σ of a synthetic camera's parameters by "
                 f"{np.ceil(ratio):.0f} before two calibrations are compared by them.",
                 "Calibrate at the heights that are flown. {numref}`tab-cost-heights` has what is "
@@ -229,8 +229,8 @@ def answer(found: Study) -> str:
     variance = study.variance_factors(found, SYNTHETIC).mean()
     return (
         f"Little accuracy, and much trust. The RMS at check points is {_range(percent)} % larger, "
-        f"by axis. But parameters scatter by up to {own['ratio'].max():.1f} times their stated "
-        f"standard deviations, where those of the rig scatter by at most {rig['ratio'].max():.1f} "
+        f"by axis. But parameters scatter by up to {own['ratio'].max():.2f} times their stated "
+        f"standard deviations, where those of the rig scatter by at most {rig['ratio'].max():.2f} "
         f"times. The lever arm's height is {off_cm:.0f} cm away from the lenses, and $\\sigma_0^2$ "
         f"is {variance:.3f} on average, though every measurement is as good as it claims."
     )

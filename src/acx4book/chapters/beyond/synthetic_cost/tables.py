@@ -102,5 +102,6 @@ def square_table(found: Study) -> pd.DataFrame:
         | {"Table 3": printed.shown(3, name, "single_step")}
         for name in SQUARE_ROWS
     ]
-    factors = {title: cells["sigma0_squared", side] for side, title in sides.items()}
+    factor = found.squares[found.squares["parameter"] == "sigma0_squared"].set_index("side_m")
+    factors = {title: f"{factor['value'][side]:.4f}" for side, title in sides.items()}
     return pd.DataFrame([*rows, {"Parameter": LABELS["sigma0_squared"], **factors}])

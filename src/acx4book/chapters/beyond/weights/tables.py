@@ -89,15 +89,21 @@ def height_sentence(table: pd.DataFrame) -> str:
     table : DataFrame
         As `simulated.height_noise` returns it, noise ascending.
     """
-    noise_cm = 100 * table["gnss_height_m"]
-    at = [
-        np.interp(printed.sigma(3, name, "single_step"), table[f"sigma_{name}"], noise_cm)
-        for name in ("f_mm", "lever_z_m")
-    ]
+    f, z = (_met(table, name) for name in ("f_mm", "lever_z_m"))
     return (
-        f"The printed standard deviation of $f$ is met at {at[0]:.1f} cm of white noise in height, "
-        f"that of the lever arm's $z$ at {at[1]:.1f} cm. The paper prints one digit of the former."
+        f"The printed standard deviation of $f$ is met {f}, that of the lever arm's $z$ {z}. "
+        "The paper does not say how many tie points its block had; with another number of them, "
+        "the noise is another one."
     )
+
+
+def _met(table: pd.DataFrame, name: str) -> str:
+    """Return the noise of heights at which the sigma of a parameter is the printed one."""
+    noise_cm, sigma = 100 * table["gnss_height_m"], table[f"sigma_{name}"]
+    wanted = printed.sigma(3, name, "single_step")
+    if not sigma.min() <= wanted <= sigma.max():
+        return f"at none between {noise_cm.min():.1f} and {noise_cm.max():.1f} cm of white noise"
+    return f"at {np.interp(wanted, sigma, noise_cm):.1f} cm of white noise in height"
 
 
 def scatter_sentence(errors: pd.DataFrame, scatter: pd.DataFrame) -> str:
@@ -191,7 +197,8 @@ def ratio_sentence(errors: pd.DataFrame) -> str:
         f"and {height:+.2f} m in east, north and height, the variance of unit weight is "
         f"{variance['shifted, none']:.2f} on average, and {variance['shifted, shift']:.2f} with "
         f"the shift as an unknown. The lever arm's $z$ is off by "
-        f"{lever_z['shifted, none']:+.2f} m and {lever_z['shifted, shift']:+.2f} m."
+        f"{lever_z['shifted, none']:+.2f} m without the unknown, and by "
+        f"{lever_z['shifted, shift']:+.2f} m with it."
     )
 
 

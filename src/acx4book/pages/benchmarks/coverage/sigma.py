@@ -162,7 +162,7 @@ def _table(table: pd.DataFrame, caption: str, name: str) -> str:
 def _made(errors: Errors) -> str:
     about, seeds = errors.about, errors.parameters["seed"]
     return (
-        f"Computed on {about['date']} at commit `{about['commit']}`: {seeds.nunique()} flights "
+        f"Computed on {about['date']} at commit `{about['commit'][:7]}`: {seeds.nunique()} flights "
         f"of the design `{about['design']}`, of the heads `{about['heads_design']}`, seeds "
         f"{seeds.min()} to {seeds.max()}; "
         f"{about['processor']}, {about['system']}, Python {about['versions']['python']}, numpy "

@@ -60,7 +60,7 @@ def verdict(errors: pd.DataFrame) -> str:
         f"Over {errors['seed'].nunique()} flights the $\\chi^2$ of all parameters together is "
         f"{white:,.0f} at {n:,} degrees of freedom where the errors are taken for independent. "
         f"With the weights of their correlation it is {value:,.0f} ($p$ = {p:.2f}): {where} its "
-        f"two-sided bounds of {1 - ALPHA:.0%}."
+        f"two-sided bounds of {100 * (1 - ALPHA):.0f} %."
     )
 
 

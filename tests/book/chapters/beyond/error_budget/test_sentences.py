@@ -49,7 +49,7 @@ def test_only_errors_that_spare_the_heights_are_named(found):
         as_printed.rms(), as_printed.predicted(found, as_printed.assumptions()[0]).rms
     )
     for one in as_printed.suspects(found):
-        named = f"{one.name} ({one.size:.2g} {one.unit})" in text
+        named = f"{one.name} ({one.needed})" in text
         assert named == (one.rms[2] <= left[2]), one.name
 
 

@@ -29,4 +29,4 @@ def test_the_printed_flight_says_what_it_predicts_and_leaves(found):
 def test_suspects_are_named_with_their_size(found):
     table = tables.suspects(found)
     assert table["Error"].tolist() == [one.name for one in as_printed.suspects(found)]
-    assert table["Size needed"].str.contains(r"^[\d.]+ (?:px|m|°)$").all()
+    assert table["Size needed"].str.contains(r"^[\d.]+(?: px| m|°)$").all()

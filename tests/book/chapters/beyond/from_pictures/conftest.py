@@ -7,4 +7,6 @@ from acx4book.chapters.beyond.from_pictures import whole
 
 @pytest.fixture(scope="session")
 def found():
-    return whole.measured(1)
+    one = whole.measured(1)
+    yield one
+    one.folder.cleanup()

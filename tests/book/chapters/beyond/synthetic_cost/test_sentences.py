@@ -61,5 +61,5 @@ def test_no_number_is_missing(found, say):
 def test_the_answer_has_the_cost_in_accuracy_and_in_trust(found):
     said = sentences.answer(found)
     ratio = study.scatter(found, study.SYNTHETIC)["ratio"].max()
-    assert f"by up to {ratio:.1f} times their stated" in said
+    assert f"by up to {ratio:.2f} times their stated" in said
     assert f"{study.variance_factors(found, study.SYNTHETIC).mean():.3f} on average" in said

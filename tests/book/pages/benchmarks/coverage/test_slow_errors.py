@@ -30,7 +30,7 @@ def test_chi_square_sums_up_all_parameters_and_flights():
 def test_the_verdict_says_whether_the_weights_are_right(correlated, said):
     text = slow_errors.verdict(flights(correlated))
     assert text.startswith("Over 50 flights")
-    assert f"{said} its two-sided bounds of 99%" in text
+    assert f"{said} its two-sided bounds of 99 %" in text
 
 
 def test_the_table_has_both_weights_side_by_side():
