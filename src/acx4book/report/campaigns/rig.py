@@ -14,7 +14,6 @@ from acx4book.report.words import listed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import shown
-from acx4lib import expected
 from acx4lib.calibration.trust.rigidity import Rigidity, rigidity
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import read_kept
@@ -58,7 +57,7 @@ def read(folder: str | Path) -> Rigidity:
     AdjustmentError
         Where the heads cannot be adjusted together.
     """
-    at = expected.folder("folder", folder, "the results of a run")
+    at = results.of_run(folder)
     claims.verify(at, [*results.FILES, provenance.FILE], cure="run all stages again")
     flight = read_kept(at / provenance.KEPT)
     if flight.heads is None or len(flight.heads.cameras) < 2:
