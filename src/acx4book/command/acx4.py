@@ -148,8 +148,9 @@ def report(
     """Write the calibration report of a run."""
     terminal.need_book("report")
     from acx4book.report.page import page  # noqa: PLC0415 quick help
+    from acx4lib.results import folder  # noqa: PLC0415 quick help
 
-    path = out or results / "report.html"
+    path = out or folder.of_run(results) / "report.html"
     if pdf:
         page.check_pdf(path)
     with terminal.stage_bars() as tell:

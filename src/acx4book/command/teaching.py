@@ -97,5 +97,6 @@ def grade(
         out.write_text(class_table.text(found), encoding="utf-8")
     terminal.say(*found.unread)
     if found.unread or not found.marks:
-        terminal.say(*([] if found.marks else ["nothing was graded"]))
+        nothing = "nothing was graded: no answers.csv and no results of acx4 run were found"
+        terminal.say(*([] if found.marks or found.unread else [nothing]))
         raise typer.Exit(2)

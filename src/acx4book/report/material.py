@@ -92,11 +92,7 @@ def read(folder: str | Path) -> Material:
         Where the folder does not exist, is not complete, was changed after the run, or is being
         written.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise FlightError([f"{folder}: no such folder; acx4 run FLIGHT --results makes one"])
-    if not any((folder / name).is_file() for name in results.FILES):
-        raise FlightError([f"{folder}: no results of a run; acx4 run FLIGHT --results makes them"])
+    folder = results.of_run(folder)
     missing = [
         name
         for name in (*results.EARLIEST, provenance.FILE, f"{provenance.KEPT}/flight.toml")

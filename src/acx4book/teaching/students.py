@@ -52,7 +52,7 @@ def shown_name(name: str) -> str:
     shown = " ".join(unicodedata.normalize("NFC", name).split())
     fault = name_fault(shown) if shown else ("is empty", "must be a name")
     if fault:
-        msg = f"{fault[0]}; {fault[1]}"
+        msg = f"the student's name {fault[0]}; {fault[1]}"
         raise ValueError(msg)
     return shown
 

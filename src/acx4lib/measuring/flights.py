@@ -61,9 +61,10 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
     Raises
     ------
     FlightError
-        With all problems, one line each; also where a block has neither pictures nor measurements.
+        With all problems, one line each; also where a block has neither pictures nor
+        measurements, and where no block has pictures.
     """
-    folder = expected.path("path", path)
+    folder = expected.folder("path", path, "the folder of a flight, with a flight.toml")
     names = [name for name in BLOCKS if (folder / name).is_dir()]
     if not names:
         problem = (
@@ -75,11 +76,12 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         name: without_points(read_block(folder, name, pictures=folder), folder) for name in names
     }
     flight = checked(toml, list(tables.values()))
+    pictured = [name for name in names if any(flight.image_files[name])]
     empty = [
         f"{folder / name / 'images.csv'}: column file: names no picture; "
         "give it the file of every image, relative to the block's folder"
         for name, of in tables.items()
-        if not len(of.image_points) and not any(flight.image_files[name])
+        if name not in pictured and not (pictured and len(of.image_points))
     ]
     if empty:
         raise FlightError(empty)

@@ -81,6 +81,14 @@ SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
 """The tables that are read at once."""
 
 
+def of_run(folder: str | Path) -> Path:
+    """Return a folder in which a run left results; FlightError where there are none."""
+    at = expected.folder("folder", folder, "the results of a run")
+    if not any((at / name).is_file() for name in FILES):
+        raise FlightError([f"{at}: no results of a run; acx4 run FLIGHT --results makes them"])
+    return at
+
+
 def read(folder: str | Path) -> Results:
     """Read an existing results folder; a missing file counts as a table without rows.
 

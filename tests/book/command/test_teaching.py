@@ -39,6 +39,7 @@ def test_from_a_students_flight_to_marks(acx4, tmp_path):
         (("lab", "1", "--student", "Ada", "--key", "none.txt"), "token_hex"),
         (("lab", "1", "--student", "Ada", "--key", "key.txt", "--out", "."), "already"),
         (("grade", "nothing", "--key", "key.txt"), "not graded"),
+        (("grade", ".", "--key", "key.txt"), "no answers.csv and no results"),
         (("grade", "key.txt", "--key", "key.txt", "--out", "key.txt"), "choose another name"),
     ],
 )

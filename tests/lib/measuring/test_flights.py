@@ -47,6 +47,22 @@ def test_a_block_without_pictures_and_measurements_is_refused(own):
         read_unmeasured(own)
 
 
+def test_a_flight_that_is_measured_already_and_has_no_picture_is_refused(own):
+    images = own / "calibration" / "images.csv"
+    header, first, *_ = images.read_text().splitlines()
+    image = first.partition(",")[0]
+    for table, text in (
+        (images, "\n".join(line.rsplit(",", 1)[0] for line in (header, first))),
+        (own / "calibration" / "image_points.csv", f"image,point,col_px,row_px\n{image},P,1,1"),
+    ):
+        table.unlink(missing_ok=True)
+        table.write_text(f"{text}\n")
+    with pytest.raises(FlightError, match=r"images.csv: column file: names no picture"):
+        read_unmeasured(own)
+
+
 def test_a_folder_without_blocks_is_refused(tmp_path):
+    with pytest.raises(FlightError, match="nowhere: no such folder; expected the folder of a"):
+        read_unmeasured(tmp_path / "nowhere")
     with pytest.raises(FlightError, match="no block to measure; a flight has heads/"):
         read_unmeasured(tmp_path)

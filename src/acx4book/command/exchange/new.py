@@ -35,7 +35,10 @@ QUESTIONS = {
 
 
 def new(
-    folder: Annotated[Path, typer.Argument(metavar="FLIGHT", show_default=False)],
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
+    ],
     *,
     cameras: Annotated[
         str,

@@ -21,7 +21,7 @@ and angles are there; with --orientations adjusted it is Metashape's own adjustm
 boresight means nothing.
 
 \b
-Example:
+Examples:
   acx4 import metashape cameras.xml --out my_flight
   acx4 import metashape survey.psx --orientations adjusted --out my_flight
 """
@@ -94,7 +94,7 @@ that system, or its earth-centred coordinates, and --orientations adjusted makes
 its poses, on which a boresight means nothing.
 
 \b
-Example:
+Examples:
   acx4 import colmap sparse/0 --out my_flight
   acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
 """

@@ -14,10 +14,10 @@ from acx4book.report.words import listed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import shown
-from acx4lib import expected
 from acx4lib.calibration.trust.rigidity import Rigidity, rigidity
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import read_kept
+from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.stages import rig
 
@@ -56,7 +56,7 @@ def read(folder: str | Path) -> Rigidity:
     AdjustmentError
         Where the heads cannot be adjusted together.
     """
-    at = expected.folder("folder", folder, "the results of a run")
+    at = results.of_run(folder)
     provenance.verify(at)
     flight = read_kept(at / provenance.KEPT)
     if flight.heads is None or len(flight.heads.cameras) < 2:

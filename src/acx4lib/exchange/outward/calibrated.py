@@ -94,7 +94,7 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     ValueError
         For an unknown method.
     """
-    at = expected.folder("results", results, "the results of a run")
+    at = folder.of_run(results)
     if method:
         expected.one_of("method", method, (*CAMERA, *HEADS))
     provenance.verify(at)

@@ -85,6 +85,14 @@ def test_bad_results_are_one_line_and_leave_an_older_report_alone(acx4, folder, 
     assert out.read_bytes() == MARK
 
 
+def test_a_flight_in_place_of_its_results_is_told_what_is_missing(acx4, made):
+    status, _, err = acx4("report", made[0])
+    assert (status, err) == (
+        2,
+        f"{made[0]}: no results of a run; acx4 run FLIGHT --results makes them\n",
+    )
+
+
 def test_a_place_that_cannot_be_written_is_one_line_before_anything_runs(acx4, made, tmp_path):
     for out, says in (
         (tmp_path, "is a folder"),

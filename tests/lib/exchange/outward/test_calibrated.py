@@ -66,7 +66,9 @@ def _opk_jacobian(opk):
     return np.stack(turned, axis=1)
 
 
-def test_what_is_not_there_is_one_line_that_says_what_is(rig, single):
+def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
+    with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
+        calibrated.read(tmp_path)
     with pytest.raises(FlightError, match="no calibration of refined that can be exported; it has"):
         calibrated.read(rig, method="refined")
     with pytest.raises(
