@@ -63,6 +63,7 @@ def test_what_was_found_is_said(whole):
     assert all("not found in" in line for line in others)
 
 
+@pytest.mark.repeats
 def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
     from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 here alone
 
