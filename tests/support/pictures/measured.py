@@ -44,6 +44,12 @@ class Errors:
     off: np.ndarray
     z: np.ndarray
 
+    @property
+    def rms(self) -> float:
+        """Of a coordinate of a tie point: n rays differ from their mean by n - 1 of n parts."""
+        free = len(self.rows) - self.rows["point"].nunique()
+        return float(np.sqrt(np.sum(self.off**2) / 2 / free))
+
 
 def tie_errors(
     flight: Path, *, reduce: int = 6, design: str = "single-head", block: str = "calibration"
