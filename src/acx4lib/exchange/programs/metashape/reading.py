@@ -88,6 +88,7 @@ def read(  # noqa: PLR0913 one for every option
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
     flown = oriented.trajectory(whole, used, system, wanted=orientations)
+    unaligned = sum(one.enabled for one in every.values()) - len(used)
     used = _with_trajectory(used, flown)
     table = {
         f"{folder}/images.csv": _images(used),
@@ -103,7 +104,7 @@ def read(  # noqa: PLR0913 one for every option
         tables={name: one for name, one in table.items() if one},
         assumed=(*ASSUMED, *fitted.assumed, *(system.assumed if system else ()), *flown.assumed),
         found=(*_found(used, places, known), *_kinds(of, named), *fitted.found, *proofs),
-        left_out=(*_left_out(whole, every, used, places, doubled), *flown.left_out),
+        left_out=(*_left_out(whole, every, used, places, doubled, unaligned), *flown.left_out),
     )
 
 
@@ -114,7 +115,8 @@ def _used(whole: Chunk, every: Mapping[str, Shot], orientations: str) -> dict[st
         i: one for i, one in every.items() if one.enabled and not (adjusted and one.T_c is None)
     }
     if not used:
-        raise whole.root.one("cameras").wrong("has no camera that is used", "must have one")
+        kind = "aligned" if adjusted else "enabled"
+        raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
     return used
 
 
@@ -251,6 +253,7 @@ def _left_out(
     used: Mapping[str, Shot],
     places: Locations,
     doubled: int,
+    unaligned: int,
 ) -> tuple[str, ...]:
     names = {one.name for one in used.values()}
     elsewhere = sum(
@@ -265,10 +268,7 @@ def _left_out(
         (elsewhere, "measured marker locations in images that are left out"),
         (places.lost, "marker locations in cameras that the chunk has not"),
         (sum(not one.enabled for one in every.values()), "cameras that are disabled"),
-        (
-            sum(one.enabled for one in every.values()) - len(used),
-            "cameras that are not aligned, and so have no adjusted orientation",
-        ),
+        (unaligned, "cameras that are not aligned, and so have no adjusted orientation"),
         (doubled, "labels of cameras that occur twice: their numbers stand behind them"),
         (len(chunk.others), f"other chunks: {', '.join(chunk.others)}"),
     )
