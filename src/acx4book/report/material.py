@@ -50,7 +50,7 @@ class Material:
             and entry.get("sigma0_squared") is not None
         )
 
-    @property
+    @cached_property
     def calibration(self) -> str:
         """The method with the calibration, if possible the single step; empty without any."""
         ordered = sorted(METHODS, key=lambda method: method != "single_step")

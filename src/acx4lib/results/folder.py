@@ -244,9 +244,12 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
         In the units of the parameters.
     """
     long = rows(results, "covariance", stage_method)
-    names = pd.unique(long["row"])
-    square = long.pivot_table(index="row", columns="column", values="value", sort=False)
-    return square.reindex(index=names, columns=names).fillna(0.0)
+    row, names = pd.factorize(long["row"])
+    column = names.get_indexer(long["column"])
+    square = np.zeros((len(names), len(names)))
+    known = column >= 0
+    square[row[known], column[known]] = long["value"].fillna(0.0)[known]
+    return pd.DataFrame(square, index=names, columns=names)
 
 
 def messages(entry: Mapping[str, object], key: str) -> list[str]:
