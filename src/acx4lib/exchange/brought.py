@@ -44,3 +44,8 @@ class Brought:
     assumed: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+
+
+def number_of(n: int, nouns: str) -> str:
+    """Return a number with its noun, given for many: 2 cameras, 1 camera."""
+    return f"{n} {nouns.removesuffix('s') if n == 1 else nouns}"

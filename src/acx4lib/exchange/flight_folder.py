@@ -20,7 +20,7 @@ import numpy as np
 
 from acx4lib.errors import OutputError
 from acx4lib.exchange import written_toml
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.flight.text.in_memory import Columns
 from acx4lib.flight.text.names import name_fault
 from acx4lib.results.own_folder import claims, marks
@@ -48,8 +48,8 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     ----------
     brought : Brought
     folder : Path
-        New, empty, or written by an import before: then tables are replaced, and settings are
-        added to those of flight.toml.
+        New, empty, or written by an import before: then tables of the same name are replaced,
+        which is said, and settings are added to those of flight.toml.
 
     Returns
     -------
@@ -79,6 +79,7 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
             raise OutputError(msg)
         if edited:
             own.files.pop(SETTINGS, None)
+        remarks = _replaced(folder, {name: texts[name] for name in brought.tables})
         own.expect(names)
         for name, text in texts.items():
             _place(folder / name, text)
@@ -87,8 +88,23 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         own.seal()
     if edited and brought.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
-        return (kept,)
-    return ()
+        return (kept, *remarks)
+    return remarks
+
+
+def _replaced(folder: Path, tables: Mapping[str, str]) -> tuple[str, ...]:
+    """Return sentences on tables of an earlier import that others take the place of."""
+    before = {name: _n_rows(_read(folder / name)) for name in tables}
+    return tuple(
+        f"{name}: {number_of(n, 'rows')} of an earlier import replaced by {_n_rows(tables[name])}"
+        for name, n in before.items()
+        if n and _read(folder / name) != tables[name]
+    )
+
+
+def _n_rows(text: str) -> int:
+    """Return the number of rows of a table after its header."""
+    return max(sum(1 for _ in csv.reader(io.StringIO(text))) - 1, 0)
 
 
 def begin(

@@ -36,6 +36,9 @@ NOTHING = 1e-13
 STEEPEST = 1000.0
 """Tangent of an angle at which no lens of a flight sees."""
 
+HELD_PX, WORTH = 0.05, 0.5
+"""A program's focal length is held unless it leaves more, and another at most this part of it."""
+
 STEPS = 100
 """Largest number of iterations of `inverse`."""
 
@@ -110,7 +113,9 @@ def camera_of(
 ) -> tuple[Camera, Left]:
     """Return the camera that is nearest to a lens, in the whole image.
 
-    Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted.
+    Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted. Where
+    another focal length leaves less than half, as where it is not the scale at the centre, it is
+    fitted, too, by distances in the image. The principal point would gain little.
 
     Parameters
     ----------
@@ -124,7 +129,7 @@ def camera_of(
     -------
     camera : Camera
     left : Left
-        Distances of its ideal points from those of the lens.
+        Distances of its rays from those of the lens, in the image.
 
     Raises
     ------
@@ -138,17 +143,17 @@ def camera_of(
         col, row = colrow[lost][0]
         msg = f"lens: expected a ray for every pixel, got none at col {col:.1f}, row {row:.1f}"
         raise ValueError(msg)
-    (c1, c2, c3, c4, c5), left = brown(measured, rays - measured, hole.fy)
+    shorter, c, left = _fitted(measured, rays, ideal, colrow, hole)
     f, scale = hole.fy * pixel_mm, hole.fy / hole.fx
     interior = Interior(
-        f=f,
+        f=f / shorter,
         xp=(hole.cx - (width_px - 1) / 2) * pixel_mm * scale,
         yp=((height_px - 1) / 2 - hole.cy) * pixel_mm,
-        k1=-c1 / f**2,
-        k2=-c2 / f**4,
-        k3=-c5 / f**6,
-        p1=-c4 / f,
-        p2=c3 / f,
+        k1=-c[0] / f**2,
+        k2=-c[1] / f**4,
+        k3=-c[4] / f**6,
+        p1=-c[3] / f,
+        p2=c[2] / f,
         b1=scale - 1,
     )
     camera = Camera(
@@ -272,16 +277,53 @@ def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
     f_px : float
         Focal length.
     """
+    A = _terms(at)
+    coefficients = _nearest(A, off.T.ravel())
+    return coefficients, _left(A @ coefficients - off.T.ravel(), f_px)
+
+
+def _fitted(
+    measured: Array, rays: Array, ideal: Model, colrow: Array, hole: Pinhole
+) -> tuple[float, Array, Left]:
+    """Return hole.fy over the focal length, the coefficients of `brown`, and what is left."""
+    coefficients, left = brown(measured, rays - measured, hole.fy)
+    in_px = _pixels_by_ray(ideal, colrow, rays)
+    if not np.isfinite(in_px).all():
+        return 1.0, coefficients, left
+    A = np.column_stack([measured.T.ravel(), _terms(measured)]).reshape(2, len(rays), -1)
+    A = np.einsum("nij,jnk->ink", in_px, A).reshape(2 * len(rays), -1)
+    b = np.einsum("nij,nj->in", in_px, rays).ravel()
+    free = _nearest(A, b)
+    held, freed = (_left(A @ values - b, 1.0) for values in ([1.0, *coefficients], free))
+    if held.largest_px <= HELD_PX or freed.rms_px > WORTH * held.rms_px:
+        return 1.0, coefficients, held
+    return float(free[0]), free[1:] / free[0], freed
+
+
+def _pixels_by_ray(ideal: Model, colrow: Array, rays: Array) -> Array:
+    """Return d(pixel) / d(ideal point), shape (n, 2, 2), by differences towards the middle."""
+    axes, inward = np.eye(2), np.where(colrow < colrow.mean(axis=0), 0.5, -0.5)
+    with np.errstate(all="ignore"):  # the caller looks at what is not finite
+        slopes = [(ideal(colrow + inward * e) - rays) / (inward @ e)[:, None] for e in axes]
+        columns = [_solved(np.stack(slopes, axis=2), np.tile(e, (len(rays), 1))) for e in axes]
+    return np.stack(columns, axis=2)
+
+
+def _terms(at: Array) -> Array:
+    """Return the effects of `brown`'s coefficients at points (n, 2), first along, then across."""
     x, y = at.T
     r2 = x * x + y * y
     radial = np.stack([r2, r2**2, r2**3])
     along = [x * radial[0], x * radial[1], 2 * x * y, r2 + 2 * x * x, x * radial[2]]
     across = [y * radial[0], y * radial[1], r2 + 2 * y * y, 2 * x * y, y * radial[2]]
-    A = np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
+    return np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
+
+
+def _nearest(A: Array, off: Array) -> Array:
+    """Return the solution of A x = off by least squares; effects of rounding are zero."""
     size = np.abs(A).max(axis=0)  # so that high powers count as much as low ones
-    effects = np.linalg.lstsq(A / size, off.T.ravel(), rcond=None)[0]
-    coefficients = np.where(np.abs(effects) > NOTHING, effects, 0.0) / size
-    return coefficients, _left(A @ coefficients - off.T.ravel(), f_px)
+    effects = np.linalg.lstsq(A / size, off, rcond=None)[0]
+    return np.asarray(np.where(np.abs(effects) > NOTHING, effects, 0.0) / size)
 
 
 def _left(off: Array, scale: float) -> Left:

@@ -42,6 +42,10 @@ cannot tell a focal length from their heights, and need not."""
 
 SMALLEST_ANGLE = np.radians(0.5)
 
+CRITICAL = 3.29
+"""Of a normal variable, exceeded by 0.1 %: tie points are many, and pictures of other heights have
+more large errors than normal ones."""
+
 LEAST_SIGMA_PX = 0.05
 """Of the matching's pixels: what a smooth ground and a first orientation leave unexplained."""
 
@@ -112,7 +116,7 @@ def _adjusted(block: Block) -> Bundle:
             return mounted_orientation(of, free=free)
 
         try:
-            return adjust_rejecting(block, network, sigma0="estimated")
+            return adjust_rejecting(block, network, critical=CRITICAL, sigma0="estimated")
         except AdjustmentError as error:
             reasons.append(str(error))
     raise AdjustmentError(reasons[-1])

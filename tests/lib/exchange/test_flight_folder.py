@@ -122,3 +122,11 @@ def test_heads_get_the_camera_that_they_make_together_as_the_first_of_them_sees(
     assert flight_folder.with_synthetic(brought) is brought
     alone = control(settings={"cameras": heads}, tables={"calibration/images.csv": {}})
     assert flight_folder.with_synthetic(alone) is alone
+
+
+def test_rows_that_others_take_the_place_of_are_told(tmp_path):
+    flight_folder.write(control(), tmp_path)
+    assert flight_folder.write(control(), tmp_path) == ()
+    one = {name: column[:1] for name, column in POINTS.items()}
+    said = flight_folder.write(control(tables={"control_points.csv": one}), tmp_path)
+    assert said == ("control_points.csv: 2 rows of an earlier import replaced by 1",)

@@ -40,13 +40,23 @@ def seen(values, ideal):
     return cv2.projectPoints(points, zero, zero, K, values[4:])[0][:, 0]
 
 
-@pytest.mark.parametrize("ideal", [undistorted, fisheye])
-def test_a_refitted_camera_has_the_rays_of_the_lens(ideal):
-    """As closely as it says; the fisheye is 30 degrees wide on each side."""
+def by_brown(ideal):
+    return seen(np.r_[HOLE.fx, HOLE.fy, HOLE.cx, HOLE.cy, BROWN], ideal)
+
+
+def by_fisheye(ideal):
+    return cv2.fisheye.distortPoints(ideal[:, None], matrix(HOLE), np.zeros(4))[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("ideal", "pixels"), [(undistorted, by_brown), (fisheye, by_fisheye)], ids=["brown", "fisheye"]
+)
+def test_a_refitted_camera_has_the_rays_of_the_lens(ideal, pixels):
+    """As closely in the image as it says; the fisheye is 30 degrees wide on each side."""
     camera, left = lens.camera_of(ideal, HOLE, **SIZE)
     found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
-    apart = np.hypot(*(found * [1, -1] - ideal(COLROW)).T) * HOLE.fy
-    assert apart.max() <= 1.001 * left.largest_px
+    apart = np.hypot(*(pixels(found * [1, -1]) - COLROW).T)
+    assert apart.max() <= 1.01 * left.largest_px
     assert left.rms_px < left.largest_px < 0.15  # of more than 50 px of distortion
     assert_allclose(camera.interior.f, 4103 * 0.004)
 
@@ -55,6 +65,23 @@ def test_focal_lengths_and_principal_point_come_back():
     camera, _ = lens.camera_of(undistorted, HOLE, **SIZE)
     back = lens.pinhole_of(camera)
     assert_allclose([back.fx, back.fy, back.cx, back.cy], [4100, 4103, 2011, 1490], atol=1e-9)
+
+
+def test_a_focal_length_that_is_no_scale_at_the_centre_is_fitted_too():
+    """By the model FOV the centre's scale is 2 tan(w / 2) / w of the focal length."""
+    omega, hole = 0.6, Pinhole(fx=4100.0, fy=4100.0, cx=1999.5, cy=1499.5)
+    scale = 2 * np.tan(omega / 2) / omega
+
+    def ideal(colrow):
+        at = hole.points(colrow)
+        r = np.hypot(*at.T)[:, None]
+        return at * np.tan(r * omega) / (scale * omega * r)
+
+    camera, left = lens.camera_of(ideal, hole, **SIZE)
+    assert_allclose(camera.interior.f, 4100 * 0.004 * scale, rtol=1e-6)
+    assert left.largest_px < 1e-3
+    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
+    assert_allclose(found * [1, -1], ideal(COLROW), atol=1e-6)
 
 
 def test_opencvs_coefficients_come_back():

@@ -249,6 +249,13 @@ REPLACED = [
     (
         TOML,
         "k1 = 1e-5",
+        "k1 = 2e-3",
+        ":5: cameras.CAM: distortion by k1 to p2 reaches 3.12 mm at a corner; must be small; "
+        "k1 in mm^-2, k2 in mm^-4, k3 in mm^-6",
+    ),
+    (
+        TOML,
+        "k1 = 1e-5",
         "xp_mm = 12",
         ":10: cameras.CAM.xp_mm: 12 (pixels?); must lie on the sensor, in mm from its middle",
     ),
@@ -339,6 +346,11 @@ def test_one_mistake_is_one_line(tmp_path, file, old, new, line):
     assert file + line in problems(tmp_path)
     # what follows from the mistake, such as a missing column, stands in the same file
     assert all(other.startswith(file) for other in problems(tmp_path))
+
+
+def test_a_fisheye_may_be_corrected_outwards_by_more_than_a_lens_inwards(tmp_path):
+    replace(write_flight(tmp_path), TOML, "k1 = 1e-5", "k1 = -2e-3", 1)
+    assert flight.read(tmp_path).cameras["CAM"].interior.k1 == -2e-3
 
 
 ADDED = [

@@ -1,4 +1,4 @@
-"""Pictures of the design `single-head`, and what the simulator says of measurements in them."""
+"""Pictures of simulated flights, and what the simulator says of measurements in them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4sim.designs import PLANS, single_head
+from acx4sim.designs import DESIGNS, PLANS
 from acx4sim.files.flights import photograph
 from acx4sim.files.writer import write
 from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, station
@@ -17,11 +17,19 @@ FEW = ("C1-04", "C2-04", "C4-04")
 """One exposure each of two opposite strips, and one that crosses them at another height."""
 
 
-def flown(folder: Path, exposures: tuple[str, ...] = FEW, *, reduce: int = 6) -> Path:
-    """Write the flight with pictures of some exposures and no image points in that block."""
+def flown(
+    folder: Path,
+    exposures: tuple[str, ...] = FEW,
+    *,
+    reduce: int = 6,
+    design: str = "single-head",
+    blocks: tuple[str, ...] = ("calibration",),
+) -> Path:
+    """Write the flight with pictures of some exposures and no image points in their blocks."""
     path = folder / "flight"
-    write(photograph(single_head(), exposures, reduce=reduce), path)
-    (path / "calibration" / "image_points.csv").unlink()
+    write(photograph(DESIGNS[design](), exposures, reduce=reduce), path)
+    for block in blocks:
+        (path / block / "image_points.csv").unlink()
     return path
 
 
@@ -36,19 +44,27 @@ class Errors:
     off: np.ndarray
     z: np.ndarray
 
+    @property
+    def rms(self) -> float:
+        """Of a coordinate of a tie point: n rays differ from their mean by n - 1 of n parts."""
+        free = len(self.rows) - self.rows["point"].nunique()
+        return float(np.sqrt(np.sum(self.off**2) / 2 / free))
 
-def tie_errors(flight: Path, *, reduce: int = 6) -> Errors:
+
+def tie_errors(
+    flight: Path, *, reduce: int = 6, design: str = "single-head", block: str = "calibration"
+) -> Errors:
     """The rays of a tie point against their weighted mean on the exact ground."""
-    rows, at, camera = _rows(flight, tie=True)
-    g = _by_image(rows, at, lambda s, r: ground_from_pixels(s, camera, _colrow(r)), 3)
+    rows, shots = _rows(flight, design, block, tie=True)
+    g = _by_image(rows, shots, lambda at, camera, r: ground_from_pixels(at, camera, _colrow(r)), 3)
     code, names = pd.factorize(rows["point"])
     weight = rows["sigma_px"].to_numpy() ** -2.0
     total = np.bincount(code, weight)
     mean = np.stack([np.bincount(code, weight * g[:, k]) / total for k in range(3)], axis=1)[code]
     seen = _by_image(
         rows.assign(n=np.arange(len(rows))),
-        at,
-        lambda s, r: pixels_from_ground(s, camera, mean[r["n"]]),
+        shots,
+        lambda at, camera, r: pixels_from_ground(at, camera, mean[r["n"]]),
         2,
     )
     off = _colrow(rows) - seen
@@ -60,12 +76,12 @@ def tie_errors(flight: Path, *, reduce: int = 6) -> Errors:
 
 def target_errors(flight: Path, truth: dict, *, reduce: int = 6) -> Errors:
     """Surveyed points against where the exact camera has them."""
-    rows, at, camera = _rows(flight, tie=False)
+    rows, shots = _rows(flight, "single-head", "calibration", tie=False)
     seen = _by_image(
         rows,
-        at,
-        lambda s, r: pixels_from_ground(
-            s, camera, np.array([truth["control_points"][p] for p in r["point"]])
+        shots,
+        lambda at, camera, r: pixels_from_ground(
+            at, camera, np.array([truth["control_points"][p] for p in r["point"]])
         ),
         2,
     )
@@ -73,20 +89,26 @@ def target_errors(flight: Path, truth: dict, *, reduce: int = 6) -> Errors:
     return Errors(rows, off / reduce, off / rows["sigma_px"].to_numpy()[:, None])
 
 
-def _rows(flight, *, tie):
-    rows = pd.read_csv(flight / "calibration" / "image_points.csv", dtype={"point": str})
+def _rows(flight, design, block, *, tie):
+    """Return measurements, and by image where the aircraft truly was, and the true camera."""
+    rows = pd.read_csv(flight / block / "image_points.csv", dtype={"point": str})
     rows = rows[rows["point"].str.startswith("T") == tie].reset_index(drop=True)
-    plan = PLANS["single-head"]()
-    at = {name: station(plan, f"calibration/{name}", seed=1) for name in rows["image"].unique()}
-    return rows, at, plan.cameras["CAM"]
+    images = pd.read_csv(flight / block / "images.csv").set_index("image")
+    plan = PLANS[design]()
+    stations = {name: station(plan, f"{block}/{name}") for name in images["exposure"].unique()}
+    shots = {
+        name: (stations[image.exposure], plan.cameras[image.camera])
+        for name, image in images.iterrows()
+    }
+    return rows, shots
 
 
 def _colrow(rows):
     return rows[["col_px", "row_px"]].to_numpy()
 
 
-def _by_image(rows, at, function, width):
+def _by_image(rows, shots, function, width):
     out = np.zeros((len(rows), width))
     for name, index in rows.groupby("image").groups.items():
-        out[index] = function(at[name], rows.loc[index])
+        out[index] = function(*shots[name], rows.loc[index])
     return out

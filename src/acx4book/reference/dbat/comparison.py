@@ -101,9 +101,14 @@ def _row(printed: str, value: float) -> tuple[str, float, float, float, float, b
     if isinstance(value, int):
         return printed, float(value), difference, 1.0, difference, difference == 0
     unit = last_digit(printed)
-    units = difference / unit
-    return printed, float(value), difference, unit, units, abs(units) <= 1
+    agrees = abs(difference) <= unit
+    units = round(difference / unit, DIGITS)
+    same_turn = float(value) - difference
+    return printed, same_turn + units * unit, units * unit, unit, units, agrees
 
+
+DIGITS = 4
+"""Of a difference in units of the last printed digit; further ones change with any rounding."""
 
 KINDS = (
     (("Correlations over",), "correlation"),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.pictures import exposure, radiometry, rig
 from acx4lib.exchange.pictures.lens import Lens, lens_of
 from acx4lib.exchange.pictures.rig import Head
@@ -129,8 +129,8 @@ def _alike(taken: Sequence[Taken]) -> tuple[list[Taken], list[str]]:
     if others:
         width, height, samples, bits = usual
         said = [
-            f"{len(others)} pictures that have not {width} x {height} px, {samples} x {bits} bit: "
-            f"{_some([one.tags.path.name for one in others])}"
+            f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
+            f"{samples} x {bits} bit: {_some([one.tags.path.name for one in others])}"
         ]
     return [one for one in taken if _kind(one) == usual], said
 
@@ -174,8 +174,8 @@ def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
         raise tags.wrong("GPSLatitude, GPSLongitude, GPSAltitude", "missing", expected)
     without = [shot.name for shot in shots if shot not in placed]
-    said = [f"{len(without)} exposures without a position: {_some(without)}"] if without else []
-    return placed, said
+    said = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
+    return placed, [said] if without else []
 
 
 def _some(names: Sequence[str]) -> str:
@@ -324,7 +324,8 @@ def _found(
     f = [lens.camera.interior.f for lens in lenses.values()]
     left = max((lens.fitted for lens in lenses.values()), key=lambda one: one.largest_px)
     said = [
-        f"{n} pictures of {len(heads)} heads at {len(shots)} exposures, {whole} of these complete",
+        f"{number_of(n, 'pictures')} of {number_of(len(heads), 'heads')} at "
+        f"{number_of(len(shots), 'exposures')}, {whole} of these complete",
         f"focal lengths {min(f):.3f} to {max(f):.3f} mm; "
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
         f"lenses rewritten with k1 to p2 of the flight leave {left}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib.exchange.brought import number_of
 from acx4lib.exchange.pictures.tags import Tags
 from acx4lib.expected import Array
 
@@ -71,7 +72,7 @@ def sentences(pictures: Sequence[Tags]) -> list[str]:
             for t, one in falls
         ]
         said.append(
-            f"vignetting of {len(falls)} heads, corners with {min(corner):.2f} to "
+            f"vignetting of {number_of(len(falls), 'heads')}, corners with {min(corner):.2f} to "
             f"{max(corner):.2f} of the middle, not applied"
         )
     return said

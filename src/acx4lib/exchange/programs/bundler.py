@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib.exchange import lens
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.shared import cameras, oriented
 from acx4lib.exchange.programs.shared.cameras import Lens
 from acx4lib.exchange.programs.shared.oriented import Oriented
@@ -100,8 +100,9 @@ def read(
         tables=oriented.tables_of(images, block, file),
         assumed=(*ASSUMED, *refitted.assumed),
         found=(
-            f"{len(images.images)} images, {len(images.points)} tie points with "
-            f"{len(images.colrow)} measurements, {len(images.cameras)} different lenses",
+            f"{number_of(len(images.images), 'images')}, "
+            f"{number_of(len(images.points), 'tie points')} with "
+            f"{number_of(len(images.colrow), 'measurements')}; lenses: {len(images.cameras)}",
             oriented.proved(images, "the program's own points"),
             *refitted.found,
         ),
@@ -111,12 +112,12 @@ def read(
 
 def _left_out(bundle: Bundle, oriented_images: int) -> tuple[str, ...]:
     lost = len(bundle.lenses) - oriented_images
-    said = {
-        f"{oriented_images} orientations: Bundler's coordinates are in no CRS": oriented_images,
-        f"{lost} images that Bundler did not orient": lost,
-        f"{bundle.again} second measurements of a point in one image": bundle.again,
-    }
-    return tuple(one for one, n in said.items() if n)
+    counts = (
+        (oriented_images, "orientations", ": Bundler's coordinates are in no CRS"),
+        (lost, "images", " that Bundler did not orient"),
+        (bundle.again, "second measurements", " of a point in one image"),
+    )
+    return tuple(f"{number_of(n, nouns)}{why}" for n, nouns, why in counts if n)
 
 
 def _bundle(file: Opened) -> Bundle:

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.shared import crs as coordinates
 from acx4lib.exchange.programs.shared import tables
 from acx4lib.exchange.safe import opened, text_lines
@@ -104,7 +104,7 @@ def _brought(
             f"{block}/image_points.csv": tables.image_points(images, measured, colrow),
         },
         assumed=("pixel 0, 0 is the centre of the top-left one, rows grow down",),
-        found=(f"{len(names)} points, {len(seen)} measurements in {len(set(images))} images",),
+        found=(_counts(len(names), len(seen), len(set(images))),),
         left_out=_without_height(flat),
     )
 
@@ -125,10 +125,18 @@ def _with_images(
     )
 
 
+def _counts(points: int, measured: int, images: int) -> str:
+    return (
+        f"{number_of(points, 'points')}, {number_of(measured, 'measurements')} in "
+        f"{number_of(images, 'images')}"
+    )
+
+
 def _without_height(flat: list[str]) -> tuple[str, ...]:
     if not flat:
         return ()
-    return (f"coordinates of {len(flat)} points without a height: {', '.join(flat[:5])}",)
+    n = number_of(len(flat), "points")
+    return (f"coordinates of {n} without a height: {', '.join(flat[:5])}",)
 
 
 def _control(names: list[str], enh: Array) -> dict[str, Any]:

@@ -38,6 +38,10 @@ from acx4lib.geometry.crs.text import is_code_or_wkt
 from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, GridSystem
 from acx4lib.geometry.parameters import GNSS
 
+INWARD, OUTWARD = 0.25, 0.5
+"""Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1
+alone, and outwards a fisheye needs a quarter and more."""
+
 FORMAT = 5
 """The latest format of flight.toml that is understood, as are all before it."""
 
@@ -219,8 +223,9 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
     camera = camera_of(keys[-1], toml.table(*keys))
     half = 0.5 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     corners = half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-    worst = float(np.abs(distortion(camera.interior, corners)).max())
-    if worst > 0.25 * float(np.hypot(*half)):
+    radius, off = float(np.hypot(*half)), distortion(camera.interior, corners)
+    worst, inward = float(np.abs(off).max()), float(np.max(np.sum(off * corners, axis=1))) / radius
+    if worst > OUTWARD * radius or inward > INWARD * radius:
         found = f"distortion by k1 to p2 reaches {worst:.3g} mm at a corner"
         yield toml.problem(keys, found, "must be small; k1 in mm^-2, k2 in mm^-4, k3 in mm^-6")
     for axis, key in enumerate(("xp_mm", "yp_mm")):

@@ -40,7 +40,7 @@ def test_a_flight_names_what_it_assumed_found_and_left_out(pictures, tmp_path):
         tagged.write(tmp_path / "a" / f"IMG_0001_{k}.tif", tagged.micasense(k - 1))
     brought = bring(tmp_path / "a")
     assert brought.left_out == (
-        "1 pictures that have not 320 x 240 px, 1 x 16 bit: IMG_0001_1.jpg",
+        "1 picture of another kind than 320 x 240 px, 1 x 16 bit: IMG_0001_1.jpg",
     )
     assert "RigRelatives" in bring(pictures).assumed[-1]
     assert bring(pictures).settings["crs"] == "EPSG:32630"
@@ -65,7 +65,7 @@ def test_exposures_without_a_position_are_counted(tmp_path):
     tagged.write(tmp_path / "DJI_0001.JPG", {"drone-dji:CalibratedFocalLength": 300})
     exif = tagged.metadata(lat=None)
     tagged.write(tmp_path / "DJI_0002.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
-    assert bring(tmp_path).left_out == ("1 exposures without a position: DJI_0002",)
+    assert bring(tmp_path).left_out == ("1 exposure without a position: DJI_0002",)
 
 
 def test_what_is_no_folder_of_pictures_is_refused(tmp_path):

@@ -13,7 +13,7 @@ def test_the_polynomial_begins_with_the_radius(tmp_path):
     tags = read(tagged.write(tmp_path / "a.tif", said))
     found = radiometry.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
-    assert "1 heads" in radiometry.sentences([tags])[-1]
+    assert "1 head," in radiometry.sentences([tags])[-1]
 
 
 def test_without_it_nothing_is_said(tmp_path):

@@ -57,7 +57,7 @@ def test_points_are_met_and_names_are_read(tmp_path):
     assert rms < 0.01
     assert brought.left_out == (
         "2 orientations: Bundler's coordinates are in no CRS",
-        "1 images that Bundler did not orient",
+        "1 image that Bundler did not orient",
     )
 
 

@@ -57,7 +57,7 @@ def test_points_and_measurements(tmp_path, crs):
     points = brought.tables["calibration/image_points.csv"]
     assert points["point"] == ["north", "north", "south"]
     assert points["col_px"] == [3044.0, 100.5, 4193.0]
-    assert brought.left_out == ("coordinates of 1 points without a height: south",)
+    assert brought.left_out == ("coordinates of 1 point without a height: south",)
     assert "calibration/images.csv" not in brought.tables
 
 

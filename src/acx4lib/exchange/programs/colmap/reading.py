@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.colmap import binary, text
 from acx4lib.exchange.programs.colmap.lens import HALF, MODELS
 from acx4lib.exchange.programs.colmap.model import UNMATCHED, Camera, Image, Model
@@ -115,9 +115,11 @@ def read(
         tables=_tables(folder, model, named, exposures, tracks, flown),
         assumed=(*ASSUMED, *fitted.assumed, *flown.assumed),
         found=(
-            f"{len(model.images)} images of {len(set(exposures))} exposures, {len(model.cameras)} "
-            f"cameras, {len(model.points)} points",
-            f"{len(tracks.image)} measurements of tie points",
+            f"{number_of(len(model.images), 'images')} of "
+            f"{number_of(len(set(exposures)), 'exposures')}, "
+            f"{number_of(len(model.cameras), 'cameras')}, "
+            f"{number_of(len(model.points), 'points')}",
+            f"{number_of(len(tracks.image), 'measurements')} of tie points",
             *fitted.found,
             *_proof(fitted.cameras, model, named, T_w_c, tracks),
         ),

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from acx4lib.exchange.brought import number_of
 from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.shots import (
@@ -122,7 +123,9 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         *((f"{off} references are disabled in Metashape, and are taken",) if off else ()),
     )
     left = (
-        (f"{without} exposures without position and angles, with their images",) if without else ()
+        (f"{number_of(without, 'exposures')} without position and angles, images included",)
+        if without
+        else ()
     )
     return Flown(table=table, assumed=assumed, left_out=left)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.metashape import alone, files, markers, oriented
 from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
@@ -79,13 +79,7 @@ def read(  # noqa: PLR0913 one for every option
         return alone.read(whole, wanted=camera, pixel_um=pixel_um)
     of = sensors(whole.root, wanted=camera)
     every, doubled = shots(whole.root, of)
-    enabled = {i: one for i, one in every.items() if one.enabled}
-    used = enabled
-    if orientations == "adjusted":
-        used = {i: one for i, one in enabled.items() if one.T_c is not None}
-    if not used:
-        kind = "aligned" if orientations == "adjusted" else "enabled"
-        raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
+    used = _used(whole, every, orientations)
     named = {one.camera for one in used.values()}
     lenses = {one.name: one.lens for one in of.values() if one.name in named}
     fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=pixel_um))
@@ -94,24 +88,36 @@ def read(  # noqa: PLR0913 one for every option
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
     flown = oriented.trajectory(whole, used, system, wanted=orientations)
-    unaligned = len(enabled) - len(used)
+    unaligned = sum(one.enabled for one in every.values()) - len(used)
     used = _with_trajectory(used, flown)
-    table = {f"{folder}/images.csv": _images(used), **_points(folder, places, used)}
-    control = _control(whole, known, system)
-    if control:
-        table["control_points.csv"] = control
-    if flown.table:
-        table[f"{folder}/trajectory.csv"] = flown.table
+    table = {
+        f"{folder}/images.csv": _images(used),
+        **_points(folder, places, used),
+        "control_points.csv": _control(whole, known, system),
+        f"{folder}/trajectory.csv": flown.table,
+    }
     proofs = oriented.proofs(whole, fitted.cameras, places, known, system)
     return Brought(
         source=_version(whole),
         sha256=checksums(whole.sources),
         settings=_settings(whole, fitted, system),
-        tables=table,
+        tables={name: one for name, one in table.items() if one},
         assumed=(*ASSUMED, *fitted.assumed, *(system.assumed if system else ()), *flown.assumed),
         found=(*_found(used, places, known), *_kinds(of, named), *fitted.found, *proofs),
         left_out=(*_left_out(whole, every, used, places, doubled, unaligned), *flown.left_out),
     )
+
+
+def _used(whole: Chunk, every: Mapping[str, Shot], orientations: str) -> dict[str, Shot]:
+    """Return the enabled cameras; only aligned ones where adjusted orientations are wanted."""
+    adjusted = orientations == "adjusted"
+    used = {
+        i: one for i, one in every.items() if one.enabled and not (adjusted and one.T_c is None)
+    }
+    if not used:
+        kind = "aligned" if adjusted else "enabled"
+        raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
+    return used
 
 
 def _system(
@@ -220,8 +226,10 @@ def _found(
     posed = sum(one.T_c is not None for one in used.values())
     checks = sum(one.is_check for one in known.values())
     return (
-        f"{len(used)} images of {len(exposures)} exposures, {posed} of them aligned",
-        f"{int(places.measured.sum())} measured locations of {len(set(places.points))} markers; "
+        f"{number_of(len(used), 'images')} of {number_of(len(exposures), 'exposures')}, "
+        f"{posed} of them aligned",
+        f"{number_of(int(places.measured.sum()), 'measured locations')} of "
+        f"{number_of(len(set(places.points)), 'markers')}; "
         f"{len(known)} markers have coordinates, {checks} of them check points",
     )
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.micmac import files, lens
 from acx4lib.exchange.programs.micmac.files import Files
 from acx4lib.exchange.programs.shared import cameras, oriented, proof, tables
@@ -191,8 +191,10 @@ def _said_of(crs: str | None, control: dict[str, tuple[Array, Array]]) -> tuple[
 def _counts(images: Oriented, control: dict[str, tuple[Array, Array]]) -> tuple[str, ...]:
     n = int(np.isfinite(images.T_w_c.r).all(axis=1).sum())
     return (
-        f"{len(images.images)} images, {n} of them oriented, {len(images.colrow)} measurements of "
-        f"{len(images.points)} points, {len(control)} surveyed points",
+        f"{number_of(len(images.images), 'images')}, {n} of them oriented, "
+        f"{number_of(len(images.colrow), 'measurements')} of "
+        f"{number_of(len(images.points), 'points')}, "
+        f"{number_of(len(control), 'surveyed points')}",
     )
 
 

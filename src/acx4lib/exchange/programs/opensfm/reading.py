@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.opensfm import control, lens, project
 from acx4lib.exchange.programs.opensfm import place as places
 from acx4lib.exchange.programs.opensfm.control import Control
@@ -165,7 +165,9 @@ def _brought(
     found: Project, root: Node, images: Oriented, refitted: Refitted, block: str
 ) -> Brought:
     ties = len(set(images.point_idx.tolist()))
-    counts = f"{len(images.images)} images of {len(images.cameras)} cameras"
+    counts = (
+        f"{number_of(len(images.images), 'images')} of {number_of(len(images.cameras), 'cameras')}"
+    )
     return Brought(
         source="OpenSfM",
         sha256=opened.checksums(found.read.values()),
@@ -173,7 +175,8 @@ def _brought(
         tables=oriented.tables_of(images, block, root.source),
         assumed=(*ASSUMED, *refitted.assumed),
         found=(
-            f"{counts}, {ties} tie points with {len(images.colrow)} measurements",
+            f"{counts}, {number_of(ties, 'tie points')} with "
+            f"{number_of(len(images.colrow), 'measurements')}",
             oriented.proved(images, "the program's own points"),
             *refitted.found,
         ),
@@ -210,7 +213,8 @@ def _with_control(
         assumed=(*brought.assumed, *place.said),
         found=(
             *brought.found,
-            f"{len(points.names) - points.flat} control points with {len(known)} measurements",
+            f"{number_of(len(points.names) - points.flat, 'control points')} with "
+            f"{number_of(len(known), 'measurements')}",
             _proved(points, images, place, known, colrow),
         ),
         left_out=(
@@ -225,8 +229,8 @@ def _of_control(points: Control, measured: int) -> tuple[str, ...]:
     """Return sentences on control points and measurements that could not be used."""
     lost = len(points.images) - measured
     said = (
-        f"{points.flat} control points without an altitude",
-        f"{lost} measurements of control points in images that were not oriented",
+        f"{number_of(points.flat, 'control points')} without an altitude",
+        f"{number_of(lost, 'measurements')} of control points in images that were not oriented",
     )
     return tuple(one for one, n in zip(said, (points.flat, lost), strict=True) if n)
 

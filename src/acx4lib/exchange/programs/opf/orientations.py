@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib.errors import FlightError
+from acx4lib.exchange.brought import number_of
 from acx4lib.exchange.programs.opf import places
 from acx4lib.exchange.programs.opf.project import Project
 from acx4lib.exchange.programs.opf.sensors import Sensor
@@ -115,7 +116,7 @@ def measured(shots: list[Shot], system: Chosen | None) -> Flown:
     ]
     exposures = len({one.exposure for one in shots})
     missing = exposures - len(rows)
-    left = (f"{missing} exposures without position or angles, with their images",)
+    left = (f"{number_of(missing, 'exposures')} without position or angles, images included",)
     if not rows or system is None:
         return Flown(left_out=("a trajectory: no capture has position and angles",))
     names = [one.exposure for one, _, _ in rows]

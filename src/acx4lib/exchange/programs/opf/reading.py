@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.opf import measured, places, sensors, tracks
 from acx4lib.exchange.programs.opf import orientations as oriented
 from acx4lib.exchange.programs.opf.measured import NOTHING, Measured
@@ -94,12 +94,10 @@ def read(
         tables=_tables(folder, shots, measured.table(marks, ties), known, flown),
         assumed=(*ASSUMED, *fitted.assumed, *(system.assumed if system else ()), *flown.assumed),
         found=(
-            f"{len(shots)} images of {len({one.exposure for one in shots})} exposures",
-            f"{len(marks.points)} marks; {len(gcps)} points have coordinates, "
-            f"{sum(is_check for _, is_check in gcps.values())} of them check points",
+            *_counted(shots, marks, gcps),
             *sensors.kinds(of, named),
             *fitted.found,
-            *((f"{len(ties.points)} measurements of tie points",) if ties.points else ()),
+            *_tied(ties),
             *measured.proved(fitted.cameras, poses, marks, "the calibrated control points"),
             *measured.proved(fitted.cameras, poses, ties, "the calibrated tie points"),
         ),
@@ -264,6 +262,23 @@ def _tables(
     if flown.table is not None:
         found[f"{folder}/trajectory.csv"] = flown.table
     return found
+
+
+def _counted(
+    shots: list[Shot], marks: Measured, gcps: Mapping[str, tuple[places.Place, bool]]
+) -> tuple[str, ...]:
+    exposures = {one.exposure for one in shots}
+    checks = sum(is_check for _, is_check in gcps.values())
+    return (
+        f"{number_of(len(shots), 'images')} of {number_of(len(exposures), 'exposures')}",
+        f"{number_of(len(marks.points), 'marks')}; {len(gcps)} points have coordinates, "
+        f"{checks} of them check points",
+    )
+
+
+def _tied(ties: Measured) -> tuple[str, ...]:
+    n = len(ties.points)
+    return (f"{number_of(n, 'measurements')} of tie points",) if n else ()
 
 
 def _lost(marks: Measured, ties: Measured) -> tuple[str, ...]:

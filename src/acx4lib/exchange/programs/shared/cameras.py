@@ -126,7 +126,7 @@ def refitted(lenses: Mapping[str, Lens], *, pixel_um: float | None) -> Refitted:
         )
     found = tuple(
         f"lens of {name}: {camera.width_px} x {camera.height_px} px, f "
-        f"{camera.interior.f / camera.pixel_mm:.2f} px; refitted as Brown's model it differs by "
+        f"{_focal(camera, lenses[name].hole)} px; refitted as Brown's model it differs by "
         f"{left[name]}"
         for name, camera in cameras.items()
     )
@@ -143,6 +143,12 @@ def is_rotation(R: np.ndarray, off: float = 1e-4) -> bool:
 def turned(R_cv: np.ndarray) -> np.ndarray:
     """Return rotations between axes with y down, z ahead as those between the library's."""
     return FLIP @ R_cv @ FLIP
+
+
+def _focal(camera: Camera, hole: lens.Pinhole) -> str:
+    """Return the focal length in px, with that of the source where it was refitted."""
+    here, there = (f"{f:.2f}" for f in (camera.interior.f / camera.pixel_mm, hole.fy))
+    return here if here == there else f"{here} (there {there})"
 
 
 def _table(camera: Camera) -> dict[str, Any]:

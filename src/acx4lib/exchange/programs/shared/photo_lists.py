@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.brought import Brought, number_of
 from acx4lib.exchange.programs.shared import tables
 from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
@@ -145,7 +145,8 @@ def brought(
             ),
         },
         found=(
-            f"{len(cameras)} images, {len(set(points))} points, {len(found)} measurements; the "
+            f"{number_of(len(cameras), 'images')}, {number_of(len(set(points)), 'points')}, "
+            f"{number_of(len(found), 'measurements')}; the "
             f"outermost is {np.abs(xy).max(axis=0)[0]:.0f} px, {np.abs(xy).max(axis=0)[1]:.0f} px "
             f"from the middle of {width} x {height} px",
         ),

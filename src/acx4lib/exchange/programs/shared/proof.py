@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from acx4lib.exchange.brought import number_of
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import project, rays
@@ -69,6 +70,6 @@ def said(apart: Array) -> str:
     rms = np.sqrt(np.mean(known**2))
     return (
         f"{rms:.3g} px rms, median {np.median(known):.3g} px, largest {known.max():.3g} px "
-        f"({len(known)} measurements"
+        f"({number_of(len(known), 'measurements')}"
         + (f", {n} not seen)" if (n := len(apart) - len(known)) else ")")
     )

@@ -90,7 +90,7 @@ def test_images_without_a_measured_orientation_do_not_come_along(tmp_path):
     brought = reading.read(path)
     assert "two.jpg" not in brought.tables["heads/trajectory.csv"]["exposure"]
     assert "slave 1" not in brought.tables["heads/images.csv"]["image"]
-    assert "1 exposures without position and angles, with their images" in brought.left_out
+    assert "1 exposure without position and angles, images included" in brought.left_out
 
 
 def test_slaves_without_a_rotation_are_said(tmp_path):
