@@ -45,7 +45,7 @@ class RenderPlan:
         Grey values of the heads are divided by it. None: 1.
     feather_px : float
         Heads blend on both sides of the line at the same distance from their borders, over this
-        number of pixels of theirs; 0 makes this line a hard seam.
+        number of pixels of theirs; below 0.01 this line is a hard seam.
     interpolation : str
         ``"bilinear"``, or ``"cubic"`` after Catmull and Rom, which is sharper.
     """

@@ -11,6 +11,7 @@ from acx4lib.synthetic_image.compiled.interpolation import LANES, MOST_BANDS
 
 MARGIN = 4  # px; at this distance from its border an image is read without a check
 TALLEST = 1024  # px; number of rows of an image that can be reached from one position in it
+HARD_SEAM = np.float32(0.01)  # px; distances from a border are rounded to 0.001
 
 UNSEEN, PARTLY, AT_BORDER, WITHIN = 0, 1, 2, 3
 
@@ -213,7 +214,7 @@ def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
         if kinds[k] != UNSEEN:
             for p in range(n):
                 d = weights[k, p]
-                if feather > 0:
+                if feather >= HARD_SEAM:
                     w = max(np.float32(0), min(d, d - best[p] + feather))
                 else:
                     # of several heads with the same distance, the first
