@@ -60,6 +60,7 @@ def read(folder: str | Path) -> Rigidity:
     """
     at = expected.folder("folder", folder, "the results of a run")
     claims.verify(at, [*results.FILES, provenance.FILE], cure="run all stages again")
+    provenance.read(at)  # refuses a kept flight that was changed
     flight = read_kept(at / provenance.KEPT)
     if flight.heads is None or len(flight.heads.cameras) < 2:
         problem = (

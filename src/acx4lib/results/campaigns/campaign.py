@@ -124,6 +124,7 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
         said = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
         reason = said[0] if said else f"{key} did not converge"
         raise FlightError([f"{at}: no calibration to compare: {reason}"])
+    provenance.read(at)  # refuses a kept flight that was changed
     return _campaign(found, chosen, read_kept(at / provenance.KEPT), name or at.resolve().name)
 
 

@@ -88,3 +88,12 @@ def test_changed_results_are_refused(made, tmp_path):
     with (folder / "covariance.csv").open("a") as file:
         file.write("mounting,single_step,a,b,1\n")
     assert any("covariance.csv" in line for line in problems(folder))
+
+
+def test_a_changed_flight_is_refused(made, tmp_path):
+    folder = tmp_path / "changed"
+    shutil.copytree(made[1], folder)
+    points = folder / "flight" / "calibration" / "image_points.csv"
+    points.write_text(points.read_text(encoding="utf-8").replace(",", ",x", 1), encoding="utf-8")
+    (line,) = problems(folder)
+    assert line.endswith("calibration/image_points.csv changed since the run; run all stages again")
