@@ -242,11 +242,20 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     -------
     DataFrame, shape (n, n)
         In the units of the parameters.
+
+    Raises
+    ------
+    FlightError
+        Where the stage has not been run, or the rows are no symmetric matrix.
     """
     long = rows(results, "covariance", stage_method)
     names = pd.unique(long["row"])
     square = long.pivot_table(index="row", columns="column", values="value", sort=False)
-    return square.reindex(index=names, columns=names).fillna(0.0)
+    whole = square.reindex(index=names, columns=names).fillna(0.0)
+    if not np.array_equal(whole, whole.T):
+        at = results.folder / "covariance.csv"
+        raise FlightError([f"{at}: {stage_method} is not symmetric; run the stage again"])
+    return whole
 
 
 def messages(entry: Mapping[str, object], key: str) -> list[str]:

@@ -124,11 +124,12 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
         said = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
         reason = said[0] if said else f"{key} did not converge"
         raise FlightError([f"{at}: no calibration to compare: {reason}"])
-    provenance.read(at)  # refuses a kept flight that was changed
-    return _campaign(found, chosen, read_kept(at / provenance.KEPT), name or at.resolve().name)
+    return _campaign(found, chosen, name or at.resolve().name)
 
 
-def _campaign(found: results.Results, method: str, flight: Flight, name: str) -> Campaign:
+def _campaign(found: results.Results, method: str, name: str) -> Campaign:
+    origin = provenance.read(found.folder)  # refuses a kept flight that was changed
+    flight = read_kept(found.folder / provenance.KEPT)
     key = f"mounting/{method}"
     entry = found.summary[key]
     cameras = [flight.cameras[camera] for camera in results.cameras(found, key)]
@@ -144,7 +145,7 @@ def _campaign(found: results.Results, method: str, flight: Flight, name: str) ->
         frame_deg=_frame(flight, method),
         refraction=flight.refraction,
         control=_control(found.folder / provenance.KEPT / "control_points.csv"),
-        flight=provenance.read(found.folder).digest,
+        flight=origin.digest,
     )
 
 
