@@ -23,7 +23,7 @@ import pandas as pd
 import acx4sim
 from acx4book.chapters.beyond.weights import simulated as weights
 from acx4book.chapters.beyond.weights.simulated import TIES
-from acx4book.command.batch.executors import finished, on_processes
+from acx4book.command.batch.executors import on_processes
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
@@ -32,6 +32,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
+from acx4lib.least_squares.processors import as_finished
 from acx4lib.results.rows import RELATIVE
 from acx4sim.plan import SlowErrors
 from benchmarks import machine, stored
@@ -90,7 +91,7 @@ def flown(pool: Executor, study: Callable[[int], Tables], n: int) -> list[Tables
     """
     found: dict[int, Tables] = {}
     failed: dict[int, BaseException] = {}
-    for seed, call in finished(pool, study, range(1, n + 1)):
+    for seed, call in as_finished(pool, study, range(1, n + 1)):
         error = call.exception()
         if error is None:
             found[seed] = call.result()

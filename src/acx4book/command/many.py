@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ _SHOWN = (
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Where flights are run.
+    """Where flights are run, images rendered, or pairs of pictures matched.
 
     Attributes
     ----------
@@ -53,6 +53,23 @@ class Where:
         if self.cluster is not None:
             return executors.on_cluster(self.cluster)
         return executors.on_processes(self.jobs)
+
+    def maybe_executor(self) -> AbstractContextManager[Executor | None]:
+        """Return the same; None in it where this process is enough."""
+        return nullcontext() if self._is_here else self.executor()
+
+    @property
+    def threads(self) -> int | None:
+        """Number of threads of each call; None for all that there are."""
+        from acx4lib.least_squares.processors import cores  # noqa: PLC0415 quick help
+
+        if self._is_here:
+            return None
+        return 1 if self.cluster is not None else max(cores() // self.jobs, 1)
+
+    @property
+    def _is_here(self) -> bool:
+        return self.jobs == 1 and self.cluster is None
 
 
 def run_many(
@@ -103,15 +120,7 @@ def _simulated(flight: Path) -> str:
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
     """Return the table for the screen, a line for each flight under a header."""
-    rows = [HEADER, *(_shown(name, one) for name, one in outcomes.items())]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADER))]
-    return [
-        "  ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    return terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())])
 
 
 def _shown(name: str, outcome: Outcome) -> tuple[str, ...]:

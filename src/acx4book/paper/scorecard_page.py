@@ -141,7 +141,7 @@ def _tables(card: pd.DataFrame) -> str:
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
         notes = list(dict.fromkeys(reason for reason in lines["reason"] if reason))
-        table = myst_table(_shown(lines, notes), caption, name=name, formats={"off by": ".1f"})
+        table = myst_table(_shown(lines, notes), caption, name=name, formats={"off by (σ)": ".1f"})
         why = "\n".join(f"- **({_letter(i)})** {note}." for i, note in enumerate(notes))
         title = f"The paper's Table {number}: {len(lines)} numbers"
         parts.append(f"::::{{dropdown}} {title}\n\n{table}\n\n{why}\n::::")
@@ -270,7 +270,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
             "printed": lines["as_printed"],
             "ours": ours,
             **chain,
-            "off by": lines["deviation"],
+            "off by (σ)": lines["deviation"],
             "role": lines["role"],
             "verdict": [
                 f"{said}\N{NO-BREAK SPACE}({_letter(notes.index(reason))})" if reason else said
@@ -281,10 +281,14 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
 
 
 def _chain(lines: pd.DataFrame) -> dict[str, list[str]]:
-    """Return the column of the closed chain, to the digits of a printed value, where it is."""
+    """Return the column of the closed chain, to the digits of ours, where it is."""
     if "chain" not in lines or lines["chain"].isna().all():
         return {}
-    return {"chain": [_plain(float(f"{v:.6g}")) for v in lines["chain"]]}
+    chain = [
+        value_and_sigma(v, s).partition(" ±")[0] if s > 0 else _plain(float(f"{v:.6g}"))
+        for v, s in zip(lines["chain"], lines["sigma"], strict=True)
+    ]
+    return {"chain": chain}
 
 
 def _label(quantity: str) -> str:

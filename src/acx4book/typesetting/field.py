@@ -110,11 +110,14 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
         width=0.004,
         zorder=3,
     )
+    tall = camera.height_px > camera.width_px  # beside it there is room, above it not
+    x, y, side = (1.12, 0.97, "E") if tall else (0.87, 1.06, "W")
     label = f"{key:g} px"
-    ax.quiverkey(arrows, 0.87, 1.06, scale * key, label, labelpos="W", fontproperties=style.LETTERS)
+    ax.quiverkey(arrows, x, y, scale * key, label, labelpos=side, fontproperties=style.LETTERS)
     ax.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0), aspect="equal")
     ax.set(xlabel="column (px)", ylabel="row (px)")
     ax.locator_params(nbins=5)
+    ax.locator_params(axis="x", nbins=3 if tall else 5)
 
 
 def sigma_figure(shown: Format) -> Figure:

@@ -14,7 +14,7 @@ from importlib import resources
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, Triple, precision_test, sizes
+from acx4lib.georeferencing.accuracy import Accuracy, Triple, sizes
 from acx4lib.least_squares.statistical import distributions
 
 MINIMUM_POINTS = {"pec_pcd": 20, "nssda": 20, "asprs_2014": 20, "asprs_2023": 30}
@@ -152,20 +152,6 @@ def height_limits(scale: int) -> tuple[Limit, ...]:
     return _limits(scale, "height")
 
 
-def interval_limits(interval: float) -> tuple[Limit, ...]:
-    """Return the height limits of a contour interval (m), unrounded.
-
-    The printed table of the standard rounds them, and four of its entries differ by more than
-    the rounding; `height_limits` gives the printed ones.
-    """
-    expected.positive_number("interval", interval)
-    shares = {"A": (0.27, 1 / 6), "B": (1 / 2, 1 / 3), "C": (3 / 5, 2 / 5), "D": (3 / 4, 1 / 2)}
-    return tuple(
-        Limit(letter=letter, pec=pec * interval, ep=ep * interval)
-        for letter, (pec, ep) in shares.items()
-    )
-
-
 def _limits(scale: int, kind: str) -> tuple[Limit, ...]:
     found = tuple(
         Limit(letter=row["class"], pec=float(row["pec_m"]), ep=float(row["ep_m"]))
@@ -216,23 +202,6 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
             "pec_pcd", accuracy, best_class(accuracy.rms[2], accuracy.error_90[2], height)
         ),
     )
-
-
-def pec_pcd_precision_test(accuracy: Accuracy, plan: Limit, height: Limit) -> AxisTest:
-    """Test the scatter of the errors against PEC-PCD limits (chi-square, 90 %).
-
-    Parameters
-    ----------
-    accuracy : Accuracy
-    plan, height : Limit
-        Limits of the classes to test; each planimetric axis has EP / sqrt(2).
-
-    Returns
-    -------
-    AxisTest
-    """
-    axis = plan.ep / np.sqrt(2)
-    return precision_test(accuracy, (axis, axis, height.ep))
 
 
 def nssda(accuracy: Accuracy) -> Nssda:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed, wait
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import TypeVar
@@ -17,6 +17,9 @@ R = TypeVar("R")
 
 _NAMES = ("blas", "blis", "lapack", "mkl", "flame")
 """Parts of the names under which libraries of linear algebra are loaded, also through links."""
+
+GIVEN_UP = "KilledWorker"
+"""Dask's error of a call that was with several workers when they died."""
 
 
 def cores() -> int:
@@ -39,6 +42,35 @@ def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
     listed = list(parts)
     with on_one_thread(), ThreadPoolExecutor(cores()) as pool:
         return list((pool.map if len(listed) > 1 else map)(function, listed))
+
+
+def as_finished(
+    executor: Executor, function: Callable[[P], R], parts: Iterable[P]
+) -> Iterator[tuple[P, Future[R]]]:
+    """Yield every part with its finished call, in the order in which the calls finish.
+
+    When a worker of a Dask cluster dies, Dask blames what waited there as well. What it gives up is
+    therefore called again at the end, one at a time.
+
+    Parameters
+    ----------
+    executor : Executor
+    function : callable
+        Called with one part at a time.
+    parts : iterable
+    """
+    calls = {executor.submit(function, part): part for part in parts}
+    given_up: list[P] = []
+    for call in as_completed(list(calls)):
+        part = calls.pop(call)  # a cluster keeps a result only while somebody may want it
+        if type(call.exception()).__name__ == GIVEN_UP:
+            given_up.append(part)
+        else:
+            yield part, call
+    for part in given_up:
+        call = executor.submit(function, part)
+        wait([call])
+        yield part, call
 
 
 def on_one_thread() -> AbstractContextManager[object]:

@@ -2,6 +2,6 @@
 
 `flight_images` goes through the exposures. `head_images` and `image_files` read and check the
 pictures of the heads, `flight_response` makes all exposures alike, and `exposure` renders one of
-them stripe by stripe into a `tiff` with its `pyramid` of overviews; `workers` are processes or a
-cluster. Begin with `flight_images`, then `exposure`.
+them stripe by stripe into a `tiff` with its `pyramid` of overviews, here or by the `workers` of an
+executor. Begin with `flight_images`, then `exposure`.
 """

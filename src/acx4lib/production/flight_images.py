@@ -11,6 +11,7 @@ import hashlib
 import importlib.metadata
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from acx4lib.production.head_images import HeadFiles, flight_files
 from acx4lib.production.image_files import fingerprint
 from acx4lib.production.stripes import TellRows
 from acx4lib.production.tiff import appearing, read_about
-from acx4lib.production.workers import Workers, run_jobs
+from acx4lib.production.workers import made
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
@@ -85,14 +86,15 @@ class Rendered:
     notes: tuple[str, ...]
 
 
-def render_flight(
+def render_flight(  # noqa: PLR0913 what, how and where
     flight: Flight,
     results_path: str | Path,
     folder: str | Path,
     *,
     exposures: Sequence[str] | None = None,
     options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
-    workers: Workers = Workers(),  # noqa: B008 frozen
+    executor: Executor | None = None,
+    threads: int | None = None,
     tell: TellRows = lambda *_: None,
 ) -> Rendered:
     """Render the synthetic images of a flight.
@@ -109,7 +111,11 @@ def render_flight(
         By default all exposures with the files of all heads, in every block that is measured in
         heads; ``block/name`` where two of them have an exposure of this name.
     options : RenderOptions
-    workers : Workers
+    executor : Executor, optional
+        Where images are rendered, such as processes or a Dask cluster that sees the same files; one
+        after the other by default.
+    threads : int, optional
+        Of one image; by default one for each processor of this computer.
     tell : callable
         Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
@@ -139,11 +145,12 @@ def render_flight(
         response = (
             estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
         )
-        made = _rendered([_with_response(job, response) for job in left], rig, workers, tell)
+        left = [replace(_with_response(job, response), threads=threads) for job in left]
+        outcomes = _rendered(left, rig, executor, tell)
         if kept:
             _list(folder, rig, [job for job in jobs if job.exposure in kept])
     outcomes = sorted(
-        [*_missing(chosen, incomplete), *made], key=lambda o: chosen.index(o.exposure)
+        [*_missing(chosen, incomplete), *outcomes], key=lambda o: chosen.index(o.exposure)
     )
     failed = {outcome.exposure for outcome in outcomes if outcome.problems}
     return Rendered(
@@ -161,17 +168,18 @@ def render_flight(
 
 
 def _rendered(
-    jobs: Sequence[RenderJob], rig: SyntheticRig, workers: Workers, tell: TellRows
+    jobs: Sequence[RenderJob], rig: SyntheticRig, executor: Executor | None, tell: TellRows
 ) -> list[Outcome]:
     """Render images, and add each to the folder's table as soon as it is there."""
     outcomes = []
-    for outcome in run_jobs(jobs, tell, workers):
+    for job in jobs:
+        tell(job.exposure, 0, job.synthetic.height_px)
+    for job, outcome in made(jobs, executor, tell):
         outcomes.append(outcome)
         if outcome.problems:
-            tell(outcome.exposure, 0, 0)
+            tell(job.exposure, 0, 0)
         else:
-            done = [job for job in jobs if job.exposure == outcome.exposure]
-            _list(done[0].path.parent, rig, done)
+            _list(job.path.parent, rig, [job])
     return outcomes
 
 
@@ -209,8 +217,7 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
-    cure = "run all stages again"
-    claims.verify(results_path, [*results.FILES, provenance.FILE], cure=cure)
+    provenance.verify(results_path)
     found = results.read(results_path)
     reasons: list[str] = []
     for source in ORIENTED:

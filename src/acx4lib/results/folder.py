@@ -249,13 +249,15 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
         Where the stage has not been run, or the rows are no symmetric matrix.
     """
     long = rows(results, "covariance", stage_method)
-    names = pd.unique(long["row"])
-    square = long.pivot_table(index="row", columns="column", values="value", sort=False)
-    whole = square.reindex(index=names, columns=names).fillna(0.0)
-    if not np.array_equal(whole, whole.T):
+    row, names = pd.factorize(long["row"])
+    column = names.get_indexer(long["column"])
+    square = np.zeros((len(names), len(names)))
+    known = column >= 0
+    square[row[known], column[known]] = long["value"].fillna(0.0)[known]
+    if not np.array_equal(square, square.T):
         at = results.folder / "covariance.csv"
         raise FlightError([f"{at}: {stage_method} is not symmetric; run the stage again"])
-    return whole
+    return pd.DataFrame(square, index=names, columns=names)
 
 
 def messages(entry: Mapping[str, object], key: str) -> list[str]:

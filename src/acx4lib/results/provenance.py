@@ -19,6 +19,8 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import Flight, table_files
+from acx4lib.results import folder as results
+from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, is_below, written
 
@@ -117,6 +119,17 @@ def forget(folder: Path, stages: Sequence[str]) -> None:
     before = _read(folder)
     left = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
     _write(folder, Provenance(files=before.files, stages=left))
+
+
+def verify(folder: Path) -> None:
+    """Check that the tables of a results folder are what its run left.
+
+    Raises
+    ------
+    FlightError
+        A line for each that was changed, cut or removed, or for who is writing there.
+    """
+    claims.verify(folder, [*results.FILES, FILE], cure="run all stages again")
 
 
 def read(folder: Path) -> Provenance:

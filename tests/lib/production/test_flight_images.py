@@ -1,7 +1,9 @@
 """A flight's synthetic images as files: right, made again only where needed, despite bad files."""
 
 import json
+import multiprocessing
 import shutil
+from concurrent.futures import ProcessPoolExecutor
 
 import distributed
 import numpy as np
@@ -12,11 +14,9 @@ from scipy.ndimage import binary_erosion
 
 from acx4lib import flight as flights
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.production import workers
 from acx4lib.production.exposure import RenderOptions
 from acx4lib.production.flight_images import render_flight
 from acx4lib.production.tiff import read_about
-from acx4lib.production.workers import Workers
 from acx4lib.results import adjustments
 from acx4lib.results import folder as found_results
 from acx4lib.results.own_folder.marks import MARK
@@ -256,13 +256,16 @@ def test_progress_is_told_to_the_last_row(rendered):
 def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
     folder, _ = rendered()
     told = []
-    report = render_flight(
-        flights.read(made[0]),
-        made[1],
-        tmp_path / "two",
-        workers=Workers(processes=2),
-        tell=lambda *said: told.append(said),
-    )
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawned) as pool:
+        report = render_flight(
+            flights.read(made[0]),
+            made[1],
+            tmp_path / "two",
+            executor=pool,
+            threads=1,
+            tell=lambda *said: told.append(said),
+        )
     assert sorted(report.rendered) == ["E0", "E1"]
     for name in ("E0.tif", "E1.tif", "images.csv"):
         assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
@@ -272,24 +275,18 @@ def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
 @pytest.mark.slow
 def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_path):
     folder, _ = rendered()
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
-    ) as cluster:
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
+        cluster.get_client() as client,
+    ):
         report = render_flight(
             flights.read(made[0]),
             made[1],
             tmp_path / "cluster",
-            workers=Workers(cluster=cluster.scheduler_address),
+            executor=client.get_executor(pure=False),
         )
     assert (sorted(report.rendered), report.problems) == (["E0", "E1"], ())
     for name in ("E0.tif", "E1.tif", "images.csv"):
         assert (tmp_path / "cluster" / name).read_bytes() == (folder / name).read_bytes()
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_a_sentence(rendered, monkeypatch):
-    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
-    with pytest.raises(FlightError, match=r"tcp://127\.0\.0\.1:9: no Dask scheduler answers"):
-        rendered(workers=Workers(cluster="tcp://127.0.0.1:9"))
-    with pytest.raises(FlightError, match="nonsense: no Dask scheduler answers"):
-        rendered(workers=Workers(cluster="nonsense"))

@@ -222,10 +222,6 @@ def statistics() -> list[Wrong]:
         ),
         Wrong(lambda: standards.pec_pcd(FOUND, 1234), "PEC-PCD has no scale 1:1234"),
         Wrong(
-            lambda: standards.interval_limits(-1.0),
-            "interval: expected a positive number, got -1.0",
-        ),
-        Wrong(
             lambda: standards.asprs_2023(FOUND, survey_sigma=0.01),
             "survey_sigma: expected three numbers, got 0.01",
         ),

@@ -48,9 +48,10 @@ def held_focal_lengths(held: Sequence[HeldFocalLength]) -> Figure:
             "change of $y_p$ (mm)",
             "turned by (deg)",
         )
+        ticks = [f"{c:+g}".replace("-", "\N{MINUS SIGN}") if c else "0" for c in change]
         for ax, label in zip(axes.flat, labels, strict=True):
             ax.set_ylabel(label)
-            ax.set_xticks(change, [f"{c:+g}" if c else "0" for c in change])
+            ax.set_xticks(change, ticks)
         axes[0, 0].set_ylim(0, 1.35 * max(h.sigma0_sq for h in held))
         axes[0, 1].set_ylim(0, 1600 * max(h.control_rms_m for h in held))
         axes[0, 2].axhline(0.0, color=style.BRICK, lw=0.9, zorder=1)

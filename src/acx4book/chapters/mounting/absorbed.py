@@ -151,7 +151,7 @@ def sentence(mountings: Mountings, seen: pd.DataFrame) -> str:
         f"difference are only {listed(1e3 * seen['sigma_difference_m'], '.1f')} mm, where the "
         f"single step's lever arm alone has {listed(1e3 * seen['sigma_estimated_m'], '.0f')} mm. "
         f"All components together have $\\chi^2 = {chi_square:.1f}$ with {n} degrees of freedom "
-        f"($p = {p:.2f}$)."
+        f"(*p* = {p:.2f})."
     )
 
 

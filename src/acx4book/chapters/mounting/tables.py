@@ -109,7 +109,6 @@ def adjustments(methods: Mapping[str, Mounting]) -> pd.DataFrame:
                 "Redundancy": solution.redundancy,
                 "Variance of unit weight": solution.sigma0_sq,
                 "p of χ²": solution.chi_square_p,
-                "Iterations": solution.iterations,
                 "Rejected": len(bundle.rejected),
                 "Left out": sum(bundle.network.left_out.values()),
             }

@@ -61,4 +61,4 @@ def sentence(found: Sequence[Component]) -> str:
     if lines:
         return "\n".join(lines)
     judged = "; ".join(shown(c.group) for c in found if c.estimable)
-    return f"The residuals do not contradict any of the sigma that they can judge: {judged}."
+    return f"The residuals contradict no standard deviation that they can judge: {judged}."

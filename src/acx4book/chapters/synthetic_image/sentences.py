@@ -69,7 +69,7 @@ def refinement(flight: Flight, stage: SyntheticStage) -> str:
     ours = (
         f"{count} tie points ({dropped} more contradict them and are left out) differ by "
         f"{rms / pixel:.3f} px RMS in one coordinate after the refinement by rotations; the "
-        f"largest mean of an overlap falls from {before:.2f} to {after:.3f} px. A difference has "
+        f"largest mean of an overlap falls from {before:.3f} to {after:.3f} px. A difference has "
         f"the errors of two heads; one head's share is {1000 * rms / np.sqrt(2):.2f} µm"
     )
     if not printed.applies(flight):

@@ -179,7 +179,7 @@ def turns(refinement: Refinement) -> pd.DataFrame:
             {"Head": head.name}
             | {
                 Markup(f"${name}_c$ (0.001°)"): Markup(
-                    f"{1000 * turned_by[k, j]:+.2f} ± {1000 * sigma[k, j]:.2f}"
+                    f"{1000 * turned_by[k, j]:+.2f} ± {1000 * sigma[k, j]:.2f}" if k else "held"
                 )
                 for j, name in enumerate(names)
             }

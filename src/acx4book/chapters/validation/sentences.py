@@ -103,7 +103,7 @@ def _honest(last: Validation) -> str:
     fits = "are as large as" if p >= UNLIKELY else "are not as large as"
     return (
         f"The differences {fits} their predicted covariance says: $\\chi^2$ = "
-        f"{last.joint_chi_square:.1f} with {last.joint_dof} degrees of freedom ($p$ = {p:.2f})."
+        f"{last.joint_chi_square:.1f} with {last.joint_dof} degrees of freedom (*p* = {p:.2f})."
     )
 
 

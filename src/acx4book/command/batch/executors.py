@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, as_completed, wait
+import importlib
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any
 
 from acx4book.command.batch.processes import Processes
-from acx4lib.production.workers import connected
+from acx4lib.errors import FlightError
 
-J = TypeVar("J")
-T = TypeVar("T")
-
-GIVEN_UP = "KilledWorker"
-"""Dask's error of a call that was with several workers when they died."""
+ANSWER_S = 10
+"""Time in which a scheduler must answer, s."""
 
 
 @contextmanager
@@ -47,37 +45,25 @@ def on_cluster(address: str) -> Iterator[Executor]:
     FlightError
         Where Dask is not installed, or no scheduler answers.
     """
-    with connected(address) as client, _ended(client.get_executor(pure=False)) as pool:
+    with _connected(address) as client, _ended(client.get_executor(pure=False)) as pool:
         yield pool
 
 
-def finished(
-    executor: Executor, function: Callable[[J], T], jobs: Iterable[J]
-) -> Iterator[tuple[J, Future[T]]]:
-    """Yield every job with its finished call, in the order in which they finish.
-
-    When a worker of a cluster dies, Dask blames what waited there as well. What it gives up is
-    therefore called again at the end, one at a time.
-
-    Parameters
-    ----------
-    executor : Executor
-    function : callable
-        Called with one job at a time.
-    jobs : iterable
-    """
-    calls = {executor.submit(function, job): job for job in jobs}
-    given_up: list[J] = []
-    for call in as_completed(list(calls)):
-        job = calls.pop(call)  # a cluster keeps a result only while somebody may want it
-        if type(call.exception()).__name__ == GIVEN_UP:
-            given_up.append(job)
-        else:
-            yield job, call
-    for job in given_up:
-        call = executor.submit(function, job)
-        wait([call])
-        yield job, call
+@contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    """Yield a client of a Dask cluster."""
+    try:
+        distributed: Any = importlib.import_module("distributed")  # it is optional
+    except ImportError:
+        problem = "--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"
+        raise FlightError([problem]) from None
+    try:
+        client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        problem = f"{address}: no Dask scheduler answers ({str(error).splitlines()[0]})"
+        raise FlightError([problem]) from None
+    with client:
+        yield client
 
 
 @contextmanager

@@ -7,9 +7,9 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 
 from acx4book.command.batch import table, work
-from acx4book.command.batch.executors import finished
 from acx4book.command.batch.jobs import TABLE, TIMES, Job
 from acx4book.command.batch.work import Outcome
+from acx4lib.least_squares.processors import as_finished
 from acx4lib.results.own_folder import claims
 
 COMMAND = "acx4 run of many flights"
@@ -54,7 +54,7 @@ def run_all(
     with claims.claim(folder, command=COMMAND, away_from=away_from) as own:
         own.expect([TABLE, TIMES])
         try:
-            for job, call in finished(executor, work.run, jobs):
+            for job, call in as_finished(executor, work.run, jobs):
                 outcome = outcomes[job.name] = _outcome(call)
                 tell(job.name, *((0, 0) if outcome.status else (1, 1)))
         finally:

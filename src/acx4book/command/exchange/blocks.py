@@ -9,25 +9,29 @@ import typer
 
 from acx4book.command import terminal
 from acx4book.command.exchange import bring
-from acx4book.command.exchange.projects import Block, Camera, Crs, Orientations, Source
-
-PixelUm = Annotated[
-    float | None,
-    typer.Option(
-        metavar="UM",
-        min=0.1,
-        max=1000.0,
-        show_default=False,
-        help="Pixel size; without it 5 um, and only millimetres depend on it.",
-    ),
-]
+from acx4book.command.exchange.projects import Block, Camera, Crs, Orientations, OwnCrs, Source
 
 NeededPixelUm = Annotated[
     float, typer.Option(metavar="UM", min=0.1, max=1000.0, show_default=False, help="Pixel size.")
 ]
+
+
+def width_height(text: str) -> tuple[int, int]:
+    """Return the two numbers of a size, or end the command."""
+    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
+    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
+        terminal.refuse(f"--size {text}: must be width x height in pixels, such as 4000x3000")
+    return int(found[1]), int(found[2])
+
+
 Size = Annotated[
     str,
-    typer.Option(metavar="WxH", show_default=False, help="Size of the pictures: 4000x3000."),
+    typer.Option(
+        metavar="WxH",
+        show_default=False,
+        callback=width_height,
+        help="Size of the pictures: 4000x3000.",
+    ),
 ]
 
 OPENSFM = """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
@@ -43,6 +47,7 @@ Examples:
 """
 
 
+@bring.read_by("opensfm.reading", of_flight=("crs",))
 def opensfm(
     source: Source,
     out: bring.Out,
@@ -50,27 +55,21 @@ def opensfm(
     crs: Crs = None,
     camera: Camera = "adjusted",
     orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what a project of OpenSfM has of a flight."""
-    from acx4lib.exchange.programs.opensfm import reading  # noqa: PLC0415 quick help
-
-    brought = reading.read(
-        source, camera=camera, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
-    )
-    bring.place(brought, out)
 
 
 MICMAC = """Read MicMac's XML of version 1: calibration, orientations, measured and surveyed points.
 
 SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
-DicoAppuisFlottant), a folder Ori-*, or one of these files. Distortion models ModRad, ModPhgrStd and
-ModNoDist are read; others are refused by name.
+DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models ModRad,
+ModPhgrStd and ModNoDist are read; others are refused by name.
 
 \b
 Examples:
   acx4 import micmac my_project --out my_flight
-  acx4 import micmac my_project --orientations adjusted --crs EPSG:2154 --out my_flight
+  acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
 """
 
 BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
@@ -114,45 +113,37 @@ Examples:
 """
 
 
+@bring.read_by("micmac.reading")
 def micmac(
     source: Source,
     out: bring.Out,
     block: Block = None,
-    crs: Crs = None,
+    crs: OwnCrs = None,
     orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what a folder of MicMac has of a flight."""
-    from acx4lib.exchange.programs.micmac import reading  # noqa: PLC0415 quick help
-
-    brought = reading.read(
-        source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
-    )
-    bring.place(brought, out)
 
 
+@bring.read_by("bundler")
 def bundler(
     source: Source,
     size: Size,
     out: bring.Out,
     block: Block = None,
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what bundle.out has of a flight."""
-    from acx4lib.exchange.programs import bundler  # noqa: PLC0415 quick help
-
-    bring.place(bundler.read(source, size=_size(size), block=block, pixel_um=pixel_um), out)
 
 
+@bring.read_by("bingo")
 def bingo(
     source: Source, size: Size, pixel_um: NeededPixelUm, out: bring.Out, block: Block = None
 ) -> None:
     """Write what a list of BINGO has of a flight."""
-    from acx4lib.exchange.programs import bingo  # noqa: PLC0415 quick help
-
-    bring.place(bingo.read(source, size=_size(size), pixel_um=pixel_um, block=block), out)
 
 
+@bring.read_by("patb")
 def patb(
     source: Source,
     unit: Annotated[Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")],
@@ -162,12 +153,9 @@ def patb(
     block: Block = None,
 ) -> None:
     """Write what a list of PAT-B has of a flight."""
-    from acx4lib.exchange.programs import patb  # noqa: PLC0415 quick help
-
-    brought = patb.read(source, unit=unit, size=_size(size), pixel_um=pixel_um, block=block)
-    bring.place(brought, out)
 
 
+@bring.read_by("odm", of_flight=("crs",))
 def odm_control(
     source: Source,
     out: bring.Out,
@@ -183,14 +171,3 @@ def odm_control(
     ] = None,
 ) -> None:
     """Write the control points of ODM and their measurements."""
-    from acx4lib.exchange.programs import odm  # noqa: PLC0415 quick help
-
-    bring.place(odm.read(source, block=block, crs=crs, camera=camera), out)
-
-
-def _size(text: str) -> tuple[int, int]:
-    """Return width and height."""
-    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
-    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
-        terminal.refuse(f"--size {text}: must be width x height in pixels, such as 4000x3000")
-    return int(found[1]), int(found[2])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,9 +27,9 @@ Out = Annotated[
 BLOCKS = ("heads", "calibration", "validation")
 
 
-def known_block(name: str) -> str:
-    """Return the name of a block of a flight, or end the command."""
-    if name not in BLOCKS:
+def known_block(name: str | None) -> str | None:
+    """Return the name of a block of a flight, or none, or end the command."""
+    if name not in {*BLOCKS, None}:
         terminal.refuse(f"--block: {name!r}: must be one of {', '.join(BLOCKS)}")
     return name
 
@@ -54,6 +57,19 @@ Heights = Annotated[
         show_default=False,
         help="Of the flight: ellipsoidal, a vertical CRS, a geoid grid file or an undulation in m; "
         "else those in its flight.toml, or ellipsoidal.",
+    ),
+]
+
+PixelUm = Annotated[
+    float | None,
+    typer.Option(
+        "--pixel-um",
+        metavar="UM",
+        show_default=False,
+        min=0.1,
+        max=1000,
+        help="Pixel size, where the files do not have it; by default 5, and only millimetres "
+        "depend on it.",
     ),
 ]
 
@@ -95,6 +111,36 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     if isinstance(named, str) and (out / named).is_file():
         named = str((out / named).absolute())
     return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
+
+
+def read_by(
+    module: str, *, of_flight: Sequence[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a command of a declaration of options, which are those of a reader's `read`.
+
+    The reader is imported when the command is called, so that help is quick.
+
+    Parameters
+    ----------
+    module : str
+        Of the reader, below `acx4lib.exchange.programs`.
+    of_flight : sequence of str
+        What a flight that was begun says where no option does: crs, or crs and heights.
+    """
+
+    def command_of(declared: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(declared)
+        def command(source: Path, out: Path, **options: Any) -> None:
+            begun, heights = system_of(out, "", "")
+            if begun:
+                known = {"crs": options.get("crs") or begun, "heights": heights}
+                options |= {name: known[name] for name in of_flight}
+            reader = importlib.import_module(f"acx4lib.exchange.programs.{module}")
+            place(reader.read(source, **options), out)
+
+        return command
+
+    return command_of
 
 
 def place(brought: Brought, out: Path) -> None:

@@ -38,4 +38,5 @@ def pictures(
     """Make a flight of a folder of pictures."""
     from acx4lib.exchange.pictures import folder  # noqa: PLC0415 quick help
 
+    crs, _ = bring.system_of(out, crs, "")
     bring.place(folder.bring(source, crs=crs, pixel_um=pixel_um), out)

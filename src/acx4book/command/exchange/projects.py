@@ -27,13 +27,6 @@ Example:
 """
 
 
-def _system(out: Path, crs: str | None) -> tuple[str | None, str | float | None]:
-    """Return CRS and heights that what is read is to have: those of a flight that was begun."""
-    known, heights = bring.system_of(out, crs or "", "")
-    begun, _ = bring.system_of(out, "", "")
-    return known or None, heights if begun else None
-
-
 Source = Annotated[
     Path, typer.Argument(metavar="SOURCE", show_default=False, help="What the program wrote.")
 ]
@@ -42,6 +35,7 @@ Block = Annotated[
     typer.Option(
         metavar="NAME",
         show_default=False,
+        callback=bring.known_block,
         help="heads, calibration or validation; by default heads for a rig, else calibration.",
     ),
 ]
@@ -54,20 +48,17 @@ Crs = Annotated[
         "project's own.",
     ),
 ]
+OwnCrs = Annotated[
+    str | None,
+    typer.Option(
+        metavar="EPSG:N",
+        show_default=False,
+        help="Projected CRS, in metres, of the files' coordinates; the files do not say it.",
+    ),
+]
 Camera = Annotated[
     Literal["adjusted", "initial"],
     typer.Option(help="Which calibration is taken where the project has both."),
-]
-PixelUm = Annotated[
-    float | None,
-    typer.Option(
-        "--pixel-um",
-        metavar="UM",
-        show_default=False,
-        min=0.1,
-        max=1000,
-        help="Pixel size, which the files do not have; by default 5.",
-    ),
 ]
 Orientations = Annotated[
     Literal["initial", "adjusted", "none"],
@@ -75,6 +66,7 @@ Orientations = Annotated[
 ]
 
 
+@bring.read_by("metashape.reading", of_flight=("crs", "heights"))
 def metashape(  # noqa: PLR0913, PLR0917 options of a command
     source: Source,
     out: bring.Out,
@@ -88,23 +80,9 @@ def metashape(  # noqa: PLR0913, PLR0917 options of a command
             metavar="LABEL", show_default=False, help="Which chunk; by default the active one."
         ),
     ] = None,
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what a project of Metashape has of a flight."""
-    from acx4lib.exchange.programs.metashape import reading  # noqa: PLC0415 quick help
-
-    crs, heights = _system(out, crs)
-    brought = reading.read(
-        source,
-        camera=camera,
-        orientations=orientations,
-        block=block,
-        crs=crs,
-        heights=heights,
-        chunk=chunk,
-        pixel_um=pixel_um,
-    )
-    bring.place(brought, out)
 
 
 COLMAP = """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
@@ -122,23 +100,18 @@ Example:
 """
 
 
+@bring.read_by("colmap.reading")
 def colmap(
     source: Source,
     out: bring.Out,
     block: Block = None,
-    crs: Crs = None,
+    crs: OwnCrs = None,
     orientations: Annotated[
         Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
     ] = "none",
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what a model of COLMAP has of a flight."""
-    from acx4lib.exchange.programs.colmap import reading  # noqa: PLC0415 quick help
-
-    brought = reading.read(
-        source, orientations=orientations, block=block, crs=crs, pixel_um=pixel_um
-    )
-    bring.place(brought, out)
 
 
 OPF = """Read a project in Pix4D's open photogrammetry format (OPF).
@@ -154,6 +127,7 @@ Example:
 """
 
 
+@bring.read_by("opf.reading", of_flight=("crs", "heights"))
 def opf(
     source: Source,
     out: bring.Out,
@@ -161,19 +135,6 @@ def opf(
     crs: Crs = None,
     camera: Camera = "adjusted",
     orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
+    pixel_um: bring.PixelUm = None,
 ) -> None:
     """Write what a project of OPF has of a flight."""
-    from acx4lib.exchange.programs.opf import reading  # noqa: PLC0415 quick help
-
-    crs, heights = _system(out, crs)
-    brought = reading.read(
-        source,
-        camera=camera,
-        orientations=orientations,
-        block=block,
-        crs=crs,
-        heights=heights,
-        pixel_um=pixel_um,
-    )
-    bring.place(brought, out)

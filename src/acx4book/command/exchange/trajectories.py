@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -48,61 +47,8 @@ Example:
 """
 
 
-class Angle(StrEnum):
-    """Units of angles."""
-
-    DEG = "deg"
-    GON = "gon"
-    RAD = "rad"
-
-
-class Order(StrEnum):
-    """Orders of rotations."""
-
-    OPK = "opk"
-    POK = "pok"
-
-
-class North(StrEnum):
-    """What kappa, or the heading, is counted from."""
-
-    GRID = "grid"
-    TRUE = "true"
-
-
-class Whose(StrEnum):
-    """Whose positions and attitudes they are."""
-
-    IMU = "imu"
-    CAMERA = "camera"
-
-
-class Time(StrEnum):
-    """Clocks of events; the values of `times.BASES`."""
-
-    GPS_SOW = "gps-sow"
-    UTC_SOW = "utc-sow"
-    GPS_WEEK_SOW = "gps-week-sow"
-    ISO_8601 = "iso-8601"
-    ISO_8601_UTC = "iso-8601-utc"
-    ISO_8601_GPS = "iso-8601-gps"
-
-
-class Clock(StrEnum):
-    """Clocks of an SBET."""
-
-    GPS_SOW = "gps-sow"
-    UTC_SOW = "utc-sow"
-
-
-class Separator(StrEnum):
-    """What stands between cells."""
-
-    COMMA = "comma"
-    SEMICOLON = "semicolon"
-    TAB = "tab"
-    SPACE = "space"
-
+Clock = Literal["gps-sow", "utc-sow"]
+"""Of an SBET."""
 
 Columns = Annotated[
     str,
@@ -113,7 +59,7 @@ Columns = Annotated[
     ),
 ]
 Cells = Annotated[
-    Separator | None,
+    Literal["comma", "semicolon", "tab", "space"] | None,
     typer.Option(show_default=False, help="Between the cells; else found from the first line."),
 ]
 Camera = Annotated[
@@ -133,13 +79,16 @@ def sbet(  # noqa: PLR0913 options of a command
         Path,
         typer.Option(metavar="FILE", show_default=False, help="Names and times of exposures."),
     ],
-    time: Annotated[Time, typer.Option(show_default=False, help="Clock of the events.")],
+    time: Annotated[
+        Literal["gps-sow", "utc-sow", "gps-week-sow", "iso-8601", "iso-8601-utc", "iso-8601-gps"],
+        typer.Option(show_default=False, help="Clock of the events."),
+    ],
     out: bring.Out,
     smrmsg: Annotated[
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Standard deviations (SMRMSG)."),
     ] = None,
-    trajectory_time: Annotated[Clock, typer.Option(help="Clock of the SBET.")] = Clock.GPS_SOW,
+    trajectory_time: Annotated[Clock, typer.Option(help="Clock of the SBET.")] = "gps-sow",
     leap_seconds: Annotated[
         float | None,
         typer.Option(metavar="S", show_default=False, help="GPS time minus UTC; 18 since 2017."),
@@ -166,10 +115,10 @@ def sbet(  # noqa: PLR0913 options of a command
 
     crs, system = bring.system_of(out, crs, heights)
     options = pospac.SbetOptions(
-        time=time.value,
+        time=time,
         columns=columns,
-        separator=separator.value if separator else "",
-        trajectory_time=trajectory_time.value,
+        separator=separator or "",
+        trajectory_time=trajectory_time,
         leap_seconds=leap_seconds,
         week=week,
         gap_s=gap,
@@ -186,15 +135,19 @@ def orientations(  # noqa: PLR0913 options of a command
     out: bring.Out,
     columns: Columns = "",
     separator: Cells = None,
-    angles: Annotated[Angle, typer.Option(help="Unit of angles that do not say it.")] = Angle.DEG,
+    angles: Annotated[
+        Literal["deg", "gon", "rad"], typer.Option(help="Unit of angles that do not say it.")
+    ] = "deg",
     order: Annotated[
-        Order, typer.Option(help="First rotation: omega (opk) or phi (pok).")
-    ] = Order.OPK,
+        Literal["opk", "pok"], typer.Option(help="First rotation: omega (opk) or phi (pok).")
+    ] = "opk",
     north: Annotated[
-        North | None,
+        Literal["grid", "true"] | None,
         typer.Option(show_default=False, help="Else kappa is from the grid, a heading from true."),
     ] = None,
-    of: Annotated[Whose, typer.Option(help="Whose positions and attitudes they are.")] = Whose.IMU,
+    of: Annotated[
+        Literal["imu", "camera"], typer.Option(help="Whose positions and attitudes they are.")
+    ] = "imu",
     ellipsoidal: Annotated[
         bool, typer.Option("--ellipsoidal", help="Its heights are, whatever the flight's are.")
     ] = False,
@@ -218,17 +171,17 @@ def orientations(  # noqa: PLR0913 options of a command
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(
         crs=crs,
-        angle=angles.value,
-        order=order.value,
-        north=north.value if north else "",
+        angle=angles,
+        order=order,
+        north=north or "",
         heights=system,
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
     options = orientation_table.TableOptions(
         columns=columns,
-        separator=separator.value if separator else "",
-        of=of.value,
+        separator=separator or "",
+        of=of,
         block=block,
         camera=camera,
     )

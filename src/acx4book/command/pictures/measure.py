@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import Annotated
 
@@ -71,9 +70,8 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     if show_in is not None:
         places.check_new(show_in)
     options = MeasureOptions(points=points, reduce=reduce, ground_m=ground)
-    here = jobs == 1 and cluster is None
-    where = contextlib.nullcontext() if here else Where(jobs=jobs, cluster=cluster).executor()
-    with stage_bars("pairs") as tell, where as executor:
+    where = Where(jobs=jobs, cluster=cluster)
+    with stage_bars("pairs") as tell, where.maybe_executor() as executor:
         found = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
         with claims.placed(show_in, command="acx4 measure --show") as draft:

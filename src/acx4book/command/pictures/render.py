@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from acx4book.command.many import Where
 from acx4book.command.terminal import Flight, counting_bar, refuse, say, say_if_not_kept, show
 
 HELP = """Render the synthetic images of a flight from the images of its heads.
@@ -73,7 +74,6 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.production.exposure import RenderOptions  # noqa: PLC0415 quick help
     from acx4lib.production.flight_images import render_flight  # noqa: PLC0415 quick help
-    from acx4lib.production.workers import Workers  # noqa: PLC0415 quick help
 
     chosen: dict[str, Any] = {
         "blend": blend,
@@ -90,15 +90,16 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         refuse("--exposures: name at least one exposure")
-    workers = Workers(processes=jobs, cluster=cluster)
-    with counting_bar("images") as tell:
+    where = Where(jobs=jobs, cluster=cluster)
+    with counting_bar("images") as tell, where.maybe_executor() as executor:
         report = render_flight(
             read(flight),
             results,
             out,
             exposures=named,
             options=options,
-            workers=workers,
+            executor=executor,
+            threads=where.threads,
             tell=tell,
         )
     say_if_not_kept()

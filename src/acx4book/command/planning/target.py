@@ -95,7 +95,7 @@ def lines(found: Chosen, n: int) -> list[str]:
     ]
     return [
         f"{len(found.strips)} of {n} strips, {found.minutes:.1f} min from first exposure to last",
-        *_aligned(rows),
+        *terminal.aligned(rows),
         *(
             f"without {strip}: {_worst(found, without)}"
             for strip, without in zip(found.strips, found.without, strict=True)
@@ -116,14 +116,3 @@ def _named(one: Wanted) -> str:
 
 def _digits(x: float) -> str:
     return f"{x:#.3g}".rstrip(".")
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

@@ -35,7 +35,7 @@ def ray() -> Figure:
 def _points(ax: Axes, to_a: float) -> None:
     named = (
         ((0, 0), "perspective centre", style.INK, (66, 4)),
-        ((0, -F), "principal point $p$", sketch.CAMERA, (-62, -12)),
+        ((0, -F), "principal point", sketch.CAMERA, (-56, -12)),
         ((to_a, -F), "image point $a$", sketch.RAY, (58, 10)),
         ((TO_A, -H), "point $A$", sketch.RAY, (34, 10)),
     )

@@ -224,5 +224,5 @@ def _sigmas(ax: Axes) -> None:
     ax.plot(degrees, sigma[:, 1], color=COLOURS[1], label="σ of φ")
     ax.plot(degrees, correlation, color=style.INK, ls="--", label="correlation of ω and κ")
     ax.axhline(0, color=style.SOFT, lw=0.6)
-    ax.set(xlim=(0, 90), ylim=(-1.3, 10), xlabel="φ (deg)", ylabel="over σ about an axis (1)")
+    ax.set(xlim=(0, 90), ylim=(-1.3, 10), xlabel="φ (deg)", ylabel="σ over σ about an axis (1)")
     ax.legend(loc="upper left")

@@ -135,24 +135,6 @@ def results() -> pd.DataFrame:
     return table.round(6)
 
 
-def residuals() -> pd.DataFrame:
-    """Return the residuals of all measurements: image, point, col, row, v_col, v_row (px)."""
-    flight = load()
-    got = intersected(flight, complete(flight))
-    names = flight.orientations.names
-    return pd.DataFrame(
-        {
-            "image": [names[image] for image in got.rays.image_idx],
-            "point": [flight.points[point] for point in got.rays.group],
-            "kind": np.where(flight.is_surveyed[got.rays.group], "surveyed", "tie point"),
-            "col": got.rays.colrow[:, 0],
-            "row": got.rays.colrow[:, 1],
-            "v_col": got.found.v[:, 0],
-            "v_row": got.found.v[:, 1],
-        }
-    )
-
-
 def forgotten_steps() -> pd.DataFrame:
     """Return the errors of the tie points if a step is left out, for each step.
 

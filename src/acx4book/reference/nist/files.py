@@ -30,8 +30,8 @@ class Dataset:
     starts : ndarray, shape (2, n_parameters)
     parameters, sigma : tuple of str
         Certified values and standard deviations, as printed.
-    sum_of_squares, sigma0 : str
-        Certified residual sum of squares and residual standard deviation, as printed.
+    sigma0 : str
+        Certified residual standard deviation, as printed.
     response : ndarray, shape (n,)
         Texts: the exact decimal numbers of the file.
     predictors : ndarray, shape (n, n_predictors)
@@ -43,7 +43,6 @@ class Dataset:
     starts: Array
     parameters: tuple[str, ...]
     sigma: tuple[str, ...]
-    sum_of_squares: str
     sigma0: str
     response: np.ndarray
     predictors: np.ndarray
@@ -71,7 +70,6 @@ def read(path: Path) -> Dataset:
         starts=np.array([row[:2] for row in rows], dtype=float).T,
         parameters=tuple(row[2] for row in rows),
         sigma=tuple(row[3] for row in rows),
-        sum_of_squares=_after(text, r"Residual Sum of Squares: +(\S+)"),
         sigma0=_after(text, r"Residual Standard Deviation: +(\S+)"),
         response=data[:, 0],
         predictors=data[:, 1:],

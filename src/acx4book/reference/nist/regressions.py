@@ -30,9 +30,6 @@ double precision. Therefore its parameters and residuals are decimal numbers of 
 STEP = 1e-30
 """Imaginary step of the derivatives; it can be so small because no digits cancel."""
 
-DIGITS = 8
-"""Number of digits that must agree; the certified values have eleven."""
-
 CONVERGED = "converged"
 
 

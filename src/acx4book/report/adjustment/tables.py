@@ -8,7 +8,7 @@ from acx4book.report.adjustment.groups import PROBABILITY, decisive_qualities, r
 from acx4book.report.material import Material, validated
 from acx4book.report.shown import Text, show, table
 from acx4book.report.words import heading, listed
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.labels import LABELS, p_value
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 
@@ -83,7 +83,7 @@ def test_table(material: Material) -> pd.DataFrame:
     rows = []
     for name in material.adjustments:
         said = material.found.summary[name]
-        r = int(str(said["redundancy"]))
+        r, p = int(str(said["redundancy"])), said["chi_square_p"]
         low, high = ratio_limits(r)
         rows.append(
             {
@@ -93,7 +93,7 @@ def test_table(material: Material) -> pd.DataFrame:
                 "Redundancy": r,
                 "σ₀²": said["sigma0_squared"],
                 LIMITS: f"{low**2:.3f} to {high**2:.3f}",
-                "p": said["chi_square_p"],
+                "p": None if p is None else p_value(float(str(p))),
             }
         )
     return pd.DataFrame(rows)

@@ -18,9 +18,7 @@ from acx4lib import expected
 from acx4lib.calibration.trust.rigidity import Rigidity, rigidity
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import read_kept
-from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
 from acx4lib.stages import rig
 
 HOW = (
@@ -59,7 +57,7 @@ def read(folder: str | Path) -> Rigidity:
         Where the heads cannot be adjusted together.
     """
     at = expected.folder("folder", folder, "the results of a run")
-    claims.verify(at, [*results.FILES, provenance.FILE], cure="run all stages again")
+    provenance.verify(at)
     provenance.read(at)  # refuses a kept flight that was changed
     flight = read_kept(at / provenance.KEPT)
     if flight.heads is None or len(flight.heads.cameras) < 2:

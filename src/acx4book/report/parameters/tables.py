@@ -73,6 +73,8 @@ def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
 def _correlation(rho: float, own: bool) -> str:
     if own:
         return "1"
+    if abs(rho) < 0.005:
+        return "0.00"
     return Markup(f"**{rho:+.2f}**") if abs(rho) > STRONG else f"{rho:+.2f}"
 
 

@@ -30,7 +30,7 @@ def mountings(material: Material) -> Iterator[Finding]:
     elif compared:
         answer = (
             f"The estimates of {listed(list(dict.fromkeys(compared)))} agree with what flight.toml "
-            "declares."
+            "declares. Where it declares no σ, only a difference as large as a mistake counts."
         )
         yield Finding(question=question, state=HOLDS, answer=answer)
     elif material.calibration:

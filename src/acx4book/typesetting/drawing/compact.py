@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from itertools import groupby, pairwise
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -173,6 +174,7 @@ def _step(letter: str, numbers: list[int], last: tuple[int, int]) -> str:
     return letter.lower() + text
 
 
+@cache
 def _number(hundredths: int) -> str:
     return re.sub(r"^(-?)0\.", r"\1.", f"{hundredths / 100:.2f}".rstrip("0").rstrip("."))
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import base64
 import io
 import re
+from functools import cached_property
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from PIL import Image
@@ -59,7 +60,7 @@ def vector(figure: Figure) -> str:
 
 def _lay_out(figure: Figure) -> Bbox:
     """Place the axes, else the figure would be drawn twice, and return what is shown, inches."""
-    canvas = FigureCanvasSVG(figure)  # that measures text as it is drawn
+    canvas = _Canvas(figure)
     figure.dpi = canvas.fixed_dpi
     engine = figure.get_layout_engine()
     if engine is not None:
@@ -68,6 +69,18 @@ def _lay_out(figure: Figure) -> Bbox:
     box = figure.get_tightbbox()
     left, right = min(0.0, box.x0), max(figure.get_figwidth(), box.x1)
     return Bbox([[left, box.y0 - MARGIN], [right, box.y1 + MARGIN]])
+
+
+class _Canvas(FigureCanvasSVG):
+    """A canvas that measures text as it is drawn, all with one renderer, which knows it again."""
+
+    @cached_property
+    def _renderer(self) -> RendererSVG:
+        return RendererSVG(*self.figure.bbox.size, io.StringIO())
+
+    def get_renderer(self) -> RendererSVG:
+        """Return the renderer that a figure asks its canvas for."""
+        return self._renderer
 
 
 def smaller(svg: str) -> str:

@@ -68,9 +68,10 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
 
     Notes
     -----
-    The first that is there: the calibration of the vendor in XMP (MicaSense, Parrot: `FOCAL`; DJI:
-    `DEWARP`), the designed focal length of DJI, EXIF's focal length with the pixel size, EXIF's
-    focal length of 35 mm film, here over the width of the picture.
+    The first that is there: the calibration of the vendor in XMP (DJI: `DEWARP`; MicaSense, Parrot:
+    `FOCAL`, which multispectral cameras of DJI have as well), the designed focal length of DJI,
+    EXIF's focal length with the pixel size, EXIF's focal length of 35 mm film, here over the width
+    of the picture.
     """
     model = tags.text("Camera:ModelType") or "perspective"
     if model not in ("perspective", "fisheye"):
@@ -80,10 +81,12 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
         tags = replace(tags, exif={**tags.exif, **known})
     if model == "fisheye":
         return _fisheye(tags, name)
-    ways = ((FOCAL, _calibrated), (DEWARP, _dewarped), (DESIGNED, _designed))
-    for element, way in ways:
-        if element in tags.xmp:
-            return way(tags, name)
+    ways = {DEWARP: _dewarped, FOCAL: _calibrated, DESIGNED: _designed}
+    stated = [element for element in ways if element in tags.xmp]
+    if {FOCAL, DESIGNED} <= set(stated) and pixel_mm(tags) is None:
+        stated.remove(FOCAL)  # in mm, of pixels that nothing says
+    if stated:
+        return ways[stated[0]](tags, name)
     return _nominal(tags, name)
 
 

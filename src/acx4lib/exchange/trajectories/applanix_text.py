@@ -1,8 +1,8 @@
 """Text exports of Applanix's POSPac: exterior orientations, or the trajectory at events.
 
-A preamble tells mapping frame, datum, boresight and lever arms; a line in brackets the units; a
-heading the columns; rows follow. The heading has commas, tabs or spaces, the rows tabs or spaces.
-In exterior orientations the column ID may be empty.
+A preamble tells mapping frame, datum, boresight and lever arms; a heading the columns; a line in
+brackets, before the heading or after it, the units; rows follow. The heading has commas, tabs or
+spaces, the rows tabs or spaces. In exterior orientations the column ID may be empty.
 """
 
 from __future__ import annotations
@@ -54,6 +54,15 @@ PHRASES = {
 WORDS = re.compile("|".join(f"(?P<_{k}>{p})(?![A-Z])" for k, p in enumerate(PHRASES)))
 NEEDED = ({"omega", "phi", "kappa"}, {"roll", "pitch", "heading"})
 ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
+TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
+"""How a preamble tells the sequence of rotations, mapping to image."""
+
+SEQUENCES = {"": "", "XYZ": "opk", "YXZ": "pok"}
+"""Orders of `Meaning` by the axes that a preamble lists."""
+
+APPLIED = re.compile(r"(?:BORESIGHT|LEVER ARM) VALUES.*[1-9]")
+"""A line of the preamble with a boresight or lever arms that are not zero."""
+
 MOST_PREAMBLE = 60
 """Lines of the preamble that are kept."""
 
@@ -65,10 +74,10 @@ def read(path: Path, meaning: Meaning, options: orientation_table.TableOptions) 
     ----------
     path : Path
     meaning : Meaning
-        Its unit of angles is replaced by the one that the text states.
+        Its unit of angles, and the order of omega and phi, are replaced by what the text states.
     options : TableOptions
-        Whose they are is found from the columns: omega, phi, kappa are the camera's, roll, pitch
-        and heading the IMU's.
+        Whose they are is found: omega, phi, kappa are the camera's, roll, pitch and heading the
+        IMU's, unless the preamble has a boresight or lever arms that are not zero.
 
     Raises
     ------
@@ -80,9 +89,12 @@ def read(path: Path, meaning: Meaning, options: orientation_table.TableOptions) 
     heading, columns = _heading(source)
     listed = _listed(source, heading, columns)
     preamble = _preamble(source, heading.number)
-    meaning = replace(meaning, angle=_angle_unit(source, heading.number))
+    meaning = replace(meaning, angle=_angle_unit(source, listed.rows[0].number))
     names = {one.name for one in columns}
     camera = NEEDED[0] <= names
+    applied = camera or any(APPLIED.match(one.upper()) for one in preamble)
+    order = _order(source, heading.number) if camera else ""
+    meaning = replace(meaning, order=order or meaning.order)
     if ORTHOMETRIC in names:
         if meaning.heights == "ellipsoidal":
             expected = "needs --heights: a vertical CRS, a geoid grid file or a number"
@@ -94,7 +106,7 @@ def read(path: Path, meaning: Meaning, options: orientation_table.TableOptions) 
     return orientation_table.brought(
         _with_height(listed),
         meaning,
-        replace(options, of="camera" if camera else "imu"),
+        replace(options, of="camera" if applied else "imu"),
         source=f"POSPac {'exterior orientations' if camera else 'trajectory at events'}",
         says=(f"The file states: {'; '.join(preamble)}.",) if preamble else (),
     )
@@ -109,7 +121,7 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
         if any(form <= set(names) for form in NEEDED) and not text.lstrip().startswith("("):
             line = Line(file=source.file, number=number, cells=(text,))
             rest = WORDS.sub("", re.sub(r"[ \t]+", " ", upper))
-            unknown = re.findall(r"[A-Z]{2,}", rest)
+            unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", rest)
             if unknown:
                 raise line.wrong("heading", f"{quoted(unknown[0])} is not known", "use 'table'")
             seen: list[str] = []
@@ -124,11 +136,11 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
 
 def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Listed:
     """Return the rows after the heading; a first column ID that all rows lack is dropped."""
-    rows = []
+    rows: list[Line] = []
     for line in lines(source):
-        if line.number <= heading.number:
-            continue
-        rows.append(line)
+        are_units = not rows and line.cells[0].startswith("(")
+        if line.number > heading.number and not are_units:
+            rows.append(line)
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     text = source.text().split("\n")
@@ -180,3 +192,15 @@ def _angle_unit(source: Opened, before: int) -> str:
             raise source.wrong("units", quoted(text.strip()), expected, line=number)
         return ANGLE[unit[1]]
     return "deg"
+
+
+def _order(source: Opened, before: int) -> str:
+    """Return the order of omega, phi, kappa that the preamble states; empty where it does not."""
+    axes = ""
+    for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
+        if found := TURN.search(text.upper()):
+            axes += found[1]
+            if not any(known.startswith(axes) for known in SEQUENCES):
+                expected = "must be about x, y, z or y, x, z"
+                raise source.wrong("rotations", quoted(text.strip()), expected, line=number)
+    return SEQUENCES.get(axes, "")

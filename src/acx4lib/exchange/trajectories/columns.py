@@ -17,8 +17,6 @@ ANGLES = ("omega", "phi", "kappa", "roll", "pitch", "heading", "lat", "lon")
 SIGMA_M = ("sigma_east", "sigma_north", "sigma_height")
 SIGMA_ANGLES = ("sigma_roll", "sigma_pitch", "sigma_heading")
 NUMBERS = (*ANGLES, "east", "north", "height", *SIGMA_M, *SIGMA_ANGLES)
-TEXT = ("image", "exposure", "camera", "strip")
-TIMES = ("time", "week")
 SKIP = "skip"
 
 SYNONYMS = {

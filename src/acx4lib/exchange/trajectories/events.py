@@ -9,7 +9,7 @@ import numpy as np
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.trajectories.columns import position_of
 from acx4lib.exchange.trajectories.listed import Listed, read_list
-from acx4lib.exchange.trajectories.times import WEEK_SOW, Stamps, is_utc, stamp
+from acx4lib.exchange.trajectories.times import WEEK_SOW, Stamps, stamp
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,5 +58,5 @@ def read_events(source: Opened, *, columns: str, separator: str, base: str) -> E
     week = position_of(listed.columns, "week")
     pairs = [stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
     weeks, seconds = np.array(pairs, dtype=float).T
-    stamps = Stamps(seconds=seconds, weeks=weeks, utc=is_utc(base))
+    stamps = Stamps(seconds=seconds, weeks=weeks)
     return Events(listed=listed, names=listed.unique(name), stamps=stamps)

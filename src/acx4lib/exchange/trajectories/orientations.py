@@ -25,9 +25,6 @@ METRES_A_DEGREE = 111_320.0
 AGREED_M = 1.0
 """Within this, and the last digit, positions in two forms must agree."""
 
-ORDERS = ("opk", "pok")
-NORTHS = ("grid", "true")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:

@@ -18,8 +18,6 @@ BASES = (GPS_SOW, UTC_SOW, WEEK_SOW, ISO, ISO_UTC, ISO_GPS)
 """Seconds of the GPS week in GPS time or UTC, the former with the week; dates with their zone, or
 without one in UTC or GPS time."""
 
-TRAJECTORY_BASES = (GPS_SOW, UTC_SOW)
-
 WEEK_S = 604_800.0
 SECONDS = Range(0.0, WEEK_S + 86_400.0, "must be seconds of the week, 0 to 604800")
 WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
@@ -37,13 +35,10 @@ class Stamps:
         Of the week.
     weeks : ndarray, shape (n,)
         GPS weeks; NaN where not stated.
-    utc : bool
-        Whether they are UTC, and not GPS time.
     """
 
     seconds: Array
     weeks: Array
-    utc: bool
 
 
 def stamp(line: Line, base: str, *, time: int, week: int | None) -> tuple[float, float]:

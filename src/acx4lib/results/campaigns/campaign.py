@@ -17,7 +17,6 @@ from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.flight.setup import Session
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
 from acx4lib.results.read_back import read_calibration
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
@@ -112,7 +111,7 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
     at = expected.folder("folder", folder, "the results of a run")
     if method:
         expected.one_of("method", method, COMPARED)
-    claims.verify(at, [*results.FILES, provenance.FILE], cure="run all stages again")
+    provenance.verify(at)
     found = results.read(at)
     chosen = method or next((m for m in COMPARED if f"mounting/{m}" in found.summary), "")
     key = f"mounting/{chosen}"
@@ -164,11 +163,6 @@ def _frame(flight: Flight, method: str) -> tuple[float, ...]:
 def _control(path: Path) -> frozenset[str]:
     lines = path.read_text(encoding="utf-8-sig").splitlines() if path.is_file() else []
     return frozenset(lines[1:])
-
-
-def cameras_of(campaign: Campaign) -> tuple[str, ...]:
-    """Return the names of the cameras that a campaign calibrated."""
-    return tuple(camera.name for camera in campaign.calibration.cameras)
 
 
 def sensors(campaign: Campaign) -> dict[str, tuple[int, int, float]]:

@@ -1,5 +1,11 @@
-"""`acx4 import --help` lists the kinds by what they bring."""
+"""`acx4 import --help` lists the kinds by what they bring; their options are the readers'."""
 
+import inspect
+from importlib import import_module
+
+import pytest
+
+from acx4book.command.exchange import blocks, projects
 from acx4book.command.exchange.importing import TITLES, app
 
 
@@ -10,3 +16,29 @@ def test_every_kind_has_its_place_in_the_help(acx4):
     for command in app.registered_commands:
         assert f"\n  {command.name} " in said
     assert f"{TITLES['trajectories']}:\n  sbet " in said
+
+
+@pytest.mark.parametrize(
+    ("command", "module"),
+    [
+        (projects.metashape, "metashape.reading"),
+        (projects.colmap, "colmap.reading"),
+        (projects.opf, "opf.reading"),
+        (blocks.opensfm, "opensfm.reading"),
+        (blocks.micmac, "micmac.reading"),
+        (blocks.bundler, "bundler"),
+        (blocks.bingo, "bingo"),
+        (blocks.patb, "patb"),
+        (blocks.odm_control, "odm"),
+    ],
+)
+def test_options_are_those_of_the_reader(command, module):
+    """But for the heights, which only a flight that was begun can say."""
+    read = import_module(f"acx4lib.exchange.programs.{module}").read
+    taken, options = (
+        {name: one.default for name, one in inspect.signature(function).parameters.items()}
+        for function in (read, command)
+    )
+    taken.pop("heights", None)
+    options.pop("out")
+    assert options == taken

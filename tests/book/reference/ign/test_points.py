@@ -23,10 +23,11 @@ def steps():
 
 @needs("ign-uce-m3")
 def test_680_tie_points_intersect_within_a_fifth_of_a_pixel():
-    residuals = points.residuals()
-    tie = residuals[residuals["kind"] == "tie point"]
-    assert tie["point"].nunique() == 680
-    assert np.sqrt((tie[["v_col", "v_row"]] ** 2).mean()).max() < 0.2  # px
+    flight = points.load()
+    got = points.intersected(flight, points.complete(flight))
+    is_tie = ~flight.is_surveyed[got.rays.group]
+    assert len(np.unique(got.rays.group[is_tie])) == 680
+    assert np.sqrt((got.found.v[is_tie] ** 2).mean(axis=0)).max() < 0.2  # px
 
 
 @needs("ign-uce-m3")

@@ -19,7 +19,8 @@ def test_a_declared_mounting_is_confirmed_or_fails_in_the_runs_own_words(folder)
     question = "Declared mounting confirmed"
     assert state(folder, question) == (
         "holds",
-        "The estimates of the boresight of CAM agree with what flight.toml declares.",
+        "The estimates of the boresight of CAM agree with what flight.toml declares. Where it "
+        "declares no σ, only a difference as large as a mistake counts.",
     )
     line = f"{SINGLE}: not confirmed: lever arm of CAM differs from the declared one"
     edit_summary(folder, SINGLE, not_confirmed=[line])

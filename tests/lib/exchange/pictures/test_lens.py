@@ -67,6 +67,16 @@ def test_an_image_that_dji_has_undistorted_has_no_distortion(tmp_path):
     assert kept.camera.interior.k1 != 0 == gone.camera.interior.k1
 
 
+def test_multispectral_pictures_of_dji_have_both_name_spaces(tmp_path):
+    """Their calibration is DEWARP; FOCAL, in mm, has no distortion, and no pixel size with it."""
+    both = {lens.FOCAL: 4.34, lens.POINT: "2.4,1.8", lens.DESIGNED: "362"}
+    found = lens_of(tmp_path, {**both, lens.DEWARP: "2023-01-01;364,364,0,0,-0.2,0.1,0,0,0"})
+    assert lens.DEWARP in found.said
+    assert found.camera.interior.k1 != 0
+    bare = lens_of(tmp_path, both, exif=tagged.metadata(pixel_mm=None), name="b.tif")
+    assert lens.DESIGNED in bare.said
+
+
 def test_the_designed_centre_of_dji_counts_from_the_corner(tmp_path):
     designed = {lens.DESIGNED: "364", lens.CENTRE[0]: "160", lens.CENTRE[1]: "120"}
     interior = lens_of(tmp_path, designed, name="a.jpg").camera.interior

@@ -29,6 +29,13 @@ def rows(*cells):
     return "".join(f"{cell}\n" for cell in cells)
 
 
+def sequence(axes):
+    names = {"x": "omega", "y": "phi", "z": "kappa"}
+    said = zip(("First", "Second", "Third"), axes, strict=True)
+    lines = [f"{n} rotation is about the '{a}' axis by the '{names[a]}' angle." for n, a in said]
+    return rows("Sequence of the rotation from mapping to image frame:", *lines)
+
+
 @pytest.mark.parametrize(
     ("heading", "begin", "name"),
     [
@@ -69,6 +76,24 @@ def test_positions_in_two_forms_say_whether_the_crs_is_right(tmp_path):
         read(tmp_path, text, crs="EPSG:32618")
 
 
+def test_the_units_may_stand_below_the_heading(tmp_path):
+    """As POSPac MMS writes them: heading, blank line, units, blank line, rows."""
+    units = UNITS.replace("Degrees", "Grads")
+    row = f"3 564155.65 {' '.join(ROW.split()[:6])}"
+    heading = HEADING.replace(", LAT, LONG", "")
+    brought = read(tmp_path, f"*****\n POSPac\n {heading}\n\n {units} \n\n{row}\n")
+    table = brought.tables["calibration/trajectory.csv"]
+    assert table["exposure"] == ["3"]
+    assert table["omega_deg"][0] == pytest.approx(-1.05 * 0.9)
+
+
+@pytest.mark.parametrize(("axes", "order"), [("xyz", "Rx(omega) Ry"), ("yxz", "Ry(phi) Rx")])
+def test_the_sequence_of_rotations_is_the_preambles(tmp_path, axes, order):
+    row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
+    brought = read(tmp_path, f"{PREAMBLE}{sequence(axes)}{HEADING}\n{row}\n")
+    assert f"R = {order}" in brought.assumed[1]
+
+
 def test_the_trajectory_at_events_is_the_imus(tmp_path):
     units = "(time in Sec, position in Meters, orientation angles and SD in Degrees)"
     heading = (
@@ -84,6 +109,10 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
     assert [table[f"{n}_deg"][0] for n in ("roll", "pitch", "heading")] == [1, 2, 3]
     assert table["sigma_heading_deg"][0] == pytest.approx(0.004)
     assert "those of the IMU" in brought.assumed[2]
+    zero = f"Boresight values: tx = 0.0000 arc min\n{units}\n{heading}\n{row}\n"
+    assert "those of the IMU" in read(tmp_path, zero).assumed[2]
+    applied = read(tmp_path, zero.replace("0.0000", "0.0100"))
+    assert "those of the camera" in applied.assumed[2]
 
 
 @pytest.mark.parametrize(
@@ -93,6 +122,8 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
         (f"{PREAMBLE}{HEADING}\n", "has a heading and no rows"),
         (f"{PREAMBLE}{HEADING}\n1 2 3\n", "eo.txt:6: row: has 3 cells; must have 11"),
         (f"{PREAMBLE}{HEADING}, FOO\n{ROW}\n", "eo.txt:5: heading: 'FOO' is not known"),
+        (f"{PREAMBLE}{HEADING.replace('EASTING', 'X')}\n{ROW}\n", "heading: 'X' is not known"),
+        (f"{PREAMBLE}{sequence('zyx')}{HEADING}\n7 3 1 {ROW}\n", "eo.txt:6: rotations: "),
         (f"{PREAMBLE.replace('Meters', 'Feet')}{HEADING}\n7 3 1 {ROW}\n", "eo.txt:4: units:"),
         (
             f"{PREAMBLE}{HEADING.replace('ELLIPSOID', 'ORTHOMETRIC')}\n7 3 1 {ROW}\n",

@@ -44,9 +44,9 @@ def test_events_are_placed_beyond_the_end_of_the_week():
     seconds, weeks = np.array([604_799.5, 1.5]), np.array([2299.0, 2300.0])
     expected = [604_799.5, 604_801.5]
     for own, week in ((np.full(2, np.nan), None), (weeks, None), (weeks, 2299)):
-        stamps = times.Stamps(seconds=seconds, weeks=own, utc=False)
+        stamps = times.Stamps(seconds=seconds, weeks=own)
         assert times.on_clock(stamps, track, ahead=0.0, week=week).tolist() == expected
-    utc = times.Stamps(seconds=seconds - 18, weeks=weeks, utc=True)
+    utc = times.Stamps(seconds=seconds - 18, weeks=weeks)
     assert times.on_clock(utc, track, ahead=18.0, week=2299).tolist() == expected
-    other = times.Stamps(seconds=seconds, weeks=weeks + 1, utc=False)
+    other = times.Stamps(seconds=seconds, weeks=weeks + 1)
     assert (times.on_clock(other, track, ahead=0.0, week=2299) > 1_000_000).all()

@@ -29,7 +29,6 @@ NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
 """What the orientations of `wrong_heads.every_refinement` are called."""
 
 ZONE_FORMATS = {"Mean, columns (px)": "+.3f", "Mean, rows (px)": "+.3f"}
-WAY_FORMATS = {"Largest (px)": ".2f"}
 
 # --- the true orientation --------------------------------------------------------------------
 

@@ -84,8 +84,8 @@ def _draw_target(ax: Axes, diameter: float) -> None:
     """Draw the disc with its measure."""
     ax.set_facecolor("#5c6166")
     ax.add_patch(Circle((0, 0), diameter / 2, fc="white", ec="none"))
-    how = {"arrowstyle": "<->", "color": style.INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    how = {"arrowstyle": "<->", "color": style.BLACK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", (-diameter / 2, 0), (diameter / 2, 0), arrowprops=how)
-    ax.text(0, 0.04, f"{100 * diameter:.0f} cm", ha="center", va="bottom", color="#1f2933")
+    ax.text(0, 0.04, f"{100 * diameter:.0f} cm", ha="center", va="bottom", color=style.BLACK)
     ax.set_title("on the ground")
     ax.set_xlabel("a disc")

@@ -85,7 +85,7 @@ def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
         norm=LogNorm(low, high),
         cmap=style.SEQUENCE,
         s=11,
-        lw=0.3,
+        lw=0.5,
         edgecolor=style.INK,
         zorder=3,
     )

@@ -29,6 +29,9 @@ NAMES = ("cameras", "images", "points3D")
 MAYBE = ("rigs", "frames")
 """Files that models of COLMAP 3.12 and later have as well."""
 
+MAY_BE_EMPTY = ("points3D", *MAYBE)
+"""Files of no content stand for none: COLMAP's manual makes models of known poses so."""
+
 ASSUMED = (
     "Pixels: COLMAP counts from the outer corner of the top-left one, so 0.5 is taken off",
     "Poses take the world to the camera's axes: x right, y down, z ahead",
@@ -143,9 +146,12 @@ def _model(source: Path) -> Model:
             needed = (
                 NAMES if any((source / f"{name}{ending}").exists() for name in NAMES[1:]) else ()
             )
-            files = {name: opened.read(source / f"{name}{ending}") for name in (NAMES[0], *needed)}
-            for name in MAYBE:
-                if (path := source / f"{name}{ending}").exists():
+            files = {}
+            for name in (NAMES[0], *needed, *MAYBE):
+                path = source / f"{name}{ending}"
+                if name in MAY_BE_EMPTY and path.is_file() and not path.stat().st_size:
+                    continue
+                if name not in MAYBE or path.exists():
                     files[name] = opened.read(path)
             return read_files(files)
     inside = sorted(source.glob("**/cameras.bin")) + sorted(source.glob("**/cameras.txt"))

@@ -33,7 +33,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Similarity:
-    """The chunk's coordinates in the ECEF frame of its coordinate system: x_e = s R x + r."""
+    """The chunk's coordinates in the ECEF frame of its coordinate system: x_e = s R x + r.
+
+    Where that is local, it has no such frame, and x_e are its own coordinates.
+    """
 
     R: Array
     r: Array
@@ -97,6 +100,10 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
     names, places, angles, references = zip(*rows, strict=True)
     lonlath, of_positions = _geographic(chunk, np.array(places), system)
     yaw, pitch, roll = np.array(angles).T
+    north = "true north"
+    if system.source is None:
+        north = f"the north of {system.crs}, made true by the convergence"
+        yaw = yaw + np.degrees(system.grid().convergence(lonlath[:, :2]))
     table: dict[str, object] = {
         "exposure": list(names),
         "lat_deg": np.round(lonlath[:, 1], tables.DEGREES + 1).tolist(),
@@ -110,7 +117,7 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
     off = sum(one.attributes.get("enabled", "true") in ("false", "0") for one in references)
     assumed = (
         *of_positions,
-        "Yaw is the heading, clockwise from true north, pitch is positive with the top of the "
+        f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the "
         "image up, roll with its right side down; positions are those of the camera",
         *((f"{off} references are disabled in Metashape, and are taken",) if off else ()),
     )
@@ -172,7 +179,11 @@ def _adjusted(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         if one.T_c is not None
     ]
     T_e_b = Pose(R=np.stack([one.R for one in bodies]), r=np.stack([one.r for one in bodies]))
-    table = tables.trajectory_in_grid(list(known), *tables.grid_poses_of_ecef(grid, T_e_b))
+    if system.source is None:
+        poses = T_e_b.r, T_e_b.opk
+    else:
+        poses = tables.grid_poses_of_ecef(grid, T_e_b)
+    table = tables.trajectory_in_grid(list(known), *poses)
     return Flown(table=table, assumed=(MEANS_NOTHING,))
 
 
@@ -263,16 +274,22 @@ def _measured_against(
         return ()
     xyh = np.array([known[places.points[k]].xyh for k in rows])
     element = chunk.root.maybe("reference")
-    enh = told(chunk, lambda: crs.into(system, xyh), element)
-    grid = told(chunk, system.grid, element)
-    lonlat = grid.lonlat_from_grid(enh[:, :2])
-    height = enh[:, 2] + grid.undulation(lonlat)
-    x_e = grid.ecef_from_geographic(np.column_stack([lonlat, height]))
+    x_e = told(chunk, lambda: _ecef(system, xyh), element)
     place = similarity(chunk)
     x = np.stack([place(places.shots[k]).into_chunk(one) for k, one in zip(rows, x_e, strict=True)])
     of, T = _rows(places, rows)
     said = proof.said(proof.misfits(cameras, of, T, x, places.colrow[rows]))
     return (f"the surveyed markers are seen by Metashape's adjusted cameras to {said}",)
+
+
+def _ecef(system: Chosen, xyh: Array) -> Array:
+    """Return coordinates of the project in the frame of `Similarity`, shape (n, 3)."""
+    if system.source is None:
+        return xyh
+    enh, grid = crs.into(system, xyh), system.grid()
+    lonlat = grid.lonlat_from_grid(enh[:, :2])
+    height = enh[:, 2] + grid.undulation(lonlat)
+    return grid.ecef_from_geographic(np.column_stack([lonlat, height]))
 
 
 def _rows(places: Locations, rows: list[int] | Index) -> tuple[list[str], Pose]:

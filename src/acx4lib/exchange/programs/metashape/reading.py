@@ -79,11 +79,13 @@ def read(  # noqa: PLR0913 one for every option
         return alone.read(whole, wanted=camera, pixel_um=pixel_um)
     of = sensors(whole.root, wanted=camera)
     every, doubled = shots(whole.root, of)
-    used = {i: one for i, one in every.items() if one.enabled}
+    enabled = {i: one for i, one in every.items() if one.enabled}
+    used = enabled
     if orientations == "adjusted":
-        used = {i: one for i, one in used.items() if one.T_c is not None}
+        used = {i: one for i, one in enabled.items() if one.T_c is not None}
     if not used:
-        raise whole.root.one("cameras").wrong("has no camera that is used", "must have one")
+        kind = "aligned" if orientations == "adjusted" else "enabled"
+        raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
     named = {one.camera for one in used.values()}
     lenses = {one.name: one.lens for one in of.values() if one.name in named}
     fitted = oriented.told(whole, lambda: cameras.refitted(lenses, pixel_um=pixel_um))
@@ -92,6 +94,7 @@ def read(  # noqa: PLR0913 one for every option
     places, known = markers.locations(whole, every, names), markers.surveyed(whole.root)
     folder = block or ("heads" if _is_rig(used.values()) else "calibration")
     flown = oriented.trajectory(whole, used, system, wanted=orientations)
+    unaligned = len(enabled) - len(used)
     used = _with_trajectory(used, flown)
     table = {f"{folder}/images.csv": _images(used), **_points(folder, places, used)}
     control = _control(whole, known, system)
@@ -107,7 +110,7 @@ def read(  # noqa: PLR0913 one for every option
         tables=table,
         assumed=(*ASSUMED, *fitted.assumed, *(system.assumed if system else ()), *flown.assumed),
         found=(*_found(used, places, known), *_kinds(of, named), *fitted.found, *proofs),
-        left_out=(*_left_out(whole, every, used, places, doubled), *flown.left_out),
+        left_out=(*_left_out(whole, every, used, places, doubled, unaligned), *flown.left_out),
     )
 
 
@@ -242,6 +245,7 @@ def _left_out(
     used: Mapping[str, Shot],
     places: Locations,
     doubled: int,
+    unaligned: int,
 ) -> tuple[str, ...]:
     names = {one.name for one in used.values()}
     elsewhere = sum(
@@ -256,10 +260,7 @@ def _left_out(
         (elsewhere, "measured marker locations in images that are left out"),
         (places.lost, "marker locations in cameras that the chunk has not"),
         (sum(not one.enabled for one in every.values()), "cameras that are disabled"),
-        (
-            sum(one.enabled for one in every.values()) - len(used),
-            "cameras that are not aligned, and so have no adjusted orientation",
-        ),
+        (unaligned, "cameras that are not aligned, and so have no adjusted orientation"),
         (doubled, "labels of cameras that occur twice: their numbers stand behind them"),
         (len(chunk.others), f"other chunks: {', '.join(chunk.others)}"),
     )

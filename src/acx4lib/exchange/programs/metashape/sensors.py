@@ -31,18 +31,16 @@ class Sensor:
         Which calibration was taken: adjusted, initial, or nominal.
     master : str
         Number of the master sensor of a rig; its own, where it is no slave.
-    element : Element
     """
 
     name: str
     lens: Lens
     kind: str
     master: str
-    element: Element
 
 
 def sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
-    """Return the sensors of a chunk by their numbers.
+    """Return the sensors that a chunk's images have by their numbers; all, where it has no image.
 
     Parameters
     ----------
@@ -62,13 +60,16 @@ def sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
         names, lambda name, found, expected: places[name].wrong(found, expected, attribute="label")
     )
     found = {}
+    images = [one for listed in root.each("cameras") for one in listed.everywhere("camera")]
+    used = {one.attributes.get("sensor_id") for one in images} or set(ids)
     for i, name, element in zip(ids, names, elements, strict=True):
         if i in found:
             raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
         master = element.attributes.get("master_id", i)
         if master not in ids:
             raise element.wrong(quoted(master), "must be a sensor's id", attribute="master_id")
-        found[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
+        if i in used:
+            found[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
     return found
 
 
@@ -82,7 +83,7 @@ def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: 
         ideal=calibration.ideal,
         mount=Pose(R=TOP_AHEAD @ _rotation(element, is_slave=is_slave), r=np.zeros(3)),
     )
-    return Sensor(name=name, lens=lens, kind=kind, master=master, element=element)
+    return Sensor(name=name, lens=lens, kind=kind, master=master)
 
 
 def _rotation(element: Element, *, is_slave: bool) -> Array:

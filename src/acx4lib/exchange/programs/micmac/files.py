@@ -6,10 +6,11 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from acx4lib.exchange.programs.micmac.lens import KNOWN
+from acx4lib.exchange.programs.micmac import lens
 from acx4lib.exchange.programs.shared import cameras
 from acx4lib.exchange.safe import opened, xml_tree
 from acx4lib.exchange.safe.opened import Opened
@@ -22,6 +23,9 @@ MOST = 100_000
 """Largest number of XML files of a folder."""
 
 ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
+
+AROUND = ("ExportAPERO", "Global")
+"""Outermost elements that hold others."""
 
 SKEW = 1e-6
 """Largest difference of a matrix from a rotation."""
@@ -37,7 +41,9 @@ class Files:
     orientations : dict of str to Element
         ``OrientationConique`` by image.
     calibrations : dict of str to Element
-        ``CalibrationInternConique`` by the name of the file.
+        ``CalibrationInternConique`` by the name of the file, and ``Interne`` of orientations.
+    interior : dict of str to str
+        Name of the calibration of each image whose orientation has it itself.
     measures, surveyed : list of Element
         ``SetOfMesureAppuisFlottants`` and ``DicoAppuisFlottant``.
     others : int
@@ -47,6 +53,7 @@ class Files:
     read: list[Opened] = field(default_factory=list)
     orientations: dict[str, Element] = field(default_factory=dict)
     calibrations: dict[str, Element] = field(default_factory=dict)
+    interior: dict[str, str] = field(default_factory=dict)
     measures: list[Element] = field(default_factory=list)
     surveyed: list[Element] = field(default_factory=list)
     others: int = 0
@@ -55,22 +62,43 @@ class Files:
         """Read a file, and put what is in it where it belongs."""
         source = opened.read(path)
         root = xml_tree.tree(source)
-        content = root
-        if root.tag == "ExportAPERO" and len(root.below) == 1:
-            content = root.below[0]
+        known = [
+            self._is_known(one, path) for one in (root.below if root.tag in AROUND else [root])
+        ]
+        if any(known):
+            self.read.append(source)
+        else:
+            self.others += 1
+
+    def _is_known(self, content: Element, path: Path) -> bool:
+        """Put an element where it belongs; tell whether it belongs anywhere."""
         image = re.fullmatch(r"Orientation-(.+)\.xml", path.name)
         if content.tag == "OrientationConique" and image:
             self.orientations[image[1]] = content
-        elif content.tag == "CalibrationInternConique":
+            if (interior := content.maybe("Interne")) is not None:
+                self.interior[image[1]] = self._named(interior)
+        elif content.tag == "CalibrationInternConique" and path.name not in self.calibrations:
             self.calibrations[path.name] = content
-        elif root.tag == "SetOfMesureAppuisFlottants":
-            self.measures.append(root)
-        elif root.tag == "DicoAppuisFlottant":
-            self.surveyed.append(root)
+        elif content.tag == "SetOfMesureAppuisFlottants":
+            self.measures.append(content)
+        elif content.tag == "DicoAppuisFlottant":
+            self.surveyed.append(content)
         else:
-            self.others += 1
-            return
-        self.read.append(source)
+            return False
+        return True
+
+    def _named(self, interior: Element) -> str:
+        """Return the name of a calibration that an orientation holds; equal ones are one."""
+        for name, one in self.calibrations.items():
+            if _content(one) == _content(interior):
+                return name
+        name = f"CAM{len(self.calibrations) + 1}.xml"
+        self.calibrations[name] = interior
+        return name
+
+
+def _content(element: Element) -> list[Any]:
+    return [element.text, *([one.tag, _content(one)] for one in element.below)]
 
 
 def files_of(source: Path) -> Files:
@@ -91,9 +119,17 @@ def files_of(source: Path) -> Files:
 
 
 def _paths(source: Path) -> Iterable[Path]:
+    """Return the XML files of a folder and of its Ori-*, or of an Ori-* and the folder around."""
     if not source.is_dir():
         return [source]
-    folders = [source, *(one for one in sorted(source.glob("Ori-*")) if one.is_dir())]
+    inside = [one for one in sorted(source.glob("Ori-*")) if one.is_dir()]
+    oriented = [one for one in inside if next(one.glob("Orientation-*.xml"), None)]
+    if len(oriented) > 1:
+        names = ", ".join(one.name for one in oriented)
+        found = f"has orientations in {names}"
+        raise opened.refusal(str(source), 1, "folder", found, "give one of these folders")
+    around = [source.parent] if source.name.startswith("Ori-") else []
+    folders = [source, *oriented, *(one for one in inside if one not in oriented), *around]
     paths = [path for folder in folders for path in sorted(folder.glob("*.xml"))]
     if len(paths) > MOST:
         found = f"has {len(paths)} XML files"
@@ -105,8 +141,10 @@ def pose(orientation: Element) -> Pose:
     """Return T_w_c of an ``OrientationConique`` in the library's camera axes."""
     for place in (("Externe", "KnownConv"), ("ConvOri", "KnownConv")):
         known = orientation.maybe(*place)
-        if known is not None and known.text != KNOWN:
-            raise known.wrong(quoted(known.text), f"must be {KNOWN}")
+        if known is not None and known.text != lens.KNOWN:
+            raise known.wrong(quoted(known.text), f"must be {lens.KNOWN}")
+    if (turned := orientation.maybe("OrIntImaM2C")) is not None:
+        lens.require_plain(turned)
     kind = orientation.maybe("TypeProj")
     if kind is not None and kind.text != "eProjStenope":
         raise kind.wrong(quoted(kind.text), "must be eProjStenope, a central projection")

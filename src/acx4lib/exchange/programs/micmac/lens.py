@@ -45,8 +45,8 @@ def read(root: Element) -> Lens:
     if known is not None and known.text != KNOWN:
         raise known.wrong(quoted(known.text), f"must be {KNOWN}")
     for tag in ("OrIntGlob", "OrIntImaM2C"):
-        if (extra := root.maybe(tag)) is not None and not _is_identity(extra):
-            raise extra.wrong("turns or scales pixels", "must leave them as they are")
+        if (extra := root.maybe(tag)) is not None:
+            require_plain(extra)
     cx, cy = root.one("PP").numbers(2).tolist()
     width, height = (_size(root, k) for k in (0, 1))
     fx, fy = _focal(root)
@@ -87,11 +87,12 @@ def _focal(root: Element) -> tuple[float, float]:
     return values[0], values[-1]
 
 
-def _is_identity(element: Element) -> bool:
-    """Tell whether an affine map of pixels leaves them where they are."""
+def require_plain(element: Element) -> None:
+    """Raise for an affine map of pixels that does not leave them where they are."""
     plain = {"I00": [0.0, 0.0], "V10": [1.0, 0.0], "V01": [0.0, 1.0]}
     found = {tag: one for tag in plain for one in element.everywhere(tag)}
-    return all(one.numbers(2).tolist() == plain[tag] for tag, one in found.items())
+    if not all(one.numbers(2).tolist() == plain[tag] for tag, one in found.items()):
+        raise element.wrong("turns or scales pixels", "must leave them as they are")
 
 
 def _shift(element: Element) -> Shift:

@@ -46,7 +46,8 @@ def read(
     Parameters
     ----------
     source : Path
-        A folder with Ori-* or their files, measures and surveyed points in XML; or one such file.
+        A folder with one Ori-*, or an Ori-* in it, measures and surveyed points in XML; or one
+        such file.
     orientations : {"initial", "adjusted", "none"}
         Whether the adjusted orientations become the trajectory; the files have no others.
     block : str, optional
@@ -99,6 +100,8 @@ def _camera_of(found: Files, image: str) -> str:
     orientation = found.orientations.get(image)
     if orientation is None:
         return next(iter(map(_camera, found.calibrations)), CAMERA)
+    if image in found.interior:
+        return _camera(found.interior[image])
     element = orientation.one("FileInterne")
     name = element.text.replace("\\", "/").rpartition("/")[2]
     if name not in found.calibrations:

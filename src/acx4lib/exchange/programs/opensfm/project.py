@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.errors import FlightError
 from acx4lib.exchange.safe import json_tree, opened, text_lines
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.exchange.safe.opened import Opened
@@ -249,9 +248,3 @@ def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
 def colrow_of(points: Array, width_px: int, height_px: int) -> Array:
     """Return the library's pixels of normalised points, shape (n, 2)."""
     return points * max(width_px, height_px) + np.array([width_px - 1, height_px - 1]) / 2
-
-
-def wrong_image(source: Opened, image: str) -> FlightError:
-    """Return the error of an image whose camera is not known."""
-    found = f"image {quoted(image)} has no camera"
-    return source.wrong("image", found, f"must be a shot of {RECONSTRUCTION}, or of one camera")

@@ -30,7 +30,8 @@ class Chosen:
         Keys of flight.toml.
     assumed : tuple of str
     source : CRS, optional
-        What the project's own coordinates are in.
+        What the project's own coordinates are in; None where they are local, and then those of
+        the flight's CRS.
     """
 
     crs: str
@@ -98,10 +99,14 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
         Where one of them cannot be used; the message says why.
     """
     source = parsed(text) if text else None
+    if source is not None and not (source.is_projected or source.is_geographic):
+        source = None
     if wanted is not None:
         _ = grid_of(wanted)
-        return Chosen(crs=wanted, heights=heights_of(source), assumed=(), source=source)
-    if source is None or not (source.is_projected or source.is_geographic):
+        local = f"The project's coordinates are local: they are taken for those of {wanted}"
+        told = (local,) if text and source is None else ()
+        return Chosen(crs=wanted, heights=heights_of(source), assumed=told, source=source)
+    if source is None:
         return None
     horizontal = _horizontal(source)
     if horizontal.is_projected:

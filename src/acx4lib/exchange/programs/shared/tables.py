@@ -25,15 +25,10 @@ def images(
     return {"image": list(names), "camera": list(cameras), "exposure": list(exposures)}
 
 
-def image_points(
-    image: Sequence[str], point: Sequence[str], colrow: Array, sigma_px: Array | None = None
-) -> Columns:
+def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
     """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
     cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])
-    table = {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
-    if sigma_px is not None:
-        table["sigma_px"] = np.round(sigma_px, PIXELS).tolist()
-    return table
+    return {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
 
 
 def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:

@@ -144,6 +144,17 @@ def test_a_binary_file_that_is_cut_off_is_told(tmp_path, file):
         reading.read(folder)
 
 
+def test_a_model_of_known_poses_has_an_empty_file_of_points(tmp_path):
+    """As COLMAP's manual makes them: points3D.txt without content."""
+    folder = colmap.write_text(tmp_path / "m")
+    (folder / "points3D.txt").write_text("")
+    brought = reading.read(folder)
+    assert any(one.endswith("of points that the model has not") for one in brought.left_out)
+    (folder / "images.txt").write_text("")
+    with pytest.raises(FlightError, match=r"images\.txt:1: file: is empty"):
+        reading.read(folder)
+
+
 def test_a_folder_without_a_model_is_told_where_one_is(tmp_path):
     colmap.write_text(tmp_path / "sparse" / "0")
     with pytest.raises(

@@ -28,6 +28,7 @@ def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
         (("<L1>1 0 0", "<L1>-1 0 0"), "CodageMatr: L1, L2, L3 are no rotation"),
         (("eProjStenope", "eProjOrthographique"), "TypeProj: 'eProjOrthographique'; must be"),
         (("eConvApero_DistM2C", "eConvAngErdas"), "KnownConv: 'eConvAngErdas'; must be eConvApero"),
+        (("<TypeProj>", "<OrIntImaM2C><I00>1 0</I00></OrIntImaM2C><TypeProj>"), "turns or scales"),
         (("CodageMatr", "CodageAngulaire"), "<CodageMatr> is missing"),
     ],
 )
@@ -36,6 +37,46 @@ def test_other_orientations_are_refused(folder, change, message):
     path.write_text(path.read_text().replace(*change))
     with pytest.raises(FlightError, match=message):
         files.pose(files.files_of(folder).orientations["a.JPG"])
+
+
+def test_points_inside_global_are_found(folder):
+    """As MicMac's manual, and the programs that write such files, have them."""
+    path = folder / "points.xml"
+    path.write_text(f'<?xml version="1.0"?>\n<Global>{path.read_text()}</Global>')
+    assert len(files.files_of(folder).surveyed) == 1
+
+
+def test_one_of_several_orientations_must_be_chosen(folder):
+    (folder / "Ori-B").mkdir()
+    for path in (folder / "Ori-A").iterdir():
+        (folder / "Ori-B" / path.name).write_text(path.read_text().replace("1000", "2000"))
+    with pytest.raises(FlightError, match=r"has orientations in Ori-A, Ori-B; give one of these"):
+        files.files_of(folder)
+    found = files.files_of(folder / "Ori-B")
+    assert found.calibrations["AutoCal_C.xml"].one("F").text == "2000"
+    assert (len(found.measures), len(found.surveyed)) == (1, 1)
+
+
+def test_a_calibration_lies_beside_its_orientations(folder):
+    (folder / "Ori-0").mkdir()
+    calibration = (folder / "Ori-A" / "AutoCal_C.xml").read_text()
+    (folder / "Ori-0" / "AutoCal_C.xml").write_text(calibration.replace("1000", "2000"))
+    found = files.files_of(folder)
+    assert found.calibrations["AutoCal_C.xml"].one("F").text == "1000"
+
+
+def test_orientations_may_hold_their_calibration(folder, calibrations):
+    path = folder / "Ori-A" / "Orientation-a.JPG.xml"
+    inner = calibrations.format(model="<ModNoDist></ModNoDist>").split("InternConique>")[1]
+    interior = f"<Interne>{inner.removesuffix('</Calibration')}</Interne>"
+    text = path.read_text().replace("<FileInterne>Ori-A/AutoCal_C.xml</FileInterne>", interior)
+    for name in ("a", "b"):
+        (folder / "Ori-A" / f"Orientation-{name}.JPG.xml").write_text(text)
+    other = text.replace("<F>1000", "<F>2000")
+    (folder / "Ori-A" / "Orientation-c.JPG.xml").write_text(other)
+    found = files.files_of(folder)
+    same = {"a.JPG": "AutoCal_C.xml", "b.JPG": "AutoCal_C.xml"}
+    assert found.interior == {**same, "c.JPG": "CAM2.xml"}
 
 
 def test_a_folder_without_files_of_micmac_is_refused(tmp_path):
