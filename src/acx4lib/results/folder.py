@@ -242,11 +242,6 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     -------
     DataFrame, shape (n, n)
         In the units of the parameters.
-
-    Raises
-    ------
-    FlightError
-        Where the stage has not been run, or the rows are no symmetric matrix.
     """
     long = rows(results, "covariance", stage_method)
     row, names = pd.factorize(long["row"])
@@ -254,9 +249,6 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
     square = np.zeros((len(names), len(names)))
     known = column >= 0
     square[row[known], column[known]] = long["value"].fillna(0.0)[known]
-    if not np.array_equal(square, square.T):
-        at = results.folder / "covariance.csv"
-        raise FlightError([f"{at}: {stage_method} is not symmetric; run the stage again"])
     return pd.DataFrame(square, index=names, columns=names)
 
 

@@ -120,15 +120,6 @@ def test_covariance_is_square_in_the_order_of_its_rows(tmp_path):
     np.testing.assert_array_equal(square, [[4, -1, 0], [-1, 9, 0], [0, 0, 16]])
 
 
-def test_a_covariance_that_lost_a_row_is_refused(tmp_path):
-    pairs = [("B/f", "B/f", 4.0), ("A/k", "B/f", -1.0), ("A/k", "A/k", 9.0)]
-    long = pd.DataFrame(pairs, columns=["row", "column", "value"])
-    tables = {"covariance": long.assign(stage="heads", method="bundle")}
-    results.replace(tmp_path, ["heads/bundle"], tables=tables, summary={"heads/bundle/B": {}})
-    with pytest.raises(FlightError, match=r"covariance\.csv: heads/bundle is not symmetric"):
-        results.covariance(results.read(tmp_path), "heads/bundle")
-
-
 def test_a_missing_stage_is_named_with_what_to_run(tmp_path):
     with pytest.raises(FlightError, match=r"no results of heads/bundle; run stage heads first"):
         results.parameters(results.read(tmp_path), "heads/bundle", "CAM1")

@@ -17,7 +17,7 @@ from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.flight.setup import Session
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.read_back import read_calibration
+from acx4lib.results.read_back import read_calibration, refused
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
 """Methods whose calibrations can be compared; without a wish, the first that a run has."""
@@ -132,11 +132,13 @@ def _campaign(found: results.Results, method: str, name: str) -> Campaign:
     key = f"mounting/{method}"
     entry = found.summary[key]
     cameras = [flight.cameras[camera] for camera in results.cameras(found, key)]
+    with refused(found):
+        calibration = read_calibration(found, key, cameras)
     block = flight.block("heads" if method == "rig" else "calibration")
     return Campaign(
         name=name,
         method=method,
-        calibration=read_calibration(found, key, cameras),
+        calibration=calibration,
         redundancy=int(str(entry["redundancy"])),
         chi_square_p=_number(entry.get("chi_square_p")),
         session=flight.session,
