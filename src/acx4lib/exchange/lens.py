@@ -137,7 +137,8 @@ def camera_of(
         Where a pixel has no ray ahead, or for values that no Camera has.
     """
     colrow = nodes(width_px, height_px)
-    measured, rays = hole.points(colrow), ideal(colrow)
+    with np.errstate(over="ignore"):  # a ray beyond all numbers is none
+        measured, rays = hole.points(colrow), ideal(colrow)
     lost = ~(np.abs(np.hstack([rays, measured])) < STEEPEST).all(axis=1)
     if lost.any():
         col, row = colrow[lost][0]

@@ -33,14 +33,17 @@ FIELD = {
     "height_m": RANGES["height_m"],
     "relief_m": Range(0.0, 3000.0),
 }
+FROM_MIDDLE = Range(-1e6, 1e6)
+"""Distances from the middle of a field, m; farther away grid coordinates have no place."""
+
 STRIP = {
     "flying_height_m": Range(1.0, 30_000.0),
     "course_deg": Range(-360.0, 360.0),
     "length_m": Range(0.0, 1e6),
     "base_m": Range(0.1, 1e5),
     "overlap": Range(0.0, 0.99, "must be a share from 0 to 0.99"),
-    "forward_m": METRES,
-    "left_m": METRES,
+    "forward_m": FROM_MIDDLE,
+    "left_m": FROM_MIDDLE,
     "speed_m_s": Range(1.0, 1000.0),
     "parallel": Range(1, 200, "must be a whole number from 1 to 200", whole=True),
     "spacing_m": Range(1.0, 1e5),
@@ -179,8 +182,8 @@ def _places_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
     ):
         expected = "must be a list of points [forward, left] in metres, 500 at most"
         yield toml.problem(keys, "missing" if value is None else quoted(value), expected)
-    elif not all(one in METRES for pair in value for one in pair):
-        yield toml.problem(keys, quoted(value), str(METRES))
+    elif not all(one in FROM_MIDDLE for pair in value for one in pair):
+        yield toml.problem(keys, quoted(value), str(FROM_MIDDLE))
 
 
 def _truth_problems(toml: Toml, flight: Toml) -> Iterator[Problem]:

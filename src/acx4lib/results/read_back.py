@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from acx4lib.calibration.estimates import (
     to_reported,
     with_reported,
 )
+from acx4lib.errors import FlightError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
@@ -25,6 +27,24 @@ from acx4lib.results import folder
 
 if TYPE_CHECKING:
     from acx4lib.calibration.heads import RelativeOrientation
+
+
+@contextmanager
+def refused(found: folder.Results) -> Iterator[None]:
+    """Say of tables that were changed by hand and hold no calibration that they do not.
+
+    Raises
+    ------
+    FlightError
+        In the place of KeyError and ValueError.
+    """
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            yield
+    except (KeyError, ValueError) as error:
+        said = " ".join(str(error).split())
+        problem = f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({said})"
+        raise FlightError([f"{problem}; run all stages again"]) from None
 
 
 def read_relative_orientation(

@@ -128,5 +128,7 @@ def test_what_is_no_lens_of_a_flight_is_told():
         ValueError, match=r"lens: expected a ray for every pixel, got none at col -0\.5, row -0\.5"
     ):
         lens.camera_of(without_corners, HOLE, **SIZE)
+    with pytest.raises(ValueError, match="lens: expected a ray for every pixel"):
+        lens.camera_of(without_corners, replace(HOLE, fx=1e-307), **SIZE)
     with pytest.raises(ValueError, match="fx: expected a positive number, got 0"):
         replace(HOLE, fx=0)

@@ -58,6 +58,7 @@ def read(folder: str | Path) -> Rigidity:
     """
     at = results.of_run(folder)
     provenance.verify(at)
+    provenance.read(at)  # refuses a kept flight that was changed
     flight = read_kept(at / provenance.KEPT)
     if flight.heads is None or len(flight.heads.cameras) < 2:
         problem = (

@@ -19,7 +19,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results import folder, provenance
-from acx4lib.results.read_back import read_calibration, read_relative_orientation
+from acx4lib.results.read_back import read_calibration, read_relative_orientation, refused
 
 CAMERA = ("single_step", "two_step_gnss", "two_step")
 HEADS = ("rig", "rig_calibration", "refined", "relative_orientation")
@@ -106,10 +106,12 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
         raise FlightError([_missing(found, chosen, there, heads=heads)])
     origin = provenance.read(at)
     flight = read_kept(at / provenance.KEPT)
+    with refused(found):
+        calibration = _calibration(found, chosen, flight)
     return Calibrated(
         flight=flight,
         method=chosen,
-        calibration=_read(found, chosen, flight),
+        calibration=calibration,
         others=tuple(name for name in usable if name != chosen),
         digest=origin.digest,
     )
@@ -135,16 +137,6 @@ def _missing(found: folder.Results, method: str, there: Sequence[str], *, heads:
     else:
         reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
     return f"{found.folder}: no calibration of {what} that can be exported; {reason}"
-
-
-def _read(found: folder.Results, method: str, flight: Flight) -> Calibration:
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is refused
-            return _calibration(found, method, flight)
-    except (KeyError, ValueError) as error:
-        said = " ".join(str(error).split())
-        problem = f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({said})"
-        raise FlightError([f"{problem}; run all stages again"]) from None
 
 
 def _calibration(found: folder.Results, method: str, flight: Flight) -> Calibration:

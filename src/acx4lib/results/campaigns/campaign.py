@@ -17,7 +17,7 @@ from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.flight.setup import Session
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.read_back import read_calibration
+from acx4lib.results.read_back import read_calibration, refused
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
 """Methods whose calibrations can be compared; without a wish, the first that a run has."""
@@ -123,18 +123,22 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
         said = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
         reason = said[0] if said else f"{key} did not converge"
         raise FlightError([f"{at}: no calibration to compare: {reason}"])
-    return _campaign(found, chosen, read_kept(at / provenance.KEPT), name or at.resolve().name)
+    return _campaign(found, chosen, name or at.resolve().name)
 
 
-def _campaign(found: results.Results, method: str, flight: Flight, name: str) -> Campaign:
+def _campaign(found: results.Results, method: str, name: str) -> Campaign:
+    origin = provenance.read(found.folder)  # refuses a kept flight that was changed
+    flight = read_kept(found.folder / provenance.KEPT)
     key = f"mounting/{method}"
     entry = found.summary[key]
     cameras = [flight.cameras[camera] for camera in results.cameras(found, key)]
+    with refused(found):
+        calibration = read_calibration(found, key, cameras)
     block = flight.block("heads" if method == "rig" else "calibration")
     return Campaign(
         name=name,
         method=method,
-        calibration=read_calibration(found, key, cameras),
+        calibration=calibration,
         redundancy=int(str(entry["redundancy"])),
         chi_square_p=_number(entry.get("chi_square_p")),
         session=flight.session,
@@ -142,7 +146,7 @@ def _campaign(found: results.Results, method: str, flight: Flight, name: str) ->
         frame_deg=_frame(flight, method),
         refraction=flight.refraction,
         control=_control(found.folder / provenance.KEPT / "control_points.csv"),
-        flight=provenance.read(found.folder).digest,
+        flight=origin.digest,
     )
 
 

@@ -21,6 +21,9 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Index
 from acx4lib.least_squares import processors
 
+SAID = 300
+"""Characters of pandas' words that are repeated; they quote what was found in full length."""
+
 _METHOD = ("stage", "method")
 _DIFFERENCE = ("d_east_m", "d_north_m", "d_height_m")
 _SIGMA = ("sigma_east_m", "sigma_north_m", "sigma_height_m")
@@ -184,7 +187,7 @@ def _refusing(path: Path) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        reason = str(error).strip().splitlines()[0]
+        reason = str(error).strip().splitlines()[0][:SAID]
         problem = f"{path}: not a results table ({reason}); remove it and run again"
         raise FlightError([problem]) from None
 

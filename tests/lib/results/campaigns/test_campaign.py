@@ -67,6 +67,14 @@ def problems(folder, **chosen):
     return error.value.problems
 
 
+def test_a_covariance_that_lost_a_row_is_refused(spoilt):
+    rows = (spoilt / "covariance.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    lost = next(k for k, row in enumerate(rows) if row.startswith("mounting,single_step")) + 1
+    (spoilt / "covariance.csv").write_text("".join(rows[:lost] + rows[lost + 1 :]))
+    (line,) = problems(spoilt)
+    assert "hold no calibration (cov: expected a symmetric matrix" in line
+
+
 def test_results_without_the_method_say_so(made, tmp_path):
     (line,) = problems(made[1], method="rig")
     assert line.endswith("no results of mounting/rig; acx4 run makes them")
@@ -88,3 +96,12 @@ def test_changed_results_are_refused(made, tmp_path):
     with (folder / "covariance.csv").open("a") as file:
         file.write("mounting,single_step,a,b,1\n")
     assert any("covariance.csv" in line for line in problems(folder))
+
+
+def test_a_changed_flight_is_refused(made, tmp_path):
+    folder = tmp_path / "changed"
+    shutil.copytree(made[1], folder)
+    points = folder / "flight" / "calibration" / "image_points.csv"
+    points.write_text(points.read_text(encoding="utf-8").replace(",", ",x", 1), encoding="utf-8")
+    (line,) = problems(folder)
+    assert line.endswith("calibration/image_points.csv changed since the run; run all stages again")
