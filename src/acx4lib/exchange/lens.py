@@ -16,13 +16,7 @@ from scipy.optimize import least_squares
 
 from acx4lib import expected
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import (
-    Camera,
-    Interior,
-    correct,
-    reduced,
-    xy_from_colrow,
-)
+from acx4lib.geometry.camera import Camera, Interior, correct, reduced, xy_from_colrow
 
 FLIP = np.array([1.0, -1.0])
 """From the library's image axes to those with y down."""
