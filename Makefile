@@ -108,6 +108,7 @@ mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of ever
 bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.whole
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.many
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.measuring
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 

@@ -21,7 +21,15 @@ from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, example, frames, independent, provenance, simulation
 from acx4book.pages.back import changelog, citation, clean, licences, release
-from acx4book.pages.benchmarks import commands, imports, many, rendering, rendering_goals, speed
+from acx4book.pages.benchmarks import (
+    commands,
+    imports,
+    many,
+    measuring,
+    rendering,
+    rendering_goals,
+    speed,
+)
 from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
@@ -236,6 +244,7 @@ def texts_of_benchmarks(
     """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
     rendered = rendering_goals.read(BENCHMARKS)
     yield "speed-commands.md", commands.page(commands.read(BENCHMARKS))
+    yield "speed-measure.md", measuring.page(measuring.read(BENCHMARKS))
     yield "speed.md", speed.page(adjusted)
     yield "speed-growth.md", speed.growth(adjusted)
     yield "rendering.md", rendering.page(rendered)

@@ -1,0 +1,120 @@
+"""Time ``acx4 measure`` of eight pictures at three sizes (``make bench``).
+
+Beside them stands, without a time, how much fifty pictures of full size are: the page computes it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.flight.block import Block, select_images
+from acx4lib.flight.reader import read
+from acx4lib.geometry.camera import mountings
+from acx4lib.measuring import levels
+from acx4lib.measuring.pictures import ground
+from acx4lib.measuring.pictures.overlaps import overlapping
+from acx4lib.measuring.pictures.views import View, seen_at
+from benchmarks import machine, stored
+from benchmarks.commands.whole import ACX4, COMMAND, OUT
+
+EXPOSURES = ("C1-03", "C1-05", "C2-04", "C2-06", "C3-04", "C4-03", "C4-05", "C5-05")
+"""Of the design single-head: both heights, opposite and crossing strips."""
+
+REDUCED = (8, 4, 2)
+MANY = 50
+"""Of the validation block, which has the overlaps of a mapping flight."""
+
+LIBRARY = "import acx4lib.measuring.measure"
+"""What each run loads, timed alone."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Time all sizes and store what they took."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
+    given = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        table = pd.DataFrame(list(rows(Path(folder))))
+    about = {**machine.computer(), "versions": machine.package_versions(machine.PACKAGES)}
+    stored.write(given.out, "measuring", {"": table}, about, digits=5)
+
+
+def rows(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, Any]]:
+    """Yield the library alone, every size, and what is only counted.
+
+    Parameters
+    ----------
+    folder : Path
+        Where flights are made.
+    reduced : sequence of int
+        Sizes of the pictures: at 1/K.
+    """
+    yield work(0, 0, 1, 0.0) | _timed([sys.executable, "-c", LIBRARY])
+    for k in reduced:
+        flight = folder / f"at-{k}"
+        options = ["--images", ",".join(EXPOSURES), "--reduce", str(k)]
+        machine.called([ACX4, "simulate", "single-head", *options, "--out", str(flight)])
+        whole = read(flight)
+        block = whole.block("calibration")
+        here = np.isin(block.images.names, EXPOSURES)
+        points = flight / "calibration" / "image_points.csv"
+        points.write_text(points.read_text(encoding="utf-8").splitlines()[0], encoding="utf-8")
+        call = [ACX4, "measure", str(flight), "--out"]
+        if k == reduced[0]:
+            machine.called([*call, str(folder / "compiled")])
+        yield counted(select_images(block, here), k) | _timed([*call, str(folder / f"of-{k}")])
+    many = whole.block("validation")
+    yield counted(select_images(many, np.arange(len(many.images.names)) < MANY), 1)
+
+
+def counted(block: Block, reduced: int) -> dict[str, Any]:
+    """Return how much there is to match in a block's pictures at 1/K of their size."""
+    views = [seen_at(view, reduced) for view in _views(block)]
+    below = float(np.median(block.control.x_m[:, 2]))
+    pairs = overlapping(views, ground.level(below))
+    camera = views[0].camera
+    pixels = camera.width_px * camera.height_px / 1e6
+    sizes = levels.sizes_of([replace(view, shrink=reduced) for view in views], 1)
+    return work(len(views), len(pairs), reduced, pixels) | {"levels": len(sizes)}
+
+
+def work(pictures: int, pairs: int, reduced: int, megapixels: float) -> dict[str, Any]:
+    """Return the columns that say what is measured."""
+    return {
+        "pictures": pictures,
+        "reduced": reduced,
+        "megapixels": megapixels,
+        "levels": 0,
+        "pairs": pairs,
+    }
+
+
+def _views(block: Block) -> Iterator[View]:
+    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    for i, name in enumerate(block.images.names):
+        camera = block.cameras[block.images.camera_idx[i]]
+        yield View(
+            name=name,
+            path=Path(name),
+            declared=camera,
+            camera=camera,
+            T_m_c=T_m_c[i : i + 1],
+            shrink=1,
+        )
+
+
+def _timed(arguments: Sequence[str]) -> dict[str, Any]:
+    return machine.reported(COMMAND, *arguments)
+
+
+if __name__ == "__main__":
+    main()
