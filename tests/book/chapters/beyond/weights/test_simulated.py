@@ -15,7 +15,6 @@ from acx4book.chapters.beyond.weights.simulated import (
     trajectory_errors,
     wrong_sigma,
 )
-from acx4book.paper import printed
 
 
 @pytest.fixture(scope="module")
@@ -102,12 +101,6 @@ def test_noisier_heights_are_seen_in_f_and_lever_z():
     # as large as it is, the noise of 52 heights is what determines both
     assert table["sigma_lever_z_m"].iloc[2] > 2 * table["sigma_lever_z_m"].iloc[1]
     assert len(figures.height_noise(table).axes) == 2
-    at = np.interp(
-        printed.sigma(3, "lever_z_m", "single_step"),
-        table["sigma_lever_z_m"],
-        100 * table["gnss_height_m"],
-    )
-    assert f"$z$ at {at:.1f} cm" in tables.height_sentence(table)
 
 
 def test_wrong_sigma_are_diagnosed_and_estimated():
