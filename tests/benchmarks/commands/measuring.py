@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from acx4lib.flight.block import Block, select_images
+from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import read
 from acx4lib.geometry.camera import mountings
 from acx4lib.measuring import levels
@@ -79,7 +80,7 @@ def rows(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, A
 def counted(block: Block, reduced: int) -> dict[str, Any]:
     """Return how much there is to match in a block's pictures at 1/K of their size."""
     views = [seen_at(view, reduced) for view in _views(block)]
-    below = float(np.median(block.control.x_m[:, 2]))
+    below = float(np.mean(block.trajectory.T_m_b.r[:, 2] - flying_heights(block)))
     pairs = overlapping(views, ground.level(below))
     camera = views[0].camera
     pixels = camera.width_px * camera.height_px / 1e6
