@@ -70,6 +70,7 @@ def _table(commands: Commands) -> str:
     medians = commands.medians.reset_index()
     alone = medians[medians["command"] == IMPORTS].set_index("flight")["cpu_s"]
     own = medians[medians["command"] != IMPORTS]
+    beyond = own["cpu_s"] - own["flight"].map(alone)
     table = pd.DataFrame(
         {
             "Flight": own["flight"].to_numpy(),
@@ -78,7 +79,7 @@ def _table(commands: Commands) -> str:
             "Measurements": own["measurements"].astype(int).to_numpy(),
             "Seconds": own["wall_s"].to_numpy(),
             "CPU seconds": own["cpu_s"].to_numpy(),
-            "beyond imports": own["cpu_s"].to_numpy() - own["flight"].map(alone).to_numpy(),
+            "beyond imports": beyond.where(beyond > 0).to_numpy(),  # some import less than a run
             "MB": own["tree_mb"].to_numpy(),
         }
     )
@@ -94,7 +95,8 @@ def _table(commands: Commands) -> str:
 def _growth(commands: Commands) -> str:
     """Say how CPU time and memory grow from one to the other of the two largest flights."""
     medians = commands.medians
-    own = medians[medians.index.get_level_values("command") == GROWTH].sort_values("images")
+    own = medians[medians.index.get_level_values("command") == GROWTH]
+    own = own.sort_values("measurements")
     if len(own) < 2:
         return ""
     smaller, larger = (own.iloc[i] for i in (-2, -1))

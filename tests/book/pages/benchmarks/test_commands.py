@@ -50,6 +50,13 @@ def test_growth_is_that_of_the_two_largest_flights():
     )
     assert "the power 0.90 of their number, and 5.0 times the memory" in text
     assert "times the CPU time" not in commands.page(measured(ROWS[:5]))
+    heads = run("run --numbers-only", 4.0, flight="heads", images=200, measurements=5_000)
+    assert "With 10.0 times the images" in commands.page(measured([*ROWS, heads]))
+
+
+def test_a_command_that_imports_less_than_a_run_has_none_beyond():
+    quick = commands.page(measured([run("imports", 1.0), run("check", 0.5)]))
+    assert "| 0.5 | \N{EN DASH} |" in quick
 
 
 def test_what_was_measured_is_read(tmp_path):
