@@ -12,14 +12,13 @@ import numpy as np
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
-from acx4lib.geometry.camera import mountings
 from acx4lib.measuring import flights
 from acx4lib.measuring.flights import Measured, Unmeasured
 from acx4lib.measuring.levels import Matched, MeasureOptions, match_block, placed
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.store import Matching
-from acx4lib.measuring.pictures.views import View, seen_at, size_on_file
+from acx4lib.measuring.pictures.views import View, declared_views, seen_at, size_on_file
 from acx4lib.measuring.surveyed.found import Surveyed, find_surveyed
 from acx4lib.results.own_folder import claims
 
@@ -143,21 +142,9 @@ def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
     files : sequence of Path
     """
     inside = flight.pictures.resolve()
-    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
-    out = []
-    for i, path in enumerate(files):
-        camera = block.cameras[block.images.camera_idx[i]]
-        shown = flight.pictures / path.relative_to(inside)
-        view = View(
-            name=block.images.names[i],
-            path=shown,
-            declared=camera,
-            camera=camera,
-            T_m_c=T_m_c[i : i + 1],
-            shrink=1,
-        )
-        out.append(seen_at(view, size_on_file(shown, camera)))
-    return out
+    shown = [flight.pictures / path.relative_to(inside) for path in files]
+    views = declared_views(block, shown)
+    return [seen_at(view, size_on_file(view.path, view.declared)) for view in views]
 
 
 def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Surface:

@@ -112,8 +112,7 @@ def render_flight(  # noqa: PLR0913 what, how and where
         heads; ``block/name`` where two of them have an exposure of this name.
     options : RenderOptions
     executor : Executor, optional
-        Where images are rendered, such as processes or a Dask cluster that sees the same files; one
-        after the other by default.
+        Processes, or a Dask cluster that sees the same files; by default one after the other.
     threads : int, optional
         Of one image; by default one for each processor of this computer.
     tell : callable
@@ -146,24 +145,17 @@ def render_flight(  # noqa: PLR0913 what, how and where
             estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
         )
         left = [replace(_with_response(job, response), threads=threads) for job in left]
-        outcomes = _rendered(left, rig, executor, tell)
+        outcomes = [*_missing(chosen, incomplete), *_rendered(left, rig, executor, tell)]
         if kept:
             _list(folder, rig, [job for job in jobs if job.exposure in kept])
-    outcomes = sorted(
-        [*_missing(chosen, incomplete), *outcomes], key=lambda o: chosen.index(o.exposure)
-    )
+    outcomes.sort(key=lambda o: chosen.index(o.exposure))
+    left_out = incomplete if exposures is None else {}
     failed = {outcome.exposure for outcome in outcomes if outcome.problems}
     return Rendered(
         rendered=tuple(job.exposure for job in left if job.exposure not in failed),
         kept=tuple(job.exposure for job in jobs if job.exposure in kept),
         problems=tuple(f"{o.exposure}: {p}" for o in outcomes for p in o.problems),
-        notes=(
-            f"heads as {results_path} has them, {rig.source}",
-            *_other_constant(rig),
-            *([] if exposures is not None else _left_out(incomplete)),
-            *([] if response is None else [str(response)]),
-            *_grouped_notes(outcomes),
-        ),
+        notes=tuple(_notes(results_path, rig, left_out, response, outcomes)),
     )
 
 
@@ -254,11 +246,6 @@ def _missing(chosen: Iterable[str], incomplete: Mapping[str, str]) -> list[Outco
     return [Outcome(exposure=n, problems=(incomplete[n],)) for n in chosen if n in incomplete]
 
 
-def _left_out(incomplete: Mapping[str, str]) -> Iterator[str]:
-    if incomplete:
-        yield f"left out, without the files of all heads: {', '.join(incomplete)}"
-
-
 def _jobs(
     rig: SyntheticRig,
     exposures: Sequence[HeadFiles],
@@ -323,8 +310,20 @@ def _is_made(job: RenderJob) -> bool:
 # --- notes and table -------------------------------------------------------------------------
 
 
-def _grouped_notes(outcomes: Sequence[Outcome]) -> Iterator[str]:
-    """Yield each note once, with the names of all its images."""
+def _notes(
+    results_path: str | Path,
+    rig: SyntheticRig,
+    left_out: Mapping[str, str],
+    response: FlightResponse | None,
+    outcomes: Sequence[Outcome],
+) -> Iterator[str]:
+    """Yield what holds of all images, then each note of some once, with the names of these."""
+    yield f"heads as {results_path} has them, {rig.source}"
+    yield from _other_constant(rig)
+    if left_out:
+        yield f"left out, without the files of all heads: {', '.join(left_out)}"
+    if response is not None:
+        yield str(response)
     for note in dict.fromkeys(note for outcome in outcomes for note in outcome.notes):
         names = [outcome.exposure for outcome in outcomes if note in outcome.notes]
         yield f"{', '.join(names)}: {note}"

@@ -9,26 +9,22 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from acx4book.chapters.beyond.from_pictures.whole import EXPOSURES
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import read
-from acx4lib.geometry.camera import mountings
-from acx4lib.measuring import levels
+from acx4lib.measuring.levels import sizes_of
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.overlaps import overlapping
-from acx4lib.measuring.pictures.views import View, seen_at
+from acx4lib.measuring.pictures.views import declared_views, seen_at
 from benchmarks import machine, stored
 from benchmarks.commands.whole import ACX4, COMMAND, OUT
-
-EXPOSURES = ("C1-03", "C1-05", "C2-04", "C2-06", "C3-04", "C4-03", "C4-05", "C5-05")
-"""Of the design single-head: both heights, opposite and crossing strips."""
 
 REDUCED = (8, 4, 2)
 MANY = 50
@@ -79,38 +75,26 @@ def rows(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, A
 
 def counted(block: Block, reduced: int) -> dict[str, Any]:
     """Return how much there is to match in a block's pictures at 1/K of their size."""
-    views = [seen_at(view, reduced) for view in _views(block)]
+    paths = [Path(name) for name in block.images.names]
+    views = [seen_at(view, reduced) for view in declared_views(block, paths)]
     below = float(np.mean(block.trajectory.T_m_b.r[:, 2] - flying_heights(block)))
     pairs = overlapping(views, ground.level(below))
     camera = views[0].camera
     pixels = camera.width_px * camera.height_px / 1e6
-    sizes = levels.sizes_of([replace(view, shrink=reduced) for view in views], 1)
-    return work(len(views), len(pairs), reduced, pixels) | {"levels": len(sizes)}
+    return work(len(views), len(pairs), reduced, pixels, len(sizes_of(views, 1)))
 
 
-def work(pictures: int, pairs: int, reduced: int, megapixels: float) -> dict[str, Any]:
+def work(
+    pictures: int, pairs: int, reduced: int, megapixels: float, levels: int = 0
+) -> dict[str, Any]:
     """Return the columns that say what is measured."""
     return {
         "pictures": pictures,
         "reduced": reduced,
         "megapixels": megapixels,
-        "levels": 0,
+        "levels": levels,
         "pairs": pairs,
     }
-
-
-def _views(block: Block) -> Iterator[View]:
-    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
-    for i, name in enumerate(block.images.names):
-        camera = block.cameras[block.images.camera_idx[i]]
-        yield View(
-            name=name,
-            path=Path(name),
-            declared=camera,
-            camera=camera,
-            T_m_c=T_m_c[i : i + 1],
-            shrink=1,
-        )
 
 
 def _timed(arguments: Sequence[str]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,7 +12,14 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
-from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy, xy_from_colrow
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import (
+    Camera,
+    Interior,
+    colrow_from_xy,
+    mountings,
+    xy_from_colrow,
+)
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.measuring.pictures.ground import Surface
@@ -62,6 +70,23 @@ class View:
     def own(self, colrow: Array) -> Array:
         """Return pixels of the declared camera as pixels of the matching, shape (n, 2)."""
         return colrow_from_xy(self.camera, xy_from_colrow(self.declared, colrow))
+
+
+def declared_views(block: Block, paths: Sequence[Path]) -> list[View]:
+    """Return the pictures of a block with their approximate orientations, at full size.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each file.
+    paths : sequence of Path
+    """
+    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    cameras = [block.cameras[k] for k in block.images.camera_idx]
+    return [
+        View(name=name, path=path, declared=c, camera=c, T_m_c=T_m_c[i : i + 1], shrink=1)
+        for i, (name, path, c) in enumerate(zip(block.images.names, paths, cameras, strict=True))
+    ]
 
 
 def seen_at(view: View, shrink: int) -> View:
