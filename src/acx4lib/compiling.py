@@ -57,6 +57,17 @@ def uncounted_inlined(function: F) -> F:
     return _kept(function, _nrt=False, forceinline=True, **_HOW)
 
 
+def load(*functions: Callable[..., Any]) -> None:
+    """Load what is kept of compiled functions now, as an extension module is when it is imported.
+
+    At their first calls it would take as long as the adjustment of a small block.
+    """
+    for function in functions:
+        kept = getattr(function, "_cache", None)
+        for signature in kept.signatures(function) if isinstance(kept, _Files) else ():
+            function.compile(signature)  # type: ignore[attr-defined] # numba has no types
+
+
 def _folder() -> Path | None:
     """Return the cache folder of the present sources; None where none can be written.
 
@@ -155,6 +166,15 @@ class _Files(FunctionCache):
 
     counts = True
     """Whether the code counts references."""
+
+    def signatures(self, dispatcher: Any) -> list[Any]:
+        """Return the signatures for which code is kept that can be used on this processor."""
+        codegen = dispatcher.targetctx.codegen()
+        try:
+            keys = list(self._cache_file._load_index())
+            return [key[0] for key in keys if key == self._index_key(key[0], codegen)]  # type: ignore[no-untyped-call]
+        except _DAMAGED:
+            return []
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the code kept for a signature; None where there is none that can be used."""

@@ -97,6 +97,54 @@ def test_functions_are_compiled_with_what_earlier_processes_have_kept(tmp_path):
     assert run("more(3.0)", "more") == ["7.0", "1"]
 
 
+def test_kept_code_is_loaded_with_its_module_and_damaged_code_at_the_first_call(tmp_path):
+    (tmp_path / "functions.py").write_text(
+        "from acx4lib.compiling import load, uncounted\n\n"
+        "@uncounted\ndef twice(x):\n    return 2 * x\n\nload(twice)\n"
+    )
+    kept = tmp_path / "kept"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept)}
+    script = "from functions import twice; n = len(twice.overloads); print(n, twice(3.0))"
+
+    def run():
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment,
+            cwd=tmp_path,
+        )
+        return done.stdout.split(), done.stderr
+
+    assert run() == (["0", "6.0"], "")
+    assert run() == (["1", "6.0"], "")
+    for kind in ("nbi", "nbc"):
+        for file in kept.rglob(f"*.{kind}"):
+            file.write_bytes(b"damaged")
+        assert run()[0][1] == "6.0"
+        assert run() == (["1", "6.0"], "")
+
+
+def test_code_kept_for_another_processor_is_not_loaded(tmp_path):
+    script = (
+        "from acx4lib.bundle.compiled import packing; import numpy as np; "
+        "n = len(packing._mark.overloads); one = np.zeros(2, dtype=np.int64); "
+        "packing._mark(one, one, np.zeros((1, 1))); print(n)"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for processor, loaded in (("", "0"), ("x86-64", "0"), ("x86-64", "1"), ("", "1")):
+        named = {"NUMBA_CPU_NAME": processor} if processor else {}
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment | named,
+        )
+        assert done.stdout.split() == [loaded]
+
+
 def test_what_is_not_a_number_is_found_in_a_sum():
     @compiling.compiled
     def unknown(a, b):

@@ -53,7 +53,7 @@ def _arrays(network: Network) -> list[np.ndarray]:
         *(points.image_idx, points.point_idx, points.colrow, points.sigma_px),
     ]
     return [
-        np.ascontiguousarray(a, dtype=np.int64 if a.dtype.kind == "i" else np.float64)
+        np.ascontiguousarray(a, dtype=np.int32 if a.dtype.kind == "i" else np.float64)
         for a in numbers
     ]
 
@@ -79,14 +79,14 @@ def read(path: Path, *, free: Sequence[str] = FREE, free_mount: Sequence[str] = 
         )
         x_m = _floats(file, n_points, 3)
         control = SurveyedPoints(
-            point_idx=np.fromfile(file, np.int64, n_control),
+            point_idx=np.fromfile(file, np.int32, n_control),
             x_m=_floats(file, n_control, 3),
             R_g_m=_floats(file, n_control, 3, 3),
             sigma_m=_floats(file, n_control, 3),
         )
         points = ImagePoints(
-            image_idx=np.fromfile(file, np.int64, n_rays),
-            point_idx=np.fromfile(file, np.int64, n_rays),
+            image_idx=np.fromfile(file, np.int32, n_rays),
+            point_idx=np.fromfile(file, np.int32, n_rays),
             colrow=_floats(file, n_rays, 2),
             sigma_px=_floats(file, n_rays),
         )
@@ -145,7 +145,7 @@ def _network(block: Block, observed: PoseObservations, x_m: np.ndarray, columns:
         pose_idx=np.arange(n),
         layout=columns,
         image_points=block.image_points,
-        rows=np.arange(len(block.image_points)),
+        rows=np.arange(len(block.image_points), dtype=np.int32),
         control=block.control,
         observed=observed,
         start=State(

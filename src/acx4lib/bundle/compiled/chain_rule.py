@@ -15,7 +15,7 @@ from acx4lib.bundle.compiled.elimination import CameraNormals
 from acx4lib.bundle.compiled.packing import pose_band
 from acx4lib.bundle.compiled.rays import INTERIOR, RESIDUAL
 from acx4lib.bundle.compiled.small_products import aligned
-from acx4lib.compiling import uncounted
+from acx4lib.compiling import load, uncounted
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.banded import Bordered, BorderedCovariance
 
@@ -305,3 +305,6 @@ def _camera_pairs(
                     Q[at, 1, b, a] = total
                     if i == j:  # symmetric to the last bit
                         Q[at, 0, b, a] = Q[at, 1, a, b] = total
+
+
+load(_pairs, _camera_pairs)

@@ -18,7 +18,7 @@ from acx4lib.bundle.compiled.elimination import (
     small,
 )
 from acx4lib.bundle.compiled.rays import POINT, RESIDUAL, WIDTH, Scene, SortedRays, linearise
-from acx4lib.compiling import uncounted, uncounted_inlined
+from acx4lib.compiling import load, uncounted, uncounted_inlined
 from acx4lib.expected import Array
 
 # products with V^-1 times a point's derivatives
@@ -189,3 +189,6 @@ def precision(
                         total += J[k, row, POINT + a] * C[a, b] * J[k, row, POINT + b]
                 out.v[at, row] = J[k, row, RESIDUAL]
                 out.redundancy[at, row] = 1 - total
+
+
+load(precision)

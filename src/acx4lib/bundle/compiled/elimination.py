@@ -14,7 +14,7 @@ import numpy as np
 
 from acx4lib.bundle.compiled.rays import POINT, WIDTH, Scene, Seen, SortedRays, linearise
 from acx4lib.bundle.compiled.small_products import SmallProduct, aligned, dot
-from acx4lib.compiling import uncounted, uncounted_inlined
+from acx4lib.compiling import load, uncounted, uncounted_inlined
 from acx4lib.expected import Array
 
 
@@ -283,3 +283,6 @@ def move_points(
             out[at, 0] = -(W[0, 0] * a + W[0, 1] * b + W[0, 2] * c)
             out[at, 1] = -(W[1, 1] * b + W[1, 2] * c)
             out[at, 2] = -W[2, 2] * c
+
+
+load(accumulate, move_points)

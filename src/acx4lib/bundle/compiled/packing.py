@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from acx4lib.bundle.compiled.rays import SortedRays
-from acx4lib.compiling import uncounted
+from acx4lib.compiling import load, uncounted
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.camera import xy_from_colrow
@@ -90,7 +90,10 @@ def measured(block: Block, points: ImagePoints) -> Measured:
             own = camera_idx == k
             xy[own] = xy_from_colrow(camera, points.colrow[own])
     return Measured(
-        point=points.point_idx, image=points.image_idx, xy=xy, weight=weights(block, points)
+        point=points.point_idx.astype(np.int32, copy=False),  # one kind of array, compiled once
+        image=points.image_idx,
+        xy=xy,
+        weight=weights(block, points),
     )
 
 
@@ -277,3 +280,6 @@ def pose_band(pose: Index, band: int) -> int:
     """Return the largest difference of pose numbers of images in the band, plus one."""
     ahead = np.minimum(np.arange(len(pose)) + band - 1, len(pose) - 1)
     return int(np.max(pose[ahead] - pose, initial=0)) + 1
+
+
+load(_sort, _mark)

@@ -1,4 +1,4 @@
-// The problem file that tests/benchmarks/problem_file.py writes, in its order.
+// The problem file that tests/benchmarks/adjusting/problem_file.py writes, in its order.
 #pragma once
 
 #include <array>
@@ -19,10 +19,10 @@ struct Problem {
   std::vector<Mat3> R_m_b, R_g_m;
   std::vector<Vec3> r_m_b, sigma_position, sigma_attitude;
   std::vector<Vec3> x_m;
-  std::vector<int64_t> control_point;
+  std::vector<int32_t> control_point;
   std::vector<Vec3> control_x_m, control_sigma;
   std::vector<Mat3> control_R_g_m;
-  std::vector<int64_t> pose, point;
+  std::vector<int32_t> pose, point;
   std::vector<std::array<double, 2>> colrow;
   std::vector<double> sigma_px;
 };
