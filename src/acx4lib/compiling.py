@@ -171,8 +171,8 @@ class _Files(FunctionCache):
         """Return the signatures for which code is kept that can be used on this processor."""
         codegen = dispatcher.targetctx.codegen()
         try:
-            keys = list(self._cache_file._load_index())
-            return [key[0] for key in keys if key == self._index_key(key[0], codegen)]  # type: ignore[no-untyped-call]
+            kept = self._cache_file._load_index()  # type: ignore[no-untyped-call] # as above
+            return [key[0] for key in kept if key == self._index_key(key[0], codegen)]  # type: ignore[no-untyped-call]
         except _DAMAGED:
             return []
 
