@@ -225,7 +225,10 @@ def _first_call(benchmark: Benchmark) -> str:
         f"{row['points']:,.0f} points"
         for _, row in smallest.iterrows()
     )
-    return f"The first adjustment of a process also loads what is compiled: it takes {times}."
+    return (
+        "Compiled code is loaded with its modules, as that of an extension module is. The first "
+        f"adjustment of a process takes {times}."
+    )
 
 
 def _pycolmap(benchmark: Benchmark) -> str:

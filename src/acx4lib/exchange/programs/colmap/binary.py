@@ -5,13 +5,13 @@ Little-endian, without padding. Each begins with the number of its entries, 64 b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from acx4lib.exchange.programs.colmap import lens, model
-from acx4lib.exchange.programs.colmap.model import Camera, Image, Model, Rig
+from acx4lib.exchange.programs.colmap.model import Camera, Encoding, Image, Rig
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.records import Cursor
 from acx4lib.expected import Array, Index
@@ -25,21 +25,6 @@ ELEMENT_BYTES = 8
 
 CAMERA = 0
 """Type of a sensor that is a camera."""
-
-
-def read(files: Mapping[str, Opened]) -> Model:
-    """Return a model from its files, by their names without endings; FlightError if one is wrong.
-
-    ``rigs`` and ``frames`` may be absent, and all but ``cameras`` where there are no images.
-    """
-    return model.assembled(
-        files,
-        cameras=_cameras,
-        images=_images,
-        points=_points,
-        rigs=_rigs,
-        frames=_frames,
-    )
 
 
 def _entries(source: Opened, element: str, least: int) -> tuple[Cursor, int]:
@@ -132,3 +117,8 @@ def _frames(source: Opened) -> dict[int, int]:
             if kind == CAMERA:
                 found[image] = number
     return found
+
+
+BINARY = Encoding(
+    ending=".bin", cameras=_cameras, images=_images, points=_points, rigs=_rigs, frames=_frames
+)

@@ -114,26 +114,38 @@ class Model:
     frames: Mapping[int, int] = field(default_factory=dict)
 
 
-def assembled(
-    files: Mapping[str, Opened],
-    *,
-    cameras: Callable[[Opened], Mapping[int, Camera]],
-    images: Callable[[Opened], Iterable[Image]],
-    points: Callable[[Opened], tuple[Index, Array]],
-    rigs: Callable[[Opened], Iterable[Rig]],
-    frames: Callable[[Opened], Mapping[int, int]],
-) -> Model:
-    """Return the model of some files, each read by its own function; all but cameras may lack."""
-    ids, places = points(files["points3D"]) if "points3D" in files else NO_POINTS
-    return Model(
-        sources=tuple(files.values()),
-        cameras=cameras(files["cameras"]),
-        images=tuple(images(files["images"])) if "images" in files else (),
-        point_ids=ids,
-        points=places,
-        rigs=tuple(rigs(files["rigs"])) if "rigs" in files else (),
-        frames=frames(files["frames"]) if "frames" in files else {},
-    )
+@dataclass(frozen=True, kw_only=True)
+class Encoding:
+    """A way to write a model to files, and what reads each of these.
+
+    Attributes
+    ----------
+    ending : str
+    cameras, images, points, rigs, frames : callable
+    """
+
+    ending: str
+    cameras: Callable[[Opened], Mapping[int, Camera]]
+    images: Callable[[Opened], Iterable[Image]]
+    points: Callable[[Opened], tuple[Index, Array]]
+    rigs: Callable[[Opened], Iterable[Rig]]
+    frames: Callable[[Opened], Mapping[int, int]]
+
+    def read(self, files: Mapping[str, Opened]) -> Model:
+        """Return a model from its files, by their names without endings.
+
+        All but ``cameras`` may be absent; FlightError if one is wrong.
+        """
+        ids, places = self.points(files["points3D"]) if "points3D" in files else NO_POINTS
+        return Model(
+            sources=tuple(files.values()),
+            cameras=self.cameras(files["cameras"]),
+            images=tuple(self.images(files["images"])) if "images" in files else (),
+            point_ids=ids,
+            points=places,
+            rigs=tuple(self.rigs(files["rigs"])) if "rigs" in files else (),
+            frames=self.frames(files["frames"]) if "frames" in files else {},
+        )
 
 
 def camera(name: str, width: float, height: float, parameters: Array, wrong: Wrong) -> Camera:

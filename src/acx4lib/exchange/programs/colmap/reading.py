@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib.exchange.brought import Brought, number_of
-from acx4lib.exchange.programs.colmap import binary, text
+from acx4lib.exchange.programs.colmap.binary import BINARY
 from acx4lib.exchange.programs.colmap.lens import HALF, MODELS
 from acx4lib.exchange.programs.colmap.model import UNMATCHED, Camera, Image, Model
+from acx4lib.exchange.programs.colmap.text import TEXT
 from acx4lib.exchange.programs.shared import adjusted, proof, tables
 from acx4lib.exchange.programs.shared.adjusted import Flown
 from acx4lib.exchange.programs.shared.cameras import AHEAD, FLIP, Lens, Refitted, refitted, turned
@@ -143,19 +144,18 @@ def _cameras_alone(model: Model, pixel_um: float | None) -> Brought:
 
 def _model(source: Path) -> Model:
     """Return the model of a folder."""
-    for ending, read_files in ((".bin", binary.read), (".txt", text.read)):
-        if (source / f"cameras{ending}").exists():
-            needed = (
-                NAMES if any((source / f"{name}{ending}").exists() for name in NAMES[1:]) else ()
-            )
+    for encoding in (BINARY, TEXT):
+        paths = {name: source / f"{name}{encoding.ending}" for name in (*NAMES, *MAYBE)}
+        if paths[NAMES[0]].exists():
+            has_images = any(paths[name].exists() for name in NAMES[1:])
             files = {}
-            for name in (NAMES[0], *needed, *MAYBE):
-                path = source / f"{name}{ending}"
+            for name in (NAMES[0], *(NAMES[1:] if has_images else ()), *MAYBE):
+                path = paths[name]
                 if name in MAY_BE_EMPTY and path.is_file() and not path.stat().st_size:
                     continue
                 if name not in MAYBE or path.exists():
                     files[name] = opened.read(path)
-            return read_files(files)
+            return encoding.read(files)
     inside = sorted(source.glob("**/cameras.bin")) + sorted(source.glob("**/cameras.txt"))
     hint = f" ({inside[0].parent} has them)" if inside else ""
     raise refusal(

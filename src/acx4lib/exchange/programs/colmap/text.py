@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from acx4lib.exchange.programs.colmap import model
-from acx4lib.exchange.programs.colmap.model import Camera, Image, Model, Rig
+from acx4lib.exchange.programs.colmap.model import Camera, Encoding, Image, Rig
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import LONGEST_LINE, Line
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import quoted
 from acx4lib.geometry.frames import Pose
-
-
-def read(files: Mapping[str, Opened]) -> Model:
-    """Return a model from its files, by their names without endings; FlightError if one is wrong.
-
-    ``rigs`` and ``frames`` may be absent, and all but ``cameras`` where there are no images.
-    """
-    return model.assembled(
-        files,
-        cameras=_cameras,
-        images=_images,
-        points=_points,
-        rigs=_rigs,
-        frames=_frames,
-    )
 
 
 def _lines(source: Opened, *, cells: int = -1) -> Iterator[Line]:
@@ -139,3 +124,8 @@ def _frames(source: Opened) -> dict[int, int]:
             if line.cells[k] == "CAMERA":
                 found[line.whole_at(k + 2, "DATA_ID")] = number
     return found
+
+
+TEXT = Encoding(
+    ending=".txt", cameras=_cameras, images=_images, points=_points, rigs=_rigs, frames=_frames
+)
