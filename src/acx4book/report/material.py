@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -14,31 +13,15 @@ import pandas as pd
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
-from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results.provenance import FILE, KEPT, Run, read_run
 
 BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
 """The block with the observations of a stage."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Material:
-    """A run, read from its results folder.
-
-    Attributes
-    ----------
-    folder : Path
-    found : Results
-    flight : Flight
-        The flight of the run, without pixels.
-    provenance : Provenance
-    """
-
-    folder: Path
-    found: results.Results
-    flight: Flight
-    provenance: provenance.Provenance
+class Material(Run):
+    """A run of which a report speaks."""
 
     @property
     def adjustments(self) -> tuple[str, ...]:
@@ -95,19 +78,14 @@ def read(folder: str | Path) -> Material:
     folder = results.of_run(folder)
     missing = [
         name
-        for name in (*results.EARLIEST, provenance.FILE, f"{provenance.KEPT}/flight.toml")
+        for name in (*results.EARLIEST, FILE, f"{KEPT}/flight.toml")
         if not (folder / name).is_file()
     ]
     if missing:
         problem = f"{folder}: not complete, without {', '.join(missing)}; run all stages again"
         raise FlightError([problem])
-    provenance.verify(folder)
-    material = Material(
-        folder=folder,
-        provenance=provenance.read(folder),
-        found=results.read(folder),
-        flight=read_kept(folder / provenance.KEPT),
-    )
+    run = read_run(folder)
+    material = Material(found=run.found, flight=run.flight, provenance=run.provenance)
     if not material.found.summary:
         raise FlightError([f"{folder}: no stage left results; run acx4 run first"])
     return material
@@ -206,7 +184,7 @@ def _measured(block: Block) -> pd.DataFrame:
 
 def exposure_times(material: Material, block: Block) -> pd.Series:
     """Return the times of a block's exposures, s, by their names; NaN where not given."""
-    path = material.folder / provenance.KEPT / block.name / "trajectory.csv"
+    path = material.folder / KEPT / block.name / "trajectory.csv"
     table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
     table.columns = table.columns.str.strip()
     times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)

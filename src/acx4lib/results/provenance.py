@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.errors import FlightError
-from acx4lib.flight.reader import Flight, table_files
+from acx4lib.flight.reader import Flight, read_kept, table_files
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
@@ -53,6 +53,42 @@ class Provenance:
     def digest(self) -> str:
         """SHA-256 of the names and checksums of all tables together."""
         return digest(self.files)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """What a run left.
+
+    Attributes
+    ----------
+    found : Results
+    flight : Flight
+        The flight of the run, without pixels.
+    provenance : Provenance
+    """
+
+    found: results.Results
+    flight: Flight
+    provenance: Provenance
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results."""
+        return self.found.folder
+
+
+def read_run(folder: str | Path) -> Run:
+    """Read what a run left, if nobody changed it.
+
+    Raises
+    ------
+    FlightError
+        Where the folder has no results, or they or the kept flight were changed.
+    """
+    at = results.of_run(folder)
+    verify(at)
+    origin = read(at)
+    return Run(found=results.read(at), flight=read_kept(at / KEPT), provenance=origin)
 
 
 def digest(files: Mapping[str, str]) -> str:

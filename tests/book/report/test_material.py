@@ -23,7 +23,6 @@ def material(tmp_path_factory):
     carried = {name: carry(flight.block(name), orientation, camera) for name in flight.carried}
     adjustments.write(results, "synthetic", [of_carried(flight, carried)])
     return Material(
-        folder=results,
         found=folder.read(results),
         flight=flight,
         provenance=Provenance(files={}, stages={}),

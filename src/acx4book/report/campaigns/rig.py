@@ -16,9 +16,7 @@ from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.trust.rigidity import Rigidity, rigidity
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.flight.reader import read_kept
-from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results.provenance import read_run
 from acx4lib.stages import rig
 
 HOW = (
@@ -56,10 +54,8 @@ def read(folder: str | Path) -> Rigidity:
     AdjustmentError
         Where the heads cannot be adjusted together.
     """
-    at = results.of_run(folder)
-    provenance.verify(at)
-    provenance.read(at)  # refuses a kept flight that was changed
-    flight = read_kept(at / provenance.KEPT)
+    run = read_run(folder)
+    at, flight = run.folder, run.flight
     if flight.heads is None or len(flight.heads.cameras) < 2:
         problem = (
             f"{at}: one results folder without a block of several heads; name two or more folders "

@@ -14,11 +14,12 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.flight.reader import Flight, read_kept
+from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.least_squares.covariance import propagate
-from acx4lib.results import folder, provenance
+from acx4lib.results import folder
+from acx4lib.results.provenance import read_run
 from acx4lib.results.read_back import read_calibration, read_relative_orientation, refused
 
 CAMERA = ("single_step", "two_step_gnss", "two_step")
@@ -94,18 +95,15 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     ValueError
         For an unknown method.
     """
-    at = folder.of_run(results)
     if method:
         expected.one_of("method", method, (*CAMERA, *HEADS))
-    provenance.verify(at)
-    found = folder.read(at)
+    run = read_run(results)
+    found, flight = run.found, run.flight
     there = [name for name in (*CAMERA, *HEADS) if _ended(found, name)]
     usable = [name for name in there if not heads or name in HEADS]
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
         raise FlightError([_missing(found, chosen, there, heads=heads)])
-    origin = provenance.read(at)
-    flight = read_kept(at / provenance.KEPT)
     with refused(found):
         calibration = _calibration(found, chosen, flight)
     return Calibrated(
@@ -113,7 +111,7 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
         method=chosen,
         calibration=calibration,
         others=tuple(name for name in usable if name != chosen),
-        digest=origin.digest,
+        digest=run.provenance.digest,
     )
 
 

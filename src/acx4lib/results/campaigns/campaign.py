@@ -13,10 +13,10 @@ from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights
-from acx4lib.flight.reader import Flight, read_kept
+from acx4lib.flight.reader import Flight
 from acx4lib.flight.setup import Session
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results.provenance import KEPT, Run, read_run
 from acx4lib.results.read_back import read_calibration, refused
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
@@ -108,11 +108,10 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
     ValueError
         For an unknown method.
     """
-    at = expected.folder("folder", folder, "the results of a run")
     if method:
         expected.one_of("method", method, COMPARED)
-    provenance.verify(at)
-    found = results.read(at)
+    run = read_run(folder)
+    at, found = run.folder, run.found
     chosen = method or next((m for m in COMPARED if f"mounting/{m}" in found.summary), "")
     key = f"mounting/{chosen}"
     if key not in found.summary:
@@ -123,13 +122,11 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
         said = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
         reason = said[0] if said else f"{key} did not converge"
         raise FlightError([f"{at}: no calibration to compare: {reason}"])
-    return _campaign(found, chosen, name or at.resolve().name)
+    return _campaign(run, chosen, name or at.resolve().name)
 
 
-def _campaign(found: results.Results, method: str, name: str) -> Campaign:
-    origin = provenance.read(found.folder)  # refuses a kept flight that was changed
-    flight = read_kept(found.folder / provenance.KEPT)
-    key = f"mounting/{method}"
+def _campaign(run: Run, method: str, name: str) -> Campaign:
+    found, flight, key = run.found, run.flight, f"mounting/{method}"
     entry = found.summary[key]
     cameras = [flight.cameras[camera] for camera in results.cameras(found, key)]
     with refused(found):
@@ -145,8 +142,8 @@ def _campaign(found: results.Results, method: str, name: str) -> Campaign:
         height_m=_height(block),
         frame_deg=_frame(flight, method),
         refraction=flight.refraction,
-        control=_control(found.folder / provenance.KEPT / "control_points.csv"),
-        flight=origin.digest,
+        control=_control(run.folder / KEPT / "control_points.csv"),
+        flight=run.provenance.digest,
     )
 
 

@@ -79,7 +79,7 @@ def test_results_without_the_method_say_so(made, tmp_path):
     (line,) = problems(made[1], method="rig")
     assert line.endswith("no results of mounting/rig; acx4 run makes them")
     (line,) = problems(tmp_path)
-    assert "no results of the stage mounting" in line
+    assert "no results of a run" in line
 
 
 def test_results_that_contradict_themselves_are_no_campaign(spoilt):
