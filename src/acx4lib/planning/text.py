@@ -42,7 +42,7 @@ def read(path: str | Path) -> Plan:
     FlightError
         With all problems, one line each.
     """
-    return checked(read_toml(expected.path("path", path)))
+    return checked(read_toml(expected.path("path", path), needed_by="planning"))
 
 
 def from_values(values: Mapping[str, Any]) -> Plan:

@@ -79,9 +79,9 @@ def _shown(key: str) -> str:
     return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
 
 
-def read_toml(path: Path) -> Toml:
+def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     """Return a TOML file, such as a flight.toml; what is wrong is in its `problems`."""
-    text, sha256, problems = read_text(path, str(path), most=MOST_BYTES)
+    text, sha256, problems = read_text(path, str(path), needed_by=needed_by, most=MOST_BYTES)
     toml = Toml(folder=path.parent, file=str(path), sha256=sha256, problems=problems)
     if problems:
         return toml

@@ -70,7 +70,7 @@ def read(path: str | Path, plan: Plan) -> Target:
     FlightError
         With all problems, one line each.
     """
-    return _checked(read_toml(expected.path("path", path)), plan)
+    return _checked(read_toml(expected.path("path", path), needed_by="planning"), plan)
 
 
 def from_values(values: Mapping[str, Any], plan: Plan) -> Target:

@@ -96,8 +96,8 @@ def read(
     FlightError
         Where the folder has no model, or something in it cannot be.
     """
-    source = source.parent if source.is_file() else source
     model = _model(source)
+    source = source.parent if source.is_file() else source
     if not model.images:
         return _cameras_alone(model, pixel_um)
     _require(model)
@@ -143,9 +143,10 @@ def _cameras_alone(model: Model, pixel_um: float | None) -> Brought:
 
 
 def _model(source: Path) -> Model:
-    """Return the model of a folder."""
+    """Return the model of a folder, or of that of a file."""
+    folder = source.parent if source.is_file() else source
     for encoding in (BINARY, TEXT):
-        paths = {name: source / f"{name}{encoding.ending}" for name in (*NAMES, *MAYBE)}
+        paths = {name: folder / f"{name}{encoding.ending}" for name in (*NAMES, *MAYBE)}
         if paths[NAMES[0]].exists():
             has_images = any(paths[name].exists() for name in NAMES[1:])
             files = {}
@@ -156,7 +157,7 @@ def _model(source: Path) -> Model:
                 if name not in MAYBE or path.exists():
                     files[name] = opened.read(path)
             return encoding.read(files)
-    inside = sorted(source.glob("**/cameras.bin")) + sorted(source.glob("**/cameras.txt"))
+    inside = sorted(folder.glob("**/cameras.bin")) + sorted(folder.glob("**/cameras.txt"))
     hint = f" ({inside[0].parent} has them)" if inside else ""
     raise refusal(
         str(source),
