@@ -18,6 +18,11 @@ Canvas = NDArray[np.uint8]
 
 _SHIFT = 4  # binary digits of a cell in OpenCV's coordinates
 _LIMIT = 20_000.0  # cells; nothing is drawn beyond it, far outside any window
+_BORDER, _LABEL_BORDER = 0.66, 0.45
+"""Cells by which OpenCV, which draws borders too, enlarges a polygon, with smoothed edges or not.
+
+They are taken off before, so that cells of every size show the same ground.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,8 +96,13 @@ def shapes(outlines: Array, colours: ArrayLike) -> Shapes:
     )
 
 
-def in_cells(of: Shapes, window: GroundWindow) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return the polygons that touch a window, and their corners in OpenCV's coordinates."""
+def in_cells(
+    of: Shapes, window: GroundWindow, border: float = _BORDER
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the polygons that touch a window, and their corners in OpenCV's coordinates.
+
+    Without the border that is drawn around them, in cells.
+    """
     if not of.touches(window):
         return np.empty(0, np.int64), np.empty((0, 0, 2), np.int32)
     cell = window.cell_m
@@ -101,14 +111,31 @@ def in_cells(of: Shapes, window: GroundWindow) -> tuple[NDArray[np.int64], NDArr
     worth = np.all(high - low > of.least, axis=1)
     touches = worth & np.all((high >= -1) & (low <= [window.cols + 1, window.rows + 1]), axis=1)
     near = np.flatnonzero(touches)
-    corners = np.clip(of.outlines[near] / cell + start, -_LIMIT, _LIMIT)
+    corners = np.clip(
+        shrunk(of.outlines[near].astype(float) / cell, border) + start, -_LIMIT, _LIMIT
+    )
     return near, np.rint(corners * 2**_SHIFT).astype(np.int32)
+
+
+def shrunk(outlines: Array, by: float) -> Array:
+    """Return polygons, shape (n, m, 2), with every edge moved inwards; narrow ones to a line."""
+    edges = np.roll(outlines, -1, axis=1) - outlines
+    lengths = np.linalg.norm(edges, axis=-1)
+    after = np.roll(outlines, -1, axis=1)
+    areas = np.sum(outlines[..., 0] * after[..., 1] - outlines[..., 1] * after[..., 0], axis=1) / 2
+    inwards = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
+    inwards *= (np.sign(areas)[:, None] / np.maximum(lengths, 1e-9))[..., None]
+    before = np.roll(inwards, 1, axis=1)
+    cosine = np.sum(before * inwards, axis=-1)
+    corner = (before + inwards) / np.maximum(1 + cosine, 0.2)[..., None]
+    half_widths = np.abs(areas) / np.maximum(lengths.sum(axis=1), 1e-9)  # of a long rectangle
+    return outlines + np.minimum(half_widths, by)[:, None, None] * corner
 
 
 def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
     """Draw convex polygons on a canvas of the window, with smoothed edges."""
     near, corners = in_cells(of, window)
-    share = min(1.0, of.width_m / window.cell_m / 1.5)
+    share = min(1.0, of.width_m / window.cell_m / (2 * _BORDER))
     colours = of.under + share * (of.colours[near] - np.array(of.under, np.float64))
     for outline, colour in zip(corners, colours.tolist(), strict=True):
         cv2.fillConvexPoly(canvas, outline, colour, cv2.LINE_AA, _SHIFT)
@@ -116,7 +143,7 @@ def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
 
 def draw_labels(labels: NDArray[np.int16], window: GroundWindow, of: Shapes, first: int) -> None:
     """Write a number for each polygon, from `first` on, into the cells that it covers."""
-    near, corners = in_cells(of, window)
+    near, corners = in_cells(of, window, _LABEL_BORDER)
     for i, outline in zip(near.tolist(), corners, strict=True):
         cv2.fillPoly(labels, [outline], first + i, cv2.LINE_8, _SHIFT)
 
@@ -141,7 +168,7 @@ def turned(x: Array, angle: Array) -> Array:
     return np.stack([c * x[..., 0] - s * x[..., 1], s * x[..., 0] + c * x[..., 1]], axis=-1)
 
 
-def ribbons(line: Array, from_m: float, to_m: float) -> Array:
+def ribbons(line: Array, from_m: float, to_m: float, overlap_m: float = 0.5) -> Array:
     """Return the quadrangles of a band along a line, shape (n - 1, 4, 2).
 
     Parameters
@@ -150,9 +177,13 @@ def ribbons(line: Array, from_m: float, to_m: float) -> Array:
         Corners of the line.
     from_m, to_m : float
         Edges of the band, to the left of the line.
+    overlap_m : float
+        Length by which each reaches beyond its ends, so that no seam is seen.
     """
     along = np.gradient(line, axis=0)
     left = np.column_stack([-along[:, 1], along[:, 0]])
     left /= np.linalg.norm(left, axis=1, keepdims=True)
     a, b = line + from_m * left, line + to_m * left
-    return np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)
+    reach = np.diff(line, axis=0)
+    reach *= overlap_m / np.linalg.norm(reach, axis=1, keepdims=True)
+    return np.stack([a[:-1] - reach, a[1:] + reach, b[1:] + reach, b[:-1] - reach], axis=1)

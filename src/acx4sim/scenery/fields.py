@@ -128,7 +128,7 @@ def _paved(line: Array) -> list[Shapes]:
     fine = np.column_stack(
         [np.interp(np.linspace(0, 30, 121), np.arange(31), line[:, i]) for i in range(2)]
     )
-    dashes = ribbons(fine, -0.07, 0.07)[::4]
+    dashes = ribbons(fine, -0.07, 0.07, overlap_m=0.0)[::4]
     return [
         shapes(ribbons(line, -5.2, 5.2), _VERGE),
         shapes(ribbons(line, -3.6, 3.6), _ASPHALT),

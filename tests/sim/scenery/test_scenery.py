@@ -1,5 +1,7 @@
 """The procedural landscape: one and the same wherever and however finely one looks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -7,6 +9,7 @@ from scipy.stats import norm
 
 from acx4sim.scenery import scenery
 from acx4sim.scenery.country import Country
+from acx4sim.scenery.drawing import draw, rectangles, shapes
 from acx4sim.scenery.noise import GroundWindow, cell_m, fractal, white
 from acx4sim.scenery.scenery import Landscape
 
@@ -62,6 +65,57 @@ def test_coarse_cells_are_the_means_of_fine_ones(plain):
     coarse = plain.paint(window_at(0, 0, 5, 256)).astype(float)
     blocks = fine.reshape(4, 256, 4, 256, 3).mean(axis=(1, 3))
     assert_allclose(coarse.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3)), blocks, rtol=0.2)
+
+
+@pytest.mark.parametrize("place", [VILLAGE, (150.0, -80.0), (20.0, -380.0)])
+def test_edges_stand_where_they_are_in_cells_of_every_size(plain, place):
+    """How far parts of 32 x 32 cells have moved against cells of half the size."""
+    for level in (0, 1):
+        window = window_at(*place, level, 1024)
+        window = replace(window, row=window.row // 2 * 2, col=window.col // 2 * 2)
+        fine = plain.paint(window)[..., 1].reshape(512, 2, 512, 2).mean(axis=(1, 3))
+        coarse = plain.paint(
+            GroundWindow(
+                level=level + 1, row=window.row // 2, col=window.col // 2, rows=512, cols=512
+            )
+        )[..., 1]
+        moved = np.linalg.norm(shifts(fine, coarse.astype(float)), axis=1)
+        assert len(moved) > 50
+        assert np.sqrt(np.mean(moved**2)) < 0.1
+        assert np.quantile(moved, 0.95) < 0.2
+
+
+def shifts(one, other, size=32):
+    """Return how far parts of an image moved, by least squares; only where there is structure."""
+    down, along = np.gradient((one + other) / 2)
+    found = []
+    for row in range(0, len(one) - size + 1, size):
+        for col in range(0, len(one) - size + 1, size):
+            at = np.s_[row : row + size, col : col + size]
+            A = np.column_stack([-along[at].ravel(), -down[at].ravel(), np.ones(size**2)])
+            if np.linalg.eigvalsh(A.T[:2] @ A[:, :2])[0] > 2e8:
+                found.append(np.linalg.lstsq(A, (other - one)[at].ravel(), rcond=None)[0][:2])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("size_m", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 45.0])
+def test_a_polygon_covers_its_area_in_cells_of_every_size(size_m, angle_deg):
+    middle, angle = np.array([[4.03, 3.98]]), np.radians([angle_deg])
+    drawn = shapes(rectangles(middle, 1.5 * size_m, size_m, angle), (200, 200, 200, 200))
+    for level in range(-2, 4):
+        if size_m < 3 * cell_m(level):
+            continue
+        n = int(32 / cell_m(level))
+        window = GroundWindow(level=level, row=-n // 4, col=-n // 4, rows=n, cols=n)
+        canvas = np.zeros((n, n, 4), np.uint8)
+        draw(canvas, window, drawn)
+        east, north = window.en()
+        share = canvas[..., 0] / 200
+        found = np.array([share.sum(axis=0) @ east, share.sum(axis=1) @ north]) / share.sum()
+        edge_m = (np.sqrt(share.sum() / 1.5) * cell_m(level) - size_m) / 2
+        assert abs(edge_m) < 0.12 * cell_m(level)
+        assert np.all(np.abs(found - middle[0]) < 0.2 * cell_m(level))
 
 
 def test_levels_are_those_of_a_camera_of_16_bit(plain):
