@@ -43,8 +43,8 @@ cannot tell a focal length from their heights, and need not."""
 SMALLEST_ANGLE = np.radians(0.5)
 
 CRITICAL = 3.29
-"""Of a normal variable, exceeded by 0.1 %: tie points are many, and pictures of other heights have
-more large errors than normal ones."""
+"""Of a normal variable, exceeded by 0.1 %: tie points are many, and matches have more large errors
+than normal ones."""
 
 LEAST_SIGMA_PX = 0.05
 """Of the matching's pixels: what a smooth ground and a first orientation leave unexplained."""

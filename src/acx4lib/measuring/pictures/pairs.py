@@ -17,10 +17,6 @@ from acx4lib.tie_points.least_squares_matching import correlate, match
 SPLINE = 8
 """Pixels around a patch over which the splines of a stack's neighbours fade away."""
 
-OTHER_PIXELS = 0.1
-"""Standard deviation of a position between pictures of other flying heights, as a share of the
-difference of their pixels: an edge is where a pixel mixes both sides, and not the same in both."""
-
 MOVES = 5
 """Largest movement of a window in least-squares matching, px."""
 
@@ -148,8 +144,7 @@ def found_in(a: View, b: View, surface: Surface, at: Index, options: MatchOption
     )
     near[~(coefficient >= options.least_correlation)] = np.nan
     done = match(first.grey, other.grey, middles, near, half=options.window_px // 2)
-    coarser = np.abs(1 - 1 / other.scale)
-    sigma = np.sqrt(np.mean(done.sigma_px**2, axis=1) + (OTHER_PIXELS * coarser) ** 2)
+    sigma = np.sqrt(np.mean(done.sigma_px**2, axis=1))
     good = np.flatnonzero(sigma < options.largest_sigma_px)
     place = at[which[good]] + (done.colrow - middles)[good]
     both = np.column_stack([sigma, sigma * other.scale])[good]
