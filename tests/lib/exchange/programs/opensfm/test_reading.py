@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4lib.exchange.programs.colmap import text
+from acx4lib.exchange.programs.colmap.text import TEXT
 from acx4lib.exchange.programs.opensfm import reading
 from acx4lib.exchange.programs.shared import oriented
 from acx4lib.exchange.programs.shared.cameras import FLIP
@@ -138,7 +138,7 @@ def test_orientations_that_are_nowhere_are_refused(tmp_path, written):
 def test_opensfm_and_colmap_agree_on_the_same_pictures():
     """Two adjustments of 11 pictures, one with a lens, the other without distortion."""
     folder, images = data.path(COLMAP).parent, reading.images_of(data.path(SAMPLE))
-    model = text.read({name: opened.read(folder / f"{name}.txt") for name in COLMAPS})
+    model = TEXT.read({name: opened.read(folder / f"{name}.txt") for name in COLMAPS})
     T_u_v = {image.name: image.pose.inverse for image in model.images}
     other = [T_u_v[name] for name in images.images]
     R_u_w = np.array([one.R @ FLIP @ R.T for one, R in zip(other, images.T_w_c.R, strict=True)])
