@@ -104,7 +104,8 @@ class Network:
     @property
     def free_points(self) -> Mask:
         """Which points are unknowns: those measured, unless given free of error."""
-        free = np.bincount(self.image_points.point_idx, minlength=self.n_points) > 0
+        free = np.zeros(self.n_points, dtype=bool)
+        free[self.image_points.point_idx] = True
         free[self.control.point_idx] = True
         free[self.control.point_idx[self.held_control]] = False
         return free
