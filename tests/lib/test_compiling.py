@@ -53,6 +53,18 @@ def test_decorating_leaves_the_configuration_as_it_was():
     assert before == compiling._CONFIG.CACHE_DIR
 
 
+def process(script, *, kept, cwd=None, **environment):
+    """Run Python, with compiled code kept in a folder."""
+    return subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(kept), **environment},
+        cwd=cwd,
+    )
+
+
 def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
     """Importing that takes longer than the adjustment of a small block."""
     script = (
@@ -60,15 +72,8 @@ def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
         "one = np.zeros(1, dtype=np.int64); starts, _, _ = packing._sorted(one, one, 1, 1); "
         "print(starts.tolist(), 'numba.np.linalg' in sys.modules)"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     for has_all in (True, False):  # the first process compiles
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment,
-        )
+        done = process(script, kept=tmp_path)
         assert done.stdout.split("]") == ["[0, 1", f" {has_all}\n"]
 
 
@@ -78,18 +83,10 @@ def test_functions_are_compiled_with_what_earlier_processes_have_kept(tmp_path):
         "@compiled\ndef twice(x):\n    return 2 * x\n\n"
         "@compiled\ndef more(x):\n    return twice(x) + 1\n"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
 
     def run(call, used):
         script = f"from functions import more, twice; print({call}, len({used}.stats.cache_hits))"
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment,
-            cwd=tmp_path,
-        )
+        done = process(script, kept=tmp_path / "kept", cwd=tmp_path)
         return done.stdout.split()
 
     assert run("twice(3.0)", "twice") == ["6.0", "0"]
@@ -103,18 +100,10 @@ def test_kept_code_is_loaded_with_its_module_and_damaged_code_at_the_first_call(
         "@uncounted\ndef twice(x):\n    return 2 * x\n\nload(twice)\n"
     )
     kept = tmp_path / "kept"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept)}
     script = "from functions import twice; n = len(twice.overloads); print(n, twice(3.0))"
 
     def run():
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment,
-            cwd=tmp_path,
-        )
+        done = process(script, kept=kept, cwd=tmp_path)
         return done.stdout.split(), done.stderr
 
     assert run() == (["0", "6.0"], "")
@@ -132,16 +121,9 @@ def test_code_kept_for_another_processor_is_not_loaded(tmp_path):
         "n = len(packing._mark.overloads); one = np.zeros(2, dtype=np.int64); "
         "packing._mark(one, one, np.zeros((1, 1))); print(n)"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     for processor, loaded in (("", "0"), ("x86-64", "0"), ("x86-64", "1"), ("", "1")):
         named = {"NUMBA_CPU_NAME": processor} if processor else {}
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment | named,
-        )
+        done = process(script, kept=tmp_path, **named)
         assert done.stdout.split() == [loaded]
 
 

@@ -119,9 +119,9 @@ def in_cells(
 
 def shrunk(outlines: Array, by: float) -> Array:
     """Return polygons, shape (n, m, 2), with every edge moved inwards; narrow ones to a line."""
-    edges = np.roll(outlines, -1, axis=1) - outlines
-    lengths = np.linalg.norm(edges, axis=-1)
     after = np.roll(outlines, -1, axis=1)
+    edges = after - outlines
+    lengths = np.linalg.norm(edges, axis=-1)
     areas = np.sum(outlines[..., 0] * after[..., 1] - outlines[..., 1] * after[..., 0], axis=1) / 2
     inwards = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
     inwards *= (np.sign(areas)[:, None] / np.maximum(lengths, 1e-9))[..., None]
