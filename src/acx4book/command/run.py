@@ -111,7 +111,9 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
     """Run the stages of a flight, and say what deserves notice."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4book.notebooks.ways import way_of  # noqa: PLC0415 quick help
+    from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
+    processors.keep_memory()
     with terminal.stage_bars("cells" if settings.notebooks else "stages") as tell:
         report = runner.run(
             flight, results, way=way_of(settings.notebooks), stages=settings.stages, tell=tell

@@ -101,13 +101,14 @@ class Network:
         """Number of points of the block, used or not."""
         return len(self.block.points)
 
-    @property
+    @cached_property
     def free_points(self) -> Mask:
         """Which points are unknowns: those measured, unless given free of error."""
         free = np.zeros(self.n_points, dtype=bool)
         free[self.image_points.point_idx] = True
         free[self.control.point_idx] = True
         free[self.control.point_idx[self.held_control]] = False
+        free.flags.writeable = False
         return free
 
     @property
@@ -150,8 +151,8 @@ class Network:
         """Linearise image points, control points, positions, attitudes, distances, mountings."""
         return [_image_equations(self, state), *_other_equations(self, state)]
 
-    def normals(self, state: State, damping: float = 0.0) -> Normals:
-        """Return the normal equations at a state, compiled where that is possible."""
+    def normals(self, state: State, damping: float = 0.0, before: Normals | None = None) -> Normals:
+        """Return the normal equations at a state; compiled, they reuse memory of those before."""
         if not COMPILED:
             return PlainNormals(
                 n_columns=self.n_columns,
@@ -159,7 +160,7 @@ class Network:
                 equations=self.equations(state),
                 damping=damping,
             )
-        return _compiled_normals(self, state, damping)
+        return _compiled_normals(self, state, damping, before)
 
     @cached_property
     def packed(self) -> Packed:
@@ -279,7 +280,9 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
 # --- compiled --------------------------------------------------------------------------------
 
 
-def _compiled_normals(network: Network, state: State, damping: float) -> NetworkNormals:
+def _compiled_normals(
+    network: Network, state: State, damping: float, before: Normals | None
+) -> NetworkNormals:
     packed, layout = network.packed, network.layout
     camera = network.block.images.camera_idx[packed.image]
     pose = network.pose_idx[packed.image]
@@ -288,8 +291,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
     R_c_m = np.swapaxes(T_m_c.R, -1, -2)
     for J in (by_pose, by_mount):  # turned to the camera's axes
         J[:, :3] = R_c_m @ J[:, :3]
-    place = np.empty(len(packed.pose), dtype=np.intp)
-    place[packed.pose] = np.arange(len(packed.pose))
+    place = np.argsort(packed.pose)  # of each pose in that order
     others = _other_equations(network, state)
     V, h = by_points(network.observed_points, others)
     return NetworkNormals(
@@ -321,6 +323,7 @@ def _compiled_normals(network: Network, state: State, damping: float) -> Network
         n_points=network.n_points,
         others=others,
         joined=_joined(network, state, others, damping),
+        room=before.give_up_band() if isinstance(before, NetworkNormals) else None,
     )
 
 

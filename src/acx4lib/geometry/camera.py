@@ -172,7 +172,8 @@ def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
     expected.instance("camera", camera, Camera)
     colrow = expected.numbers("colrow", colrow, (..., 2))
     centre = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
-    return (colrow - centre) * np.array([camera.pixel_mm, -camera.pixel_mm])
+    xy: Array = colrow - centre
+    return np.multiply(xy, [camera.pixel_mm, -camera.pixel_mm], out=xy)
 
 
 def colrow_from_xy(camera: Camera, xy: Array) -> Array:

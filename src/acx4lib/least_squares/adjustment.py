@@ -133,11 +133,12 @@ def normals(
 ) -> Normals:
     """Return a problem's normal equations at a state, from its own method if it has one.
 
-    Damping remembers the diagonal of plain normal equations at the state before.
+    Its own may take over the memory of the normal equations at the state before. Damping remembers
+    the diagonal of plain ones.
     """
-    own: Callable[[S, float], Normals] | None = getattr(problem, "normals", None)
+    own: Callable[[S, float, Normals | None], Normals] | None = getattr(problem, "normals", None)
     if own is not None:
-        return own(state, damping)
+        return own(state, damping, before)
     least = FORGOTTEN * before.diagonal if isinstance(before, PlainNormals) else 0.0
     return PlainNormals(
         n_columns=problem.n_columns,

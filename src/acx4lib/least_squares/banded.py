@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from scipy import linalg
 
 from acx4lib.errors import AdjustmentError
@@ -127,21 +127,31 @@ class Banded:
         m = len(system.D)
         self.scale = 1 / np.sqrt(np.where(system.diagonal > 0, system.diagonal, 1.0))
         _scale(system.P, self.scale[m:])
-        self.band = linalg.cholesky_banded(system.P.T, lower=True, overwrite_ab=True)
-        C = system.C * self.scale[:m, None] * self.scale[m:]
-        self.X = linalg.cho_solve_banded((self.band, True), C.T)
-        corner = system.D * self.scale[:m, None] * self.scale[:m] - C @ self.X
+        self.band = linalg.cholesky_banded(
+            system.P.T, lower=True, overwrite_ab=True, check_finite=False
+        )
+        self.Y = self._through_band(system.C.T * self.scale[m:, None] * self.scale[:m])
+        corner = system.D * self.scale[:m, None] * self.scale[:m] - self.Y.T @ self.Y
         self.corner = linalg.cholesky(corner, lower=True) if m else np.zeros((0, 0))
         pivots = np.concatenate([self.band[0], np.diagonal(self.corner)])
-        if np.min(pivots) ** 2 <= SINGULAR:
+        if not np.min(pivots) ** 2 > SINGULAR:  # nor where one is not a number
             msg = "singular to working precision"
             raise linalg.LinAlgError(msg)
 
+    def _through_band(self, g: Array, *, transposed: bool = False) -> Array:
+        """Return L^-1 g or L^-T g of the band's factor L, for g of shape (n,) or (n, k)."""
+        if not g.size:
+            return g
+        solved, _ = linalg.lapack.dtbtrs(self.band, g, uplo="L", trans="T" if transposed else "N")
+        return np.asarray(solved.reshape(g.shape))
+
     def _solve_scaled(self, g: Array) -> Array:
         m = len(self.corner)
-        border = linalg.cho_solve((self.corner, True), g[:m] - self.X.T @ g[m:]) if m else g[:0]
-        poses = linalg.cho_solve_banded((self.band, True), g[m:]) - self.X @ border
-        return np.concatenate([border, poses])
+        poses = self._through_band(g[m:])
+        border = linalg.cho_solve((self.corner, True), g[:m] - self.Y.T @ poses) if m else g[:0]
+        return np.concatenate(
+            [border, self._through_band(poses - self.Y @ border, transposed=True)]
+        )
 
     def solve(self, g: Array) -> Array:
         """Return the solution for right-hand sides g, shape (n,) or (n, k)."""
@@ -150,20 +160,13 @@ class Banded:
 
     def inverse(self) -> BorderedCovariance:
         """Return border and band of the inverse."""
-        m, band, n_poses = len(self.corner), len(self.band) // 6, self.band.shape[1] // 6
+        m = len(self.corner)
+        border, poses = self.scale[:m], self.scale[m:]
         D = linalg.cho_solve((self.corner, True), np.eye(m)) if m else np.zeros((0, 0))
-        C = -D @ self.X.T
-        P = _selected_inverse(self.band, n_poses, band)
-        X = self.X.reshape(n_poses, 6, m)
-        scale = self.scale[m:].reshape(n_poses, 6)
-        for d in range(band):
-            i = np.arange(n_poses - d)
-            P[i, d] += (X[i] @ D) @ np.swapaxes(X[i + d], 1, 2)
-            P[i, d] *= scale[i, :, None] * scale[i + d, None, :]
-        border = self.scale[:m]
-        return BorderedCovariance(
-            P=P, C=C * border[:, None] * self.scale[m:], D=D * border[:, None] * border
-        )
+        X = self._through_band(self.Y, transposed=True) * poses[:, None]
+        D = border[:, None] * D * border
+        X = X / border
+        return BorderedCovariance(P=_selected_inverse(self.band.T, poses, X, D), C=-D @ X.T, D=D)
 
     def spectrum(self) -> tuple[float, Array]:
         """Return the condition of the scaled matrix and its weakest eigenvector."""
@@ -178,10 +181,9 @@ class Banded:
 
     def _times_scaled(self, x: Array) -> Array:
         m, depth = len(self.corner), len(self.band) - 1
-        poses = x[m:] + self.X @ x[:m]
-        for transposed in (1, 0):  # the band is the product of its factor with the transpose
-            poses = linalg.blas.dtbmv(depth, self.band, poses, lower=1, trans=transposed)
-        border = self.corner @ (self.corner.T @ x[:m]) + self.X.T @ poses
+        poses = linalg.blas.dtbmv(depth, self.band, x[m:], lower=1, trans=1) + self.Y @ x[:m]
+        border = self.corner @ (self.corner.T @ x[:m]) + self.Y.T @ poses
+        poses = linalg.blas.dtbmv(depth, self.band, poses, lower=1)
         return np.concatenate([border, poses])
 
 
@@ -193,40 +195,58 @@ def _scale(P: Array, scale: Array) -> None:
     P *= ahead
 
 
-def _selected_inverse(factor: Array, n_poses: int, band: int) -> Array:
-    """Return the band of the inverse from its Cholesky factor, shape (n_poses, band, 6, 6).
+def _selected_inverse(factor: Array, scale: Array, X: Array, D: Array) -> Array:
+    """Return the band of S (U^T U)^-1 S + X D X^T, shape (n_poses, band, 6, 6).
 
     Takahashi's recursion over square blocks as wide as the band, from the last to the first:
-    with ``G = L_10 L_00^-1``, ``Z_10 = -Z_11 G`` and ``Z_00 = (L_00 L_00^T)^-1 - G^T Z_10``.
+    with ``G = U_00^-1 U_01``, ``Z_01 = -G Z_11`` and ``Z_00 = (U_00^T U_00)^-1 - Z_01 G^T``.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (6 n_poses, 6 band)
+        The upper factor U, in the layout of `Bordered.P`.
+    scale : ndarray, shape (6 n_poses,)
+        The diagonal of S.
+    X : ndarray, shape (6 n_poses, n_border)
+    D : ndarray, shape (n_border, n_border)
     """
-    out = np.zeros((n_poses, band, 6, 6))
-    size = max(band - 1, 1)
-    starts = range(0, n_poses, size)
-    Z_11 = np.zeros((0, 0))
-    for start in reversed(starts):
-        stop = min(start + size, n_poses)
-        L_00, L_10 = _factor_block(factor, start, stop, min(stop + size, n_poses))
-        L_inv, _ = linalg.lapack.dtrtri(L_00, lower=1)
-        L_inv = np.tril(L_inv)
-        G = L_10 @ L_inv
-        Z_10 = -Z_11 @ G
-        Z_00 = L_inv.T @ L_inv - G.T @ Z_10
-        both = np.vstack([Z_00, Z_10]).reshape(-1, 6, stop - start, 6)
-        for i in range(stop - start):
-            ahead = min(band, both.shape[0] - i)
-            out[start + i, :ahead] = np.swapaxes(both[i : i + ahead, :, i], 1, 2)
-        Z_11 = Z_00
+    n, width = factor.shape
+    out = np.zeros((n // 6, width // 6, 6, 6))
+    size = max(width - 6, 6)
+    XD, Z_11 = X @ D, np.zeros((0, 0))
+    for start in reversed(range(0, n, size)):
+        stop = min(start + size, n)
+        here, ahead = slice(start, stop), slice(stop, min(stop + size, n))
+        L_00, L_10 = _factor_block(factor, here, ahead)
+        G = linalg.blas.dtrsm(1.0, L_00, L_10, side=1, lower=1).T if L_10.size else L_10.T
+        Z_01 = -G @ Z_11
+        lower, _ = linalg.lapack.dpotri(L_00, lower=1)
+        Z_11 = np.where(np.tri(len(lower), dtype=bool), lower, lower.T) - Z_01 @ G.T
+        rows = np.zeros((stop - start, stop - start + size))
+        used = slice(start, ahead.stop)
+        part = rows[:, : ahead.stop - start]
+        np.concatenate([Z_11, Z_01], axis=1, out=part)
+        part *= scale[here, None]
+        part *= scale[used]
+        part += XD[here] @ X[used].T
+        down, right = rows.strides
+        blocks = ((stop - start) // 6, width // 6, 6, 6)
+        strides = (6 * (down + right), 6 * right, down, right)
+        out[start // 6 : stop // 6] = as_strided(rows, blocks, strides)
     return out
 
 
-def _factor_block(factor: Array, start: int, stop: int, end: int) -> tuple[Array, Array]:
-    """Return the columns of some poses from a banded factor: on the diagonal, and below."""
-    rows, n = 6 * (end - start), 6 * (stop - start)
-    columns = np.zeros((rows, n))
-    for j in range(n):
-        depth = min(factor.shape[0], rows - j)
-        columns[j : j + depth, j] = factor[:depth, 6 * start + j]
-    return np.asfortranarray(columns[:n]), columns[n:]
+def _factor_block(factor: Array, here: slice, ahead: slice) -> tuple[Array, Array]:
+    """Return columns of the lower factor: on the diagonal, where only L counts, and below.
+
+    A number of `Bordered.P` stands one row further and one column less than the one above it in
+    the matrix: the matrix is a view of the band with shorter rows.
+    """
+    n, width, each = here.stop - here.start, factor.shape[1], factor.itemsize
+    strides = ((width - 1) * each, each)
+    upper = as_strided(factor[here.start :], (n, ahead.stop - here.start), strides)
+    inside = np.tri(n, ahead.stop - ahead.start, width - n - 1, dtype=bool)
+    return upper[:, :n].copy().T, (upper[:, n:] * inside).T
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -107,8 +107,9 @@ class Precision:
 class Problem(Protocol[S]):
     """What an adjustment needs from its application.
 
-    A problem may also have a method ``normals(state, damping)`` that returns `Normals` of its
-    own; otherwise they are assembled from its equations.
+    A problem may also have a method ``normals(state, damping, before)`` that returns `Normals` of
+    its own, and may take over the memory of those before; otherwise they are assembled from its
+    equations.
     """
 
     @property

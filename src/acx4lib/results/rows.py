@@ -182,9 +182,10 @@ def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Arra
 def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
     """Return the residuals of all observations that were used, with their names as categories."""
     groups = bundle.solution.groups
+    used = [group.used for group in groups]
     where, points, components, units = [], [], [], []
-    for group in groups:
-        rows, columns = np.nonzero(group.used)
+    for group, mask in zip(groups, used, strict=True):
+        rows, columns = np.nonzero(mask)
         (images, image_idx), (names, point_idx) = _observed_at(bundle.network, group.kind)
         where.append((images, image_idx[rows]))
         points.append((names, point_idx[rows]))
@@ -193,14 +194,14 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
         units.append(np.full(len(rows), np.degrees(1.0) if in_degrees else 1.0))
     unit = np.concatenate(units)
     values = {
-        name: np.concatenate([getattr(group, name)[group.used] for group in groups])
+        name: np.concatenate([getattr(g, name)[mask] for g, mask in zip(groups, used, strict=True)])
         for name in ("v", "sigma", "redundancy", "w")
     }
     return pd.DataFrame(
         {
-            "stage": _named([((stage,), np.zeros(len(unit), dtype=np.intp))]),
-            "method": _named([((method,), np.zeros(len(unit), dtype=np.intp))]),
-            "kind": _named([((g.kind,), np.zeros(g.used.sum(), dtype=np.intp)) for g in groups]),
+            "stage": _named([_alike(len(unit), stage)]),
+            "method": _named([_alike(len(unit), method)]),
+            "kind": _named([_alike(len(u), g.kind) for g, u in zip(groups, units, strict=True)]),
             "image_or_exposure": _named(where),
             "point": _named(points),
             "component": _named(components),
@@ -235,19 +236,19 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
         return (block.images.names, seen.image_idx), (block.points, seen.point_idx)
     if kind == "control_point":
         point_idx = network.control.point_idx[~network.held_control]
-        return _nameless(len(point_idx)), (block.points, point_idx)
+        return _alike(len(point_idx)), (block.points, point_idx)
     if kind == "distance":
         a, b = network.distances.point_idx.T
         return (block.points, b), (block.points, a)
     if kind in ("lever_arm", "boresight"):
         known = observed_mountings(block.cameras, kind, network.layout.mount)
-        return ([camera.name for camera in block.cameras], known), _nameless(len(known))
+        return ([camera.name for camera in block.cameras], known), _alike(len(known))
     n = len(network.pose_names)
-    return (network.pose_names, np.arange(n)), _nameless(n)
+    return (network.pose_names, np.arange(n)), _alike(n)
 
 
-def _nameless(n: int) -> Named:
-    return ("",), np.zeros(n, dtype=np.intp)
+def _alike(n: int, name: str = "") -> Named:
+    return (name,), np.zeros(n, dtype=np.intp)
 
 
 def rejected_table(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib.bundle import adjust
+from acx4lib.least_squares import processors
 from benchmarks.adjusting import problem_file
 from benchmarks.adjusting.bench_blocks import PINHOLE
 from benchmarks.measure import memory_mb, report, timed
@@ -18,6 +19,7 @@ from benchmarks.measure import memory_mb, report, timed
 
 def main(path: Path, *, free_poses: bool) -> None:
     """Read, adjust twice, report."""
+    processors.keep_memory()  # as `acx4 run` does
     baseline_mb = memory_mb("VmRSS")
     chosen = {"free": PINHOLE, "free_mount": ()} if free_poses else {}
     network = problem_file.read(path, **chosen)

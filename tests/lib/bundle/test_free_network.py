@@ -145,7 +145,7 @@ def test_distances_and_their_residuals_are_as_uncertain_as_they_say(exact_block)
 
 @pytest.fixture(params=["all points", "five points"])
 def chosen(request, net):
-    out = net.free_points
+    out = net.free_points.copy()
     if request.param == "five points":
         out[:] = False
         out[np.flatnonzero(net.free_points)[[0, 3, 9, 20, 31]]] = True

@@ -98,6 +98,14 @@ def test_a_banded_system_that_is_open_is_refused(rng):
     assert isinstance(too_large(), AdjustmentError)
 
 
+@pytest.mark.parametrize("part", ["P", "C", "D"])
+def test_a_banded_system_with_what_is_not_a_number_is_refused(rng, part):
+    _, system = bordered(rng)
+    getattr(system, part)[0, 0] = np.nan
+    with pytest.raises((linalg.LinAlgError, ValueError)):
+        Banded(system)
+
+
 def test_a_singular_system_is_solved_with_the_shortest_scaled_step():
     """Two columns seen only in their sum share it in proportion to their scales."""
     a = np.array([1.0, 4.0])

@@ -1,6 +1,7 @@
 """Work in parts has the same results on any number of processors."""
 
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -55,6 +56,27 @@ def test_every_library_of_linear_algebra_is_found(library):
     ]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2"}
     subprocess.run([sys.executable, "-c", "\n".join(run)], check=True, env=environment)
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library keeps it")
+def test_memory_that_is_kept_is_not_asked_of_the_system_again():
+    run = [
+        "import resource, numpy as np",
+        "from acx4lib.least_squares import processors",
+        "processors.keep_memory()",
+        "def pages():",
+        "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt",
+        "    np.ones(2**25)",
+        "    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before",
+        "first, again = pages(), pages()",
+        "assert first > 100 and again < 10, (first, again)",
+    ]
+    subprocess.run([sys.executable, "-c", "\n".join(run)], check=True)
+
+
+def test_elsewhere_memory_is_left_to_the_system(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "darwin")
+    processors.keep_memory()
 
 
 def sleep(seconds):

@@ -46,7 +46,9 @@ class Hanging:
     n_cameras: int
 
 
-def reduced_normals(normals: CameraNormals, hanging: Hanging, pair: Index) -> Bordered:
+def reduced_normals(
+    normals: CameraNormals, hanging: Hanging, pair: Index, room: Array | None = None
+) -> Bordered:
     """Return the normal equations of border and poses.
 
     The border has `PER_CAMERA` columns for each camera.
@@ -57,6 +59,8 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging, pair: Index) -> Bo
     hanging : Hanging
     pair : ndarray, shape (n_images, band)
         As in `SortedRays`.
+    room : ndarray, optional
+        Where `Bordered.P` is built, if it has that shape.
     """
     M, S, E, I = normals  # noqa: E741
     A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
@@ -66,7 +70,9 @@ def reduced_normals(normals: CameraNormals, hanging: Hanging, pair: Index) -> Bo
     by_interior = E[:, :, :, INTERIOR:RESIDUAL].copy()
     by_interior[each, camera] += before[:, :N_POSE, INTERIOR:RESIDUAL]
     gradient = before[:, :N_POSE, RESIDUAL] + E[..., RESIDUAL].sum(axis=1)
-    P = np.zeros((n_poses * N_POSE, pose_band(pose, pair.shape[1]) * N_POSE))
+    shape = (n_poses * N_POSE, pose_band(pose, pair.shape[1]) * N_POSE)
+    P = np.empty(shape) if room is None or room.shape != shape else room
+    P[:] = 0.0
     Z = np.zeros((n_images, n_cameras, N_POSE, N_POSE))
     own = np.ascontiguousarray(before[:, :N_POSE, :N_POSE])
     _pairs(pair, S, own, A, B, pose, camera, P, Z, np.empty((3, 6, 6)))

@@ -80,6 +80,8 @@ class NetworkNormals:
         The observations that are no image points; a unit depends on one pose at most.
     joined : Joined, optional
         Points that some of these join to others.
+    room : ndarray, optional
+        Memory for the band: new memory takes longer than to fill it.
     """
 
     packed: Packed
@@ -92,6 +94,7 @@ class NetworkNormals:
     n_points: int
     others: Sequence[Equations]
     joined: Joined | None = None
+    room: Array | None = None
 
     # --- assembled ---------------------------------------------------------------------------
 
@@ -117,7 +120,7 @@ class NetworkNormals:
                 np.add(total, more, out=total)
         ahead = all(ahead for ahead, _ in done)
         cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
-        reduced = reduced_normals(totals[0], self.hanging, packed.rays.pair)
+        reduced = reduced_normals(totals[0], self.hanging, packed.rays.pair, self.room)
         return reduced, cost, sum(less for _, less in done)
 
     @cached_property
@@ -192,7 +195,15 @@ class NetworkNormals:
         """The step of columns, in the order of the bordered system."""
         return -self._solver.solve(self._system.g)
 
-    @property
+    def give_up_band(self) -> Array | None:
+        """Return the memory of the band; what needs it is computed again where it is asked for."""
+        known = vars(self)
+        assembled = known.pop("_images", None)
+        for name in ("_system", "_solver"):
+            known.pop(name, None)
+        return assembled[0].P if assembled else None
+
+    @cached_property
     def promised(self) -> float:
         """Decrease of the cost that the step predicts."""
         return self._images[2] - float(self._system.g @ self._ordered_step)

@@ -152,7 +152,7 @@ def pack(
         also=known[points].astype(np.int32),
         row=row,
         image=image,
-        xy=rows.xy[row],
+        xy=rows.xy.take(row, axis=0),
         weight=rows.weight[row],
         pair=_numbered_pairs(starts, image, len(images)),
     )

@@ -151,6 +151,19 @@ def test_parts_change_nothing(flight, form, parts, plain):
     assert_equal_normals(net.normals(net.start), plain(net, net.start))
 
 
+@pytest.mark.parametrize("name", ["a rig of four heads", "single step"])
+def test_memory_that_was_taken_over_changes_nothing(flight, name, form, plain):
+    """Nor what the normal equations return that had it before."""
+    net = NETWORKS[name](flight)
+    before = net.normals(net.start)
+    state = net.moved(net.start, *before.step())
+    assert_equal_normals(net.normals(state, 0.0, before), plain(net, state))
+    assert_equal_normals(before, plain(net, net.start))
+    found, expected = before.precision(), net.normals(net.start).precision()
+    assert_allclose(found.cov_points, expected.cov_points, atol=0)
+    assert_allclose(found.inverse.dense, expected.inverse.dense, atol=0)
+
+
 @pytest.mark.parametrize("name", NETWORKS)
 def test_covariances_and_tests_are_the_plain_ones(flight, name, form, plain):
     net = NETWORKS[name](flight)
