@@ -113,7 +113,8 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
     from acx4book.notebooks.ways import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
-    processors.keep_memory()
+    if settings.notebooks is None:  # notebooks are copies of this process, and would keep it too
+        processors.keep_memory()
     with terminal.stage_bars("cells" if settings.notebooks else "stages") as tell:
         report = runner.run(
             flight, results, way=way_of(settings.notebooks), stages=settings.stages, tell=tell

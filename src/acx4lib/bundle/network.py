@@ -301,7 +301,7 @@ def _compiled_normals(
             r_m_c=np.ascontiguousarray(T_m_c.r),
             camera=camera,
             interior=np.array([interior.to_array() for interior in state.interiors]),
-            x_m=np.require(state.x_m, requirements=("C", "W")),  # one kind of array, compiled once
+            x_m=state.x_m.take(packed.rays.point, axis=0),
             V=V,
             h=h,
             refraction=network.refraction == "standard",

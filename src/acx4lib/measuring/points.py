@@ -82,8 +82,8 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
 def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     """Return points of enough rays that do not measure the same texture twice.
 
-    Of points with windows that overlap in a picture, the one with the most rays stays: two points
-    on the same texture would share its noise, and count as two.
+    Of points that are closer to each other in a picture, the one with the most rays stays: two on
+    the same texture share its noise, and would count as two.
 
     Parameters
     ----------

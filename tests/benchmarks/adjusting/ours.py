@@ -19,7 +19,7 @@ from benchmarks.measure import memory_mb, report, timed
 
 def main(path: Path, *, free_poses: bool) -> None:
     """Read, adjust twice, report."""
-    processors.keep_memory()  # as `acx4 run` does
+    processors.keep_memory()  # as `acx4 run --numbers-only` does
     baseline_mb = memory_mb("VmRSS")
     chosen = {"free": PINHOLE, "free_mount": ()} if free_poses else {}
     network = problem_file.read(path, **chosen)

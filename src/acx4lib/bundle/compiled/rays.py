@@ -68,7 +68,7 @@ class Scene(NamedTuple):
     camera : ndarray, shape (n_images,)
     interior : ndarray, shape (n_cameras, 9)
     x_m : ndarray, shape (n_points, 3)
-        m, the block's points.
+        m, in the order of the rays: a pass does not wait for memory.
     V, h : ndarray, shapes (k, 3, 3) and (k, 3)
         Normal equations of some points from other observations.
     refraction : bool
@@ -160,7 +160,7 @@ def _adjusted(
 
 @uncounted_inlined
 def _look(rays: SortedRays, scene: Scene, p: int, q: int, seen: Seen, k: int) -> bool:
-    """Fill G[k] and U[k] for ray q to the block's point p; False if that is behind the camera."""
+    """Fill G[k] and U[k] for ray q to point p; False if that is behind the camera."""
     i, G, U = rays.image[q], seen.G, seen.U
     R, x_m, r_m_c = scene.R_m_c, scene.x_m, scene.r_m_c
     z_m = _appears_at(scene, i, p) if scene.refraction else x_m[p, 2]
@@ -220,9 +220,9 @@ _measured_from_corrected = SmallProduct(
 @uncounted_inlined
 def linearise(rays: SortedRays, scene: Scene, p: int, seen: Seen) -> bool:
     """Fill in the rows of point p's rays; False if it is behind a camera."""
-    start, n, at = rays.start[p], rays.start[p + 1] - rays.start[p], rays.point[p]
+    start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
     for k in range(n):
-        if not _look(rays, scene, at, start + k, seen, k):
+        if not _look(rays, scene, p, start + k, seen, k):
             return False
     # apart, since numbers written one by one take a while until eight can be read at once
     for k in range(n):
