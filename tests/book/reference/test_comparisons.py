@@ -21,6 +21,9 @@ NOTEBOOK = NOTEBOOKS_PATH / "05-reference-data.ipynb"
 NOISY = ("digits", "units", "difference", "iterations")
 """Differences of nearly equal numbers: their own digits mean nothing."""
 
+MATCHED = {"ten_parallax": 1e-4}
+"""A base in mm, from float32 correlations: another processor rounds them otherwise."""
+
 
 @pytest.fixture
 def nowhere(tmp_path, monkeypatch):
@@ -49,9 +52,10 @@ def test_stored_results_are_the_computed_ones(name, tmp_path):
         known = computed["outcome"] == regressions.CONVERGED
         computed, before = computed[known], before[known]
     assert list(before.columns) == list(computed.columns)
+    atol = MATCHED.get(name, 2e-6)
     for column in computed.columns.difference(NOISY):
         if pd.api.types.is_float_dtype(computed[column]):
-            np.testing.assert_allclose(before[column], computed[column], rtol=1e-6, atol=2e-6)
+            np.testing.assert_allclose(before[column], computed[column], rtol=1e-6, atol=atol)
         else:
             assert before[column].tolist() == computed[column].tolist(), column
 
