@@ -19,9 +19,9 @@ R = TypeVar("R")
 _NAMES = ("blas", "blis", "lapack", "mkl", "flame")
 """Parts of the names under which libraries of linear algebra are loaded, also through links."""
 
-TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3
-"""Sizes of the GNU C library that are set by these numbers: of free memory at the end of the heap,
-and of single arrays, above which memory goes back to the system when it is let go."""
+TRIM_THRESHOLD, MMAP_MAX = -1, -4
+"""Settings of the GNU C library that have these numbers: how much free memory at the end of the
+heap goes back to the system, and how many arrays may have memory of their own, which goes back."""
 
 GIVEN_UP = "KilledWorker"
 """Dask's error of a call that was with several workers when they died."""
@@ -40,10 +40,10 @@ def keep_memory() -> None:
     process ends: this is for a process that does one thing. Only the GNU C library can do it;
     elsewhere nothing changes.
     """
-    set_size = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if set_size is not None:
-        for which in (TRIM_THRESHOLD, MMAP_THRESHOLD):
-            set_size(which, 2**31 - 1)
+    settle = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if settle is not None:
+        settle(TRIM_THRESHOLD, 2**31 - 1)
+        settle(MMAP_MAX, 0)
 
 
 def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
