@@ -34,6 +34,10 @@ function object({ kind, at, axes, size }) {
   return new Points(geometry, new PointsMaterial({ size: size * window.devicePixelRatio, sizeAttenuation: false }));
 }
 
+/* Whether two names would overlap. */
+const meet = (a, b) =>
+  Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < (a.height + b.height) / 2;
+
 class View {
   constructor(figure, renderer) {
     const { from, layers } = JSON.parse(figure.querySelector("script").textContent);
@@ -72,6 +76,9 @@ class View {
       layer, place: new Vector3().fromArray(at, 3 * i), shown: element("span", { textContent: text, ariaHidden: "true" }),
     })));
     figure.querySelector(".view").append(canvas, ...this.labels.map(({ shown }) => shown)); // the drawing is printed
+    for (const label of this.labels) {
+      label.size = { width: label.shown.offsetWidth, height: label.shown.offsetHeight };
+    }
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.draw());
     this.orbit.enableZoom = false; // the wheel scrolls the page until the view has the focus
@@ -146,11 +153,16 @@ class View {
     this.sun.position.copy(camera.position);
     renderer.render(scene, camera);
     const { clientWidth: width, clientHeight: height } = renderer.domElement;
-    for (const { shown, place, layer } of this.labels) {
-      const seen = place.clone().project(camera);
-      shown.hidden = !this.objects[layer].visible || Math.max(Math.abs(seen.x), Math.abs(seen.y)) > 1;
-      shown.style.left = `${((1 + seen.x) * width) / 2}px`;
-      shown.style.top = `${((1 - seen.y) * height) / 2}px`;
+    const named = [];
+    const nearestFirst = this.labels.map((label) => ({ ...label, seen: label.place.clone().project(camera) }))
+      .sort((a, b) => a.seen.z - b.seen.z);
+    for (const { shown, seen, layer, size } of nearestFirst) {
+      const box = { x: ((1 + seen.x) * width) / 2, y: ((1 - seen.y) * height) / 2, ...size };
+      shown.style.left = `${box.x}px`;
+      shown.style.top = `${box.y}px`;
+      shown.hidden = !this.objects[layer].visible || Math.max(Math.abs(seen.x), Math.abs(seen.y)) > 1
+        || named.some((other) => meet(box, other));
+      if (!shown.hidden) named.push(box);
     }
   }
 }

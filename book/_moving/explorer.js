@@ -54,13 +54,13 @@
 
   /* A slider with its name and its value. */
   function row(slider, id, changed) {
-    const { name, unit, min, max, step, digits } = slider;
+    const { name, after, min, max, step, digits } = slider;
     const input = element("input", { type: "range", id, min, max, step, oninput: changed });
     const output = element("output", {});
     output.htmlFor.add(id);
     output.setAttribute("aria-live", "off"); // the slider says its value itself
     const show = () => {
-      output.textContent = `${written(input.valueAsNumber, digits)} ${unit}`;
+      output.textContent = `${written(input.valueAsNumber, digits)}${after}`;
       input.setAttribute("aria-valuetext", output.textContent);
     };
     return { input, show, shown: [element("label", { htmlFor: id }, name), input, output] };

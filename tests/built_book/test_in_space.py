@@ -144,3 +144,18 @@ def test_without_the_script_there_is_a_drawing(browser, figure):
     assert page.locator("svg path").count() >= 6
     assert page.locator("svg").bounding_box()["height"] > 200
     page.close()
+
+
+@pytest.fixture
+def crowd():
+    """Names at places in a row away from the eye, on one spot, and far apart."""
+    at = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [90.0, -90.0, 0.0]])
+    points = Layer(name="p", kind="points", colour="ink", at=at, labels=["a", "b", "c", "d"])
+    return scene.html(Scene(name="block", alt="points", caption="", layers=[points]))
+
+
+@pytest.mark.parametrize("figure", ["crowd"], indirect=True)
+def test_of_names_that_would_meet_the_nearest_is_shown(page):
+    boxes = [name.bounding_box() for name in page.locator(".view span:visible").all()]
+    assert page.locator(".view span:visible").all_text_contents() == ["b", "d"]
+    assert boxes[1]["x"] > boxes[0]["x"] + boxes[0]["width"]

@@ -5,7 +5,7 @@ Its HTML is complete without a script: the drawing and the numbers at the start 
 JSON, and only multiplies::
 
     {
-      "sliders": [{"name", "unit", "min", "max", "step", "digits"}, ...],
+      "sliders": [{"name", "after", "min", "max", "step", "digits"}, ...],
       "presets": [{"name", "values"}, ...], one value for each slider, the first at the start
       "panels": [[mark, ...], ...],
       "rows": [[response, ...], ...],
@@ -74,10 +74,15 @@ class Slider:
         """Digits after the point that tell the stops apart."""
         return digits(self.step)
 
+    @property
+    def after(self) -> str:
+        """What follows the number: the unit, and a space before it unless it is degrees."""
+        return self.unit if self.unit in {"", "°"} else f"\N{NO-BREAK SPACE}{self.unit}"
+
     def data(self) -> dict[str, Any]:
         """Return what the page holds."""
         limits = {"min": self.low, "max": self.high, "step": self.step}
-        return {"name": self.name, "unit": self.unit, "digits": self.digits, **limits}
+        return {"name": self.name, "after": self.after, "digits": self.digits, **limits}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

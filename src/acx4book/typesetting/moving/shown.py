@@ -70,7 +70,7 @@ def _panel(panel: Panel, shown: Explorer) -> str:
 
 def _values(shown: Explorer) -> str:
     items = (
-        f"<li>{escape(slider.name)} = {number(value, slider.digits)} {slider.unit}</li>"
+        f"<li>{escape(slider.name)} = {number(value, slider.digits)}{slider.after}</li>"
         for slider, value in zip(shown.sliders, shown.start, strict=True)
     )
     return f"<ul>{''.join(items)}</ul>"

@@ -17,6 +17,12 @@ def test_stops_go_from_end_to_end_and_are_told_apart():
         assert Slider(name="", unit="", low=0, high=10, step=step).digits == expected
 
 
+@pytest.mark.parametrize(("unit", "after"), [("m", "\xa0m"), ("°", "°"), ("", "")])
+def test_a_unit_stands_as_it_is_printed(unit, after):
+    slider = Slider(name="a", unit=unit, low=0.0, high=1.0, step=0.5)
+    assert slider.after == slider.data()["after"] == after
+
+
 def test_a_response_is_a_constant_and_a_matrix_times_values():
     response = Linear(matrix=np.array([[1.0, 2.0], [0.0, -1.0]]), constant=np.array([10.0, 0.0]))
     assert response.at([3.0, 0.5]) == pytest.approx([14.0, -0.5])

@@ -30,7 +30,7 @@ def made():
 
 def test_without_a_script_it_shows_the_start(made):
     page = BeautifulSoup(shown.html(made), "html.parser")
-    assert page.select_one("li").get_text() == "</script><b> = −0.5 m"
+    assert page.select_one("li").get_text() == "</script><b> = −0.5\N{NO-BREAK SPACE}m"
     assert page.select_one("tbody td").get_text() == "−50.0"
     assert page.select_one(".marks path")["d"] == plane.path(made.panels[0].marks[0], [-0.5])
     assert page.select_one("svg")["aria-label"] == "seen"
