@@ -93,7 +93,9 @@ def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explor
             for cell, number, column in zip(said, expected, explorer.columns, strict=False):
                 assert read(cell) == pytest.approx(read(number), abs=1.01 * 10.0**-column.digits)
         for said, slider, value in zip(seen["said"], explorer.sliders, values, strict=True):
-            assert read(said.split()[0]) == pytest.approx(value, abs=0.51 * 10.0**-slider.digits)
+            assert said.endswith(slider.after)
+            number = read(said.removesuffix(slider.after))
+            assert number == pytest.approx(value, abs=0.51 * 10.0**-slider.digits)
 
 
 def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
