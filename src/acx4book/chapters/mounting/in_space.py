@@ -17,8 +17,8 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight import design
 from acx4lib.geometry.collinearity import Measurement, directions
 
-MOST_IMAGES, MOST_POINTS, MOST_ELLIPSOIDS, MOST_LABELS = 400, 1500, 60, 30
-"""Of larger blocks every n-th is shown."""
+MOST_IMAGES, MOST_POINTS, MOST_ELLIPSOIDS, MOST_LABELS = 400, 1500, 60, 100
+"""Of larger blocks every n-th is shown, and the first control points have names."""
 
 COLOURS = ("blue", "orange")
 """Of flying heights, from the highest down, as in the maps."""

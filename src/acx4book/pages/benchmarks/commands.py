@@ -60,9 +60,10 @@ def page(commands: Commands) -> str:
         f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory."
     )
-    return (
-        "\n\n".join(part for part in (machine, _table(commands), _growth(commands)) if part) + "\n"
-    )
+    sizes = commands.medians.groupby("flight", sort=False)["measurements"].first().astype(int)
+    measured = ", ".join(f"{n:,} in {flight}" for flight, n in sizes.items())
+    parts = (machine, _table(commands), f"Image points: {measured}.", _growth(commands))
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _table(commands: Commands) -> str:
@@ -76,14 +77,13 @@ def _table(commands: Commands) -> str:
             "Flight": own["flight"].to_numpy(),
             "Command": [Markup(f"`acx4 {name}`") for name in own["command"]],
             "Images": own["images"].astype(int).to_numpy(),
-            "Measurements": own["measurements"].astype(int).to_numpy(),
             "Seconds": own["wall_s"].to_numpy(),
             "CPU seconds": own["cpu_s"].to_numpy(),
             "beyond imports": beyond.where(beyond > 0).to_numpy(),  # some import less than a run
             "MB": own["tree_mb"].to_numpy(),
         }
     )
-    formats = {"Images": ",d", "Measurements": ",d", "MB": ",.0f"}
+    formats = {"Images": ",d", "MB": ",.0f"}
     formats |= dict.fromkeys(("Seconds", "CPU seconds", "beyond imports"), ".1f")
     caption = (
         "Whole commands: the time that passes, CPU time of all processes, the part of it beyond "
