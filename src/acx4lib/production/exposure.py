@@ -207,7 +207,13 @@ def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
         feather_px=feather,
         interpolation=job.options.interpolation,
     )
-    write(job.path, _stripes(job, plan, heads, tell), _format(job, heads), _about(job, notes))
+    write(
+        job.path,
+        _stripes(job, plan, heads, tell),
+        _format(job, heads),
+        _about(job, notes),
+        threads=job.threads,
+    )
     heads.forget()
     write_preview(job.preview, job.path)
     return Outcome(exposure=job.exposure, notes=(*notes, *_size_note(job, heads)))

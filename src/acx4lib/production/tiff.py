@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
+from acx4lib.least_squares.processors import cores
 from acx4lib.production.pyramid import Pyramid, level_sizes
 
 TILE = 512
@@ -45,6 +46,10 @@ _CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
 """The TIFF writer's names; what it calls "deflate" itself has a code that few programs read."""
 
 _LEVEL = {"deflate": 1, "zstd": 1}
+
+_AT_A_TIME = 2**25
+"""Bytes of tiles that threads compress at a time."""
+
 _GDAL_NODATA = (42113, "s", 0, "0", True)
 _UNSPECIFIED = 0
 
@@ -88,7 +93,14 @@ class Format:
         expected.positive_number("pixel_mm", self.pixel_mm)
 
 
-def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[str, Any]) -> None:
+def write(
+    path: Path,
+    stripes: Iterable[Raster],
+    form: Format,
+    about: Mapping[str, Any],
+    *,
+    threads: int | None = None,
+) -> None:
     """Write an image stripe by stripe while it is made.
 
     Parameters
@@ -101,6 +113,8 @@ def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[st
     form : Format
     about : mapping
         Written as JSON into the ImageDescription.
+    threads : int, optional
+        Number of threads that compress; by default one for each processor.
 
     Raises
     ------
@@ -116,14 +130,15 @@ def write(path: Path, stripes: Iterable[Raster], form: Format, about: Mapping[st
     No-data is zero, and it is declared in GDAL's tag. The meaning of a fourth band is left
     unspecified: it is not transparency. The same pixels give the same bytes.
     """
+    threads = threads or cores()
     with _told_why(path), appearing(path) as part, _overviews(path.parent, form) as pyramid:
         sizes = _sizes(form)
         with tifffile.TiffWriter(part, bigtiff=True) as tiff:
             base = _tiles(_passed_on(_checked(stripes, form), pyramid), form.width)
-            _write_level(tiff, base, form, sizes[0], json.dumps(about, indent=1))
+            _write_level(tiff, base, form, sizes[0], json.dumps(about, indent=1), threads)
             for level, size in enumerate(sizes[1:], start=1):
                 tiles = _tiles(pyramid.stripes(level, TILE), size[1])
-                _write_level(tiff, tiles, form, size, None)
+                _write_level(tiff, tiles, form, size, None, threads)
 
 
 def read_about(path: Path) -> dict[str, Any]:
@@ -279,6 +294,7 @@ def _write_level(
     form: Format,
     size: tuple[int, int],
     description: str | None,
+    threads: int,
 ) -> None:
     """Write the image or one of its overviews."""
     colour = form.bands >= 3 and not form.stack
@@ -296,6 +312,8 @@ def _write_level(
         compression=_CODEC.get(form.compression),
         compressionargs={"level": _LEVEL[form.compression]} if form.compression in _LEVEL else None,
         predictor=form.compression in _CODEC,
+        maxworkers=threads,
+        buffersize=_AT_A_TIME,
         subfiletype=0 if description is not None else 1,
         description=description,
         metadata=None,

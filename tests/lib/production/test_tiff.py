@@ -170,8 +170,9 @@ def test_deflate_is_the_one_of_the_standard(tmp_path, rng):
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_bytes_depend_on_the_pixels_alone(tmp_path, rng, compression):
     image = picture(rng)
-    for name, height in (("a.tif", 512), ("b.tif", 100), ("c.tif", HEIGHT)):
-        write(tmp_path / name, stripes(image, height), form(compression=compression), ABOUT)
+    for name, height, threads in (("a.tif", 512, 1), ("b.tif", 100, 3), ("c.tif", HEIGHT, None)):
+        how = form(compression=compression)
+        write(tmp_path / name, stripes(image, height), how, ABOUT, threads=threads)
     first = (tmp_path / "a.tif").read_bytes()
     assert (tmp_path / "b.tif").read_bytes() == first
     assert (tmp_path / "c.tif").read_bytes() == first

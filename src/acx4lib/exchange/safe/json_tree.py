@@ -113,14 +113,14 @@ class Node:
         value = self.number(Range(-(2.0**53), 2.0**53, "must be a whole number", whole=True))
         return int(value)
 
-    def numbers(self, *shape: int) -> Array:
-        """Return nested lists of finite numbers as an array of a shape; -1 is any length."""
+    def numbers(self, *shape: int, allowed: Range | None = None) -> Array:
+        """Return nested lists of numbers, as in `number`, as an array; a length of -1 is any."""
         values: list[Node] = [self]
         sizes = []
         for n in shape:
             values = [below for one in values for below in one._list(n)]
             sizes.append(n)
-        flat = np.array([one.number() for one in values], dtype=float)
+        flat = np.array([one.number(allowed) for one in values], dtype=float)
         return flat.reshape(sizes) if flat.size else flat.reshape([max(n, 0) for n in sizes])
 
     def _list(self, n: int) -> Iterator[Node]:

@@ -13,7 +13,7 @@ from acx4lib.exchange.programs.opf.project import Project
 from acx4lib.exchange.programs.shared import proof, tables
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.expected import Array
-from acx4lib.flight.problems import RANGES
+from acx4lib.flight.problems import METRES, RANGES
 from acx4lib.flight.text.in_memory import Columns
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
@@ -124,6 +124,6 @@ def _calibrated(project: Project) -> dict[str, Array]:
     if document is None:
         return {}
     return {
-        one.one("id").text(): one.one("coordinates").numbers(3)
+        one.one("id").text(): one.one("coordinates").numbers(3, allowed=METRES)
         for one in document.one("points").each()
     }

@@ -18,7 +18,7 @@ from acx4lib.exchange.programs.shared.cameras import TOP_AHEAD
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
+from acx4lib.flight.problems import METRES, quoted
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 
@@ -57,7 +57,7 @@ def calibrated(project: Project) -> dict[str, Pose]:
     for one in document.one("cameras").each():
         opk = np.radians(one.one("orientation_deg").numbers(3))
         found[one.one("id").text()] = Pose(
-            R=rotation_from_opk(opk[None])[0], r=one.one("position").numbers(3)
+            R=rotation_from_opk(opk[None])[0], r=one.one("position").numbers(3, allowed=METRES)
         )
     return found
 

@@ -14,6 +14,7 @@ from acx4lib.exchange.programs.shared import crs
 from acx4lib.exchange.programs.shared.crs import Chosen
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.expected import Array
+from acx4lib.flight.problems import METRES
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +55,7 @@ def place(node: Node) -> Place:
     undulation = node.maybe("crs", "geoid_height")
     return Place(
         node=node,
-        xyh=node.one("coordinates").numbers(3)[order],
+        xyh=node.one("coordinates").numbers(3, allowed=METRES)[order],
         sigma=np.zeros(3) if sigma is None else np.maximum(sigma.numbers(3), 0.0)[order],
         text=text,
         heights=crs.heights_of(system) if undulation is None else undulation.number(),

@@ -169,6 +169,26 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path, file, old, new, message)
         reading.read(folder, orientations="adjusted" if "scale" in new else "initial")
 
 
+@pytest.mark.parametrize(
+    ("document", "node"),
+    [
+        ("input-cameras", "coordinates"),
+        ("input-control-points", "coordinates"),
+        ("calibrated-control-points", "coordinates"),
+        ("calibrated-cameras", "position"),
+    ],
+)
+def test_a_coordinate_beyond_the_earth_is_told(tmp_path, document, node):
+    folder = opf.write(tmp_path / "p")
+    path = folder / f"{document}.json"
+    text = path.read_text()
+    before, found, after = text.partition(f'"{node}": [')
+    assert found
+    path.write_text(f"{before}{found}1e308, {after.partition(',')[2]}")
+    with pytest.raises(FlightError, match=f"{node}.0: 1e.308; must lie between -1e.08 and 1e.08"):
+        reading.read(folder)
+
+
 def test_a_folder_without_files_of_opf_is_told(tmp_path):
     (tmp_path / "a.json").write_text("{}")
     with pytest.raises(FlightError, match=r"has no file of OPF; must have project\.opf"):
