@@ -113,9 +113,10 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
     from acx4book.notebooks.ways import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
-    if settings.notebooks is None:  # notebooks are copies of this process, and would keep it too
+    numbers_only = settings.notebooks is None
+    if numbers_only:  # notebooks are copies of this process, and would keep its memory once more
         processors.keep_memory()
-    with terminal.stage_bars("cells" if settings.notebooks else "stages") as tell:
+    with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
         report = runner.run(
             flight, results, way=way_of(settings.notebooks), stages=settings.stages, tell=tell
         )

@@ -82,8 +82,8 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
 def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     """Return points of enough rays that do not measure the same texture twice.
 
-    Of points that are closer to each other in a picture, the one with the most rays stays: two on
-    the same texture share its noise, and would count as two.
+    Of points closer to each other in a picture than `apart_px`, the one with the most rays stays:
+    two on the same texture share its noise, and would count as two.
 
     Parameters
     ----------

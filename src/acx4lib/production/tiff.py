@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
-from acx4lib.least_squares.processors import cores
+from acx4lib.least_squares import processors
 from acx4lib.production.pyramid import Pyramid, level_sizes
 
 TILE = 512
@@ -130,7 +130,7 @@ def write(
     No-data is zero, and it is declared in GDAL's tag. The meaning of a fourth band is left
     unspecified: it is not transparency. The same pixels give the same bytes.
     """
-    threads = threads or cores()
+    threads = threads or processors.cores()
     with _told_why(path), appearing(path) as part, _overviews(path.parent, form) as pyramid:
         sizes = _sizes(form)
         with tifffile.TiffWriter(part, bigtiff=True) as tiff:

@@ -22,7 +22,7 @@ NOISY = ("digits", "units", "difference", "iterations")
 """Differences of nearly equal numbers: their own digits mean nothing."""
 
 MATCHED = {"ten_parallax": 1e-4}
-"""A base in mm, from float32 correlations: another processor rounds them otherwise."""
+"""Tolerances, mm: float32 correlations are rounded otherwise by another processor."""
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from acx4lib.exchange.safe import json_tree, opened, text_lines
 from acx4lib.exchange.safe.json_tree import Node
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.expected import Array
-from acx4lib.flight.problems import Range, quoted
+from acx4lib.flight.problems import METRES, Range, quoted
 from acx4lib.geometry.frames import Pose, exp
 
 OPENSFM = "opensfm"
@@ -25,7 +25,6 @@ MODELS = ("camera_models.json", "cameras.json")
 VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
-LENGTH = Range(-1e8, 1e8)
 NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
 
@@ -153,8 +152,8 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
     names = tuple(name for name, _ in found)
     models = tuple(shot.one("camera").text() for _, shot in found)
-    R_v_w = exp(np.array([three(shot.one("rotation"), TURN) for _, shot in found]))
-    t = np.array([three(shot.one("translation"), LENGTH) for _, shot in found])
+    R_v_w = exp(np.array([shot.one("rotation").numbers(3, allowed=TURN) for _, shot in found]))
+    t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in found])
     alone = zip(names, names, models, strict=True)
     rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
     return Shots(
@@ -167,21 +166,12 @@ def shots(root: Node, rigs: Node | None) -> Shots:
     )
 
 
-def three(node: Node, allowed: Range) -> list[float]:
-    """Return three numbers inside a range."""
-    values = node.numbers(3)
-    for value in values:
-        if value not in allowed:
-            raise node.wrong(quoted(node.value), str(allowed))
-    return values.tolist()
-
-
 def _gps(shot: Node) -> list[float]:
     """Return a measured position; OpenSfM writes a dilution of 999999 where there was none."""
     position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
     if position is None or (dop is not None and dop.number() >= 999_999):
         return [np.nan] * 3
-    return three(position, LENGTH)
+    return position.numbers(3, allowed=METRES).tolist()
 
 
 def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -212,8 +202,8 @@ def rig_mounts(node: Node | None) -> dict[str, Pose]:
         return {}
     return {
         name: Pose(
-            R=exp(np.array(three(one.one("rotation"), TURN))),
-            r=np.array(three(one.one("translation"), LENGTH)),
+            R=exp(one.one("rotation").numbers(3, allowed=TURN)),
+            r=one.one("translation").numbers(3, allowed=METRES),
         ).inverse
         for name, one in node.items()
     }
@@ -221,7 +211,10 @@ def rig_mounts(node: Node | None) -> dict[str, Pose]:
 
 def points(node: Node) -> dict[str, list[float]]:
     """Return the coordinates of object points by their names."""
-    return {name: three(one.one("coordinates"), LENGTH) for name, one in node.items()}
+    return {
+        name: one.one("coordinates").numbers(3, allowed=METRES).tolist()
+        for name, one in node.items()
+    }
 
 
 def tracks(source: Opened) -> tuple[list[str], list[str], Array]:
