@@ -1,7 +1,9 @@
 # `make help` lists the targets. Python 3.11 and make are all that a machine needs.
 
 FLIGHT  ?= data/flights/acx4
-PYTHON  ?= $(shell command -v python3.11 || command -v python3)
+ifeq ($(origin PYTHON),undefined)
+PYTHON  := $(shell command -v python3.11 || command -v python3)
+endif
 PORT    ?= 8000
 # Pictures in the flight that ships: at which exposures of blocks 1 and 2, and at what part of the size.
 IMAGES  ?= H1-05,H3-04,C2-05
@@ -12,11 +14,22 @@ SEED    ?= 1
 
 SHIPPED := data/flights/acx4 data/flights/acx4-ideal
 
-# FLIGHT is a name and nothing else: make expands nothing in it, and refuses what it or a shell would read.
+# What is given is a number, a program or a name, and nothing else: make expands nothing in it, and
+# refuses what it or a shell would read.
 override FLIGHT := $(value FLIGHT)
+override IMAGES := $(value IMAGES)
+override PYTHON := $(value PYTHON)
+override PORT   := $(value PORT)
+override REDUCE := $(value REDUCE)
+override N      := $(value N)
+override SEED   := $(value SEED)
 export FLIGHT
 UNSAFE := $$ ; & | < > ( ) * ? [ ] { } ! ~ ' " ` \ \# % : =
 unsafe = $(strip $(foreach c,$(UNSAFE),$(findstring $c,$1)))
+no_number = $(or $(if $1,,nothing),$(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$(subst 4,,$(subst 5,,$(subst 6,,$(subst 7,,$(subst 8,,$(subst 9,,$1)))))))))))
+$(foreach v,PORT REDUCE N SEED,$(if $(call no_number,$($v)),$(error $v=$($v): must be a whole number)))
+$(if $(word 2,$(IMAGES))$(call unsafe,$(IMAGES)),$(error IMAGES=$(IMAGES): must be names of exposures with commas between them))
+$(if $(findstring ',$(PYTHON)),$(error PYTHON=$(PYTHON): must be the path of a program))
 $(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
 $(if $(call unsafe,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with $(call unsafe,$(FLIGHT)) in its name))
 
@@ -84,7 +97,7 @@ lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
 
 # --- checks --------------------------------------------------------------------------------
 
-check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks without outputs, spelling
+check: .venv/.stamp-test ## style, types, layers, notebooks without outputs, spelling; sizes of the houses
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/ruff format --check --quiet
 	@$(BIN)/mypy
@@ -92,6 +105,7 @@ check: .venv/.stamp-test ## style, types, layers, sizes of rooms, notebooks with
 	@houses=$$($(BIN)/pytest -q tests/project/test_houses.py) || { echo "$$houses" >&2; exit 1; }
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS) $(wildcard notebooks/*/*.ipynb))
 	@$(BIN)/codespell src notebooks book *.md
+	@PYTHONPATH=tests $(BIN)/python -m project.sizes
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import pickle
+import pwd
+import stat
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -21,6 +24,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _HERE = Path(__file__).parent
 _CONFIG: Any = numba.core.config
+_CONFIG._config_fname = ""  # it would read settings from the working folder at each compiling
 
 _HOW: dict[str, Any] = {
     "nogil": True,
@@ -69,7 +73,9 @@ def load(*functions: Callable[..., Any]) -> None:
 
 
 def _folder() -> Path | None:
-    """Return the cache folder of the present sources; None where none can be written.
+    """Return the cache folder of the present sources; None where the user has none of his own.
+
+    What is kept is code that later processes run.
 
     Every state of the sources has its own folder: numba checks the date of a function's own
     module only, but functions of other modules are compiled into it.
@@ -81,18 +87,51 @@ def _folder() -> Path | None:
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
     cache = user_folder("XDG_CACHE_HOME", ".cache")
     roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]
-    if _CONFIG.CACHE_DIR:
-        roots.insert(0, Path(_CONFIG.CACHE_DIR))
-    return next((root / name for root in roots if is_writable(root / name)), None)
+    named = Path(_CONFIG.CACHE_DIR)
+    if named.is_absolute():
+        roots.insert(0, named)
+    return next((root / name for root in roots if is_own(root / name)), None)
 
 
-def is_writable(folder: Path) -> bool:
-    """Tell whether files can be made in a folder; a missing folder is made."""
+def is_own(folder: Path) -> bool:
+    """Tell whether the user can make files in a folder, and nobody else can put any in their place.
+
+    A missing folder is made. The system's administrator counts as nobody else.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        whole = folder.resolve()
+        above = [parent.stat() for parent in whole.parents]
+        is_mine = whole.stat().st_uid == os.getuid() and not _is_open(whole.stat())
     except OSError:
         return False
-    return os.access(folder, os.W_OK | os.X_OK)
+    held = all(
+        one.st_uid in (*_SYSTEM, os.getuid())
+        # in /tmp others may write, but move away only what is theirs
+        and (one.st_mode & stat.S_ISVTX or not _is_open(one))
+        for one in above
+    )
+    return is_mine and held and os.access(folder, os.W_OK | os.X_OK)
+
+
+_SYSTEM = (0, 65534)
+"""Owners of the system's folders; the second is what 0 is called inside some containers."""
+
+
+def _is_open(status: os.stat_result) -> bool:
+    """Tell whether others than its owner may write into a folder."""
+    if status.st_mode & stat.S_IWGRP and not _is_alone_in(status.st_gid):
+        return True
+    return bool(status.st_mode & stat.S_IWOTH)
+
+
+def _is_alone_in(group: int) -> bool:
+    """Tell whether a group is the user's private one, which some systems let write everywhere."""
+    try:
+        user, found = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return found.gr_name == user.pw_name and set(found.gr_mem) <= {user.pw_name}
 
 
 def user_folder(variable: str, default: str) -> Path | None:
@@ -115,8 +154,9 @@ NOT_KEPT = (
     ""
     if _FOLDER
     else (
-        "compiled code cannot be kept: neither the package's folder nor the user's cache can be "
-        "written, so every run compiles anew; NUMBA_CACHE_DIR names another folder"
+        "compiled code cannot be kept: neither the package's folder nor the user's cache is a "
+        "folder that this user, and nobody else, can write, so every run compiles anew; "
+        "NUMBA_CACHE_DIR names another folder"
     )
 )
 """Warning that a command prints once; empty where compiled code can be kept."""

@@ -51,6 +51,37 @@ def test_the_name_of_a_flight_runs_nothing(copy, name):
     assert not list(copy.parent.rglob("PWNED"))
 
 
+SPOILT = ("8000; >PWNED", "$(shell >PWNED)", "'; >PWNED; '", "`>PWNED`", "1\n>PWNED")
+
+
+@pytest.mark.parametrize("value", [*SPOILT, "8000 --bind 0.0.0.0", "-1", "1e3", " ", ""])
+@pytest.mark.parametrize("name", ["PORT", "N", "SEED", "REDUCE"])
+def test_a_number_runs_nothing(copy, name, value):
+    for done in (make(copy, "serve", f"{name}={value}"), make(copy, "serve", **{name: value})):
+        assert done.returncode == 2
+        assert "must be a whole number" in done.stderr
+    assert not list(copy.parent.rglob("PWNED"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("IMAGES", value) for value in (*SPOILT, "A B")] + [("PYTHON", "x' --version; >PWNED; '")],
+)
+def test_exposures_and_a_program_run_nothing_else(copy, name, value):
+    for done in (make(copy, "help", f"{name}={value}"), make(copy, "help", **{name: value})):
+        assert done.returncode == 2
+        assert f"{name}=" in done.stderr
+    assert not list(copy.parent.rglob("PWNED"))
+
+
+def test_numbers_and_exposures_reach_their_commands(copy):
+    done = make(copy, "-n", "-o", ".venv/.stamp", "serve", "PORT=8123")
+    assert "--directory book/_build/html 8123\n" in done.stdout
+    given = ("IMAGES=H1-05,C2-05", "REDUCE=8")
+    done = make(copy, "-n", "-o", ".venv/.stamp", "data/flights/acx4/flight.toml", *given)
+    assert "--images 'H1-05,C2-05' --reduce '8'" in done.stdout
+
+
 @pytest.mark.parametrize("name", ["flights/mine", "/tmp/Flug-1_ü+2,3", "--help"])
 def test_other_names_reach_the_command_as_they_are(copy, name):
     done = make(copy, "-n", "-o", ".venv/.stamp", "notebooks", f"FLIGHT={name}")

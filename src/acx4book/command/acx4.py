@@ -24,6 +24,7 @@ from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.exchange import export, importing, new
 from acx4book.command.pictures import measure, render
 from acx4book.command.planning import plan, simulate
+from acx4book.command.surroundings import shut_out
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
 
@@ -51,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         Replaces the arguments of the command line.
     """
+    shut_out()
     os.environ |= ONE_THREAD
     gc.set_threshold(GARBAGE)
     terminal.prepare_streams()

@@ -17,6 +17,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
+from acx4book.command.surroundings import shut_out
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -124,6 +126,7 @@ class _Process:
 
 def _serve(pipe: Connection) -> None:
     """Serve calls until the other end of the pipe is closed, by whatever end of the parent."""
+    shut_out()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     while True:

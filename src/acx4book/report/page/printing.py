@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import tempfile
@@ -36,7 +37,9 @@ def chromium() -> str:
     PrintError
         Where there is none.
     """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
+    path = os.pathsep.join(filter(os.path.isabs, folders))  # not in the working folder
+    found = next(filter(None, (shutil.which(name, path=path) for name in BROWSERS)), None)
     if found is None:
         raise PrintError(MISSING)
     return found
@@ -51,11 +54,10 @@ def printed(browser: str, page: Path, pdf: Path) -> None:
         If the browser does not.
     """
     with tempfile.TemporaryDirectory() as profile:
-        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf}"]
+        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}"]
+        command.append(page.resolve().as_uri())
         try:
-            subprocess.run(
-                [*command, page.as_uri()], capture_output=True, timeout=SECONDS, check=True
-            )
+            subprocess.run(command, cwd=profile, capture_output=True, timeout=SECONDS, check=True)
         except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
             msg = f"{page.name}: Chromium did not print it ({error})"
             raise PrintError(msg) from error

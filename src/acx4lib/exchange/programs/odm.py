@@ -6,6 +6,7 @@ https://docs.opendronemap.org/gcp/: the first line is the CRS; then ``x y z col 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -191,8 +192,9 @@ def _names(seen: list[Seen]) -> dict[tuple[float, ...], str]:
         if one.name not in ("", name):
             found = f"{quoted(one.name)} has the coordinates of {quoted(name)}"
             raise one.line.wrong("name", found, "must be one name for one point")
-    if len(set(names.values())) < len(names):
-        again = [one for one in seen if list(names.values()).count(names[one.xyz]) > 1]
+    times = Counter(names.values())
+    if len(times) < len(names):
+        again = [one for one in seen if times[names[one.xyz]] > 1]
         found = f"{quoted(names[again[0].xyz])} has different coordinates"
         raise again[-1].line.wrong("name", found, "must be one point for one name")
     return names

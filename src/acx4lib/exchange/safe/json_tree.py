@@ -21,7 +21,10 @@ DEEPEST = 60
 
 Key = str | int
 
-_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}:,]|[^\s\[\]{}:,"]+', re.DOTALL)
+# A string without an end goes to that of the file, so that every character is looked at once.
+_STRING = r'"(?:[^"\\]|\\.)*+"?'
+_TOKEN = re.compile(rf'{_STRING}|[\[\]{{}}:,]|[^\s\[\]{{}}:,"]++', re.DOTALL)
+_BRACKET = re.compile(rf"{_STRING}|[\[\]{{}}]", re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +182,7 @@ def _too_deep(text: str) -> int:
     if text.count("[") + text.count("{") <= DEEPEST:
         return 0
     depth = 0
-    for found in re.finditer(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', text, re.DOTALL):
+    for found in _BRACKET.finditer(text):
         mark = found[0]
         if mark in "[{":
             depth += 1

@@ -17,10 +17,10 @@ from acx4lib.flight.text.cells import LONGEST_NUMBER, numbers_of
 LONGEST_LINE = 10_000_000
 """Largest number of characters of a line: COLMAP has all points of an image on one."""
 
-CELLS = {
-    " ": re.compile(r'"([^"]*)"|\'([^\']*)\'|(\S+)'),
-    ",": re.compile(r'\s*(?:"([^"]*)"|([^",]*))\s*(?:,|$)'),
-}
+_CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
+"""Between white space; a quotation mark without another is a letter."""
+
+_SPACES = re.compile(r"\s*+")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,9 +111,19 @@ def cut(text: str, separator: str | None = None) -> tuple[str, ...]:
     if separator is None:
         if '"' not in text and "'" not in text:
             return tuple(text.split())
-        return tuple("".join(found.groups("")) for found in CELLS[" "].finditer(text))
+        return tuple("".join(found.groups("")) for found in _CELL.finditer(text))
     if '"' not in text:
         return tuple(cell.strip() for cell in text.split(separator))
-    one = re.compile(CELLS[","].pattern.replace(",", re.escape(separator)))
-    found = [match for match in one.finditer(text) if match.end() > match.start()]
-    return tuple("".join(match.groups("")).strip() for match in found)
+    return tuple(_between(text, separator))
+
+
+def _between(text: str, separator: str) -> Iterator[str]:
+    """Yield the cells between separators; in one that begins with a quote these are letters."""
+    end = -1
+    while end < len(text):
+        begin = _SPACES.match(text, end + 1).end()  # type: ignore[union-attr] # it always matches
+        close = text.find('"', begin + 1) if text[begin : begin + 1] == '"' else -1
+        end = text.find(separator, max(begin, close))
+        end = len(text) if end < 0 else end
+        quoted_part = text[begin + 1 : close] if close >= 0 else ""
+        yield (quoted_part + text[max(begin, close + 1) : end]).strip()

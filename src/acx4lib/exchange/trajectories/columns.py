@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -96,7 +97,8 @@ def declared(text: str) -> tuple[Column, ...]:
             msg = f"column {word!r} is not known{hint}; known are {words_known}"
             raise ValueError(msg)
         found.append(one)
-    twice = [one.name for k, one in enumerate(found) if one.name != SKIP and one in found[:k]]
+    times = Counter(found)
+    twice = [one.name for one in times if one.name != SKIP and times[one] > 1]
     if twice or not found:
         msg = f"column {twice[0]!r} stands twice" if twice else "no column is declared"
         raise ValueError(msg)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -141,9 +142,9 @@ def _of_heading(line: Line) -> tuple[Column, ...]:
     known = [one for one in found if one is not None and one.name != SKIP]
     if len(known) < 2:
         raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
-    twice = [one.name for k, one in enumerate(known) if one.name in [o.name for o in known[:k]]]
-    if twice:
-        raise _undeclared(line, f"two columns may be {twice[0]!r}")
+    ((name, times),) = Counter(one.name for one in known).most_common(1)
+    if times > 1:
+        raise _undeclared(line, f"two columns may be {name!r}")
     return tuple(one or Column(name=SKIP) for one in found)
 
 

@@ -31,6 +31,10 @@ SKEW = 1e-6
 """Largest difference of a matrix from a rotation."""
 
 
+Content = tuple[Any, ...]
+"""Text of an element, and tags and contents of those below it."""
+
+
 @dataclass(kw_only=True)
 class Files:
     """The XML files of a folder and of the folders Ori-* in it.
@@ -57,6 +61,7 @@ class Files:
     measures: list[Element] = field(default_factory=list)
     surveyed: list[Element] = field(default_factory=list)
     others: int = 0
+    _by_content: dict[Content, str] = field(default_factory=dict)
 
     def add(self, path: Path) -> None:
         """Read a file, and put what is in it where it belongs."""
@@ -79,6 +84,7 @@ class Files:
                 self.interior[image[1]] = self._named(interior)
         elif content.tag == "CalibrationInternConique" and path.name not in self.calibrations:
             self.calibrations[path.name] = content
+            self._by_content.setdefault(_content(content), path.name)
         elif content.tag == "SetOfMesureAppuisFlottants":
             self.measures.append(content)
         elif content.tag == "DicoAppuisFlottant":
@@ -89,16 +95,14 @@ class Files:
 
     def _named(self, interior: Element) -> str:
         """Return the name of a calibration that an orientation holds; equal ones are one."""
-        for name, one in self.calibrations.items():
-            if _content(one) == _content(interior):
-                return name
-        name = f"CAM{len(self.calibrations) + 1}.xml"
-        self.calibrations[name] = interior
+        new = f"CAM{len(self.calibrations) + 1}.xml"
+        name = self._by_content.setdefault(_content(interior), new)
+        self.calibrations.setdefault(name, interior)
         return name
 
 
-def _content(element: Element) -> list[Any]:
-    return [element.text, *([one.tag, _content(one)] for one in element.below)]
+def _content(element: Element) -> Content:
+    return element.text, tuple((one.tag, _content(one)) for one in element.below)
 
 
 def files_of(source: Path) -> Files:

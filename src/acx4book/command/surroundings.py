@@ -1,0 +1,66 @@
+"""What a command does not take from the folder in which it was started: modules and settings.
+
+A working folder may be a stranger's. Python's child processes look there for modules, and some
+libraries for settings when they are loaded, a few of which name programs to run.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+
+SETTINGS = frozenset({"matplotlib", "numba.core.config"})
+"""Modules that read settings from the working folder when they are loaded."""
+
+_THIS_FOLDER = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
+
+
+def shut_out() -> None:
+    """Keep modules and settings in the working folder out of this process and its children.
+
+    To be called before the modules of `SETTINGS` are imported.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"  # which the children of multiprocessing read
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Finder())
+
+
+class _Finder(MetaPathFinder):
+    """Finds the modules of `SETTINGS`, and leaves all others to other finders."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return how to load a module of `SETTINGS` while the process stands elsewhere."""
+        if fullname not in SETTINGS:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _Elsewhere(spec.loader.name, spec.loader.path)
+        return spec
+
+
+class _Elsewhere(SourceFileLoader):
+    """Loads a module while the process stands in the folder of the module."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Execute the module."""
+        with _standing_in(Path(self.path).parent):
+            super().exec_module(module)
+
+
+@contextmanager
+def _standing_in(folder: Path) -> Iterator[None]:
+    here = os.open(".", _THIS_FOLDER)  # not by its name, which may be gone
+    try:
+        os.chdir(folder)
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)

@@ -1,0 +1,201 @@
+"""No command looks up anything in the working folder, or above it, that was not named to it.
+
+Users unpack a stranger's flight, go into its folder, and type commands there.
+"""
+
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from acx4book.command.acx4 import app
+from acx4lib.planning.text import written
+from support import overheard, run_results
+from support.flights import pictured, planned
+from support.fuzz.strangers import sources
+from support.pictures import measured
+
+MAIN = 'if __name__ == "__main__":\n    from acx4book.command.acx4 import main\n    main()\n'
+
+SPOILT = 'import os\nopen(os.path.join({folder!r}, "executed"), "a").write(__name__ + "\\n")\n'
+"""Of every module in the working folder."""
+
+SETTINGS = {
+    "matplotlibrc": "text.usetex: True\nsavefig.dpi: 7\nfont.size: 31\n",
+    ".numba_config.yaml": "cache_dir: ./kept\ndisable_jit: 1\n",
+    **dict.fromkeys(("proj.ini", "proj.db", "proj.pth", "spoilt.pth"), "import multiprocessing\n"),
+    **dict.fromkeys((".env", "pyproject.toml", "setup.cfg", "tox.ini", ".coveragerc"), "[a]\n"),
+    **dict.fromkeys((".git", "pyvenv.cfg", "python311._pth", "python._pth"), "home = .\n"),
+    **dict.fromkeys(("dask.yaml", "distributed.yaml", "jobqueue.yaml"), "temporary-directory: .\n"),
+    **dict.fromkeys(("jupyter_config.json", "jupyter_papermill_config.json"), "{}\n"),
+    **dict.fromkeys(("papermill.yaml", "numba.yaml", ".jupyter", ".ipython"), "a: 1\n"),
+}
+"""What libraries look for, by the name of the file."""
+
+CONFIGURED = ("ipython", "ipython_kernel", "jupyter", "jupyter_papermill", "jupyter_notebook")
+PROGRAMS = ("latex", "dvipng", "kpsewhich", "chromium", "gcc", "git", "ldconfig", "fc-list")
+
+
+def spoil(folder):
+    """Fill a folder with whatever Python, a library or a system may look for."""
+    installed = {name for name in importlib.metadata.packages_distributions() if "." not in name}
+    modules = {*sys.stdlib_module_names, *installed, "sitecustomize", "usercustomize"}
+    modules |= {f"{name}_config" for name in CONFIGURED}
+    for name in modules:
+        (folder / f"{name}.py").write_text(SPOILT.format(folder=str(folder)), encoding="utf-8")
+    for name, text in SETTINGS.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for name in PROGRAMS:
+        (folder / name).write_text(f"#!/bin/sh\necho {name} >> '{folder}/executed'\n")
+        (folder / name).chmod(0o755)
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory):
+    """What commands are given, below a folder of its own."""
+    folder = tmp_path_factory.mktemp("given")
+    flight, results = run_results.leave_results(folder / "one")
+    other = run_results.leave_results(folder / "two", seed=3)[1]
+    heads = pictured.write_flight(folder / "heads")
+    made = {
+        "flown": flight,
+        "results": results,
+        "other": other,
+        "heads": heads,
+        "of_heads": pictured.write_results(folder / "of_heads", heads),
+        "pictured": measured.flown(folder / "pictures", ("C1-04", "C2-04"), reduce=16),
+    }
+    for name, path in made.items():
+        shutil.copytree(path, folder / "all" / name)
+    sources.write_all(folder / "all")
+    (folder / "all" / "key.txt").write_text("0123456789abcdef" * 4)
+    (folder / "all" / "plan.toml").write_text(written(planned.values()), encoding="utf-8")
+    return folder / "all"
+
+
+@pytest.fixture
+def here(material, tmp_path):
+    """A working folder with that, in which everything that may be looked for is spoilt."""
+    folder = tmp_path / "above" / "here"
+    shutil.copytree(material, folder, copy_function=os.link)
+    for spoilt in (folder, folder.parent):
+        spoil(spoilt)
+    return folder
+
+
+LAB = ["lab", "1", "--student", "A", "--key", "key.txt", "--out", "out"]
+
+TYPED = {
+    "check": [["check", "flown"]],
+    "run": [
+        ["run", "flown", "--results", "out"],
+        ["run", "flown", "pictured", "--results", "out", "--jobs", "2", "--stages", "heads"],
+        ["run", "single-head", "--seeds", "1-2", "--results", "out", "--jobs", "2"],
+    ],
+    "plan": [["plan", "plan.toml", "--out", "out"]],
+    "simulate": [["simulate", "single-head", "--out", "out"]],
+    "report": [["report", "results", "--out", "out.html", "--pdf"]],
+    "compare": [["compare", "results", "other", "--out", "out"]],
+    "new": [
+        ["new", "out", "--cameras", "A", "--crs", "EPSG:32633", "--heights", "ellipsoidal"],
+        ["new", "out", "--cameras", "A", "--crs", "EPSG:32633", "--heights", "EPSG:5773"],
+    ],
+    "export": [["export", "results", "--to", "metashape", "--out", "out"]],
+    "measure": [["measure", "pictured", "--out", "out", "--jobs", "2", "--show", "out-shown"]],
+    "render": [["render", "heads", "--results", "of_heads", "--out", "out", "--jobs", "2"]],
+    "lab": [LAB],
+    "grade": [["grade", "handed_in", "--key", "key.txt", "--out", "out.csv"]],
+}
+"""What is typed for each command; an import's is that of its good source."""
+
+
+def imports():
+    """Return what is typed for every kind of import."""
+    made = {}
+    for name, of in sources.SOURCES.items():
+        options = [one.replace("{}", name) for one in of.options]
+        typed = ["import", of.kind or name, f"{name}/{of.source}", "--out", "out", *options]
+        made.setdefault(f"import {of.kind or name}", []).append(typed)
+    made.pop("import export")  # which is no import
+    return made
+
+
+ALL = TYPED | imports()
+
+
+def commands(group=None, name=""):
+    """Yield the commands that the parser knows."""
+    group = group or typer.main.get_command(app)
+    for word, command in group.commands.items():
+        below = getattr(command, "commands", None)
+        yield from commands(command, f"{name}{word} ") if below else [f"{name}{word}"]
+
+
+def test_every_command_is_tried():
+    assert sorted(commands()) == sorted(ALL)
+
+
+@pytest.mark.parametrize(
+    "typed", [one for typed in ALL.values() for one in typed], ids=lambda typed: " ".join(typed[:4])
+)
+def test_nothing_is_looked_up_in_the_working_folder(here, tmp_path, typed):
+    if typed[0] == "grade":
+        assert run([*LAB[:-1], "handed_in"], here, tmp_path / "first").returncode == 0
+    if "--pdf" in typed and not shutil.which("chromium"):
+        typed = [one for one in typed if one != "--pdf"]
+    done = run(typed, here, tmp_path)
+    assert b"Traceback" not in done.stderr
+    assert done.returncode == 0 or typed[0] in ("new", "run"), done.stderr  # no grid is here
+    for folder in (here, here.parent):
+        assert not (folder / "executed").exists(), (folder / "executed").read_text()
+    assert not looked_up(here, tmp_path / "log", typed)
+
+
+def run(typed, here, tmp_path):
+    """Run a command in the working folder, overheard."""
+    tmp_path.mkdir(exist_ok=True)
+    script = tmp_path / "bin" / "acx4"
+    script.parent.mkdir()
+    script.write_text(MAIN)
+    listening = overheard.listen(tmp_path / "listening")
+    above = [path for path in sys.path if Path(path).is_absolute()]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(listening), *above]),
+        overheard.LOG: str(tmp_path / "log"),
+        "PATH": f":.:{os.environ['PATH']}",  # as it should not be
+    }
+    return subprocess.run(
+        [sys.executable, script, *typed],
+        cwd=here,
+        env=environment,
+        capture_output=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def looked_up(here, log, typed):
+    """Return what was looked up in the working folder, or above it, and was not named."""
+    names = {word.split("/")[0] for word in typed if (here / word.split("/")[0]).exists()}
+    named = {here / name for name in (*names, "out.truth.json")}
+    outside = {here, here.parent}
+
+    def is_unnamed(event, path):
+        if event == "import":
+            return path in outside
+        if path in outside or path.parent not in outside or path in named:
+            return False
+        # the name of a file below an open folder is told without the folder
+        return path.exists()
+
+    return sorted(
+        (event, name, str(path))
+        for event, name, path in overheard.heard(log)
+        if is_unnamed(event, path)
+    )
