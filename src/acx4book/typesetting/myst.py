@@ -22,7 +22,7 @@ HYPHEN = re.compile(rf"(?<![\w.\-/^])-(?=\d+(?:\.\d|,\s[+-]\d|\s?{UNIT}))")
 
 KEPT = re.compile(
     r"(?<=[<>≤≥≈±]) (?=[+−-]?\d)"
-    r"|(?<![\w^])(\d[\d.,]*) (?=[°‰σ]|%(?!\w)|(?:[µcmnk]?m|px|m?s|m?rad|min|h|[kMG]B)\b)"
+    r"|(?<![\w^])(\d[\d.,]{0,40}+) (?=[°‰σ]|%(?!\w)|(?:[µcmnk]?m|px|m?s|m?rad|min|h|[kMG]B)\b)"
 )
 """A space at which no line ends: behind a sign of comparison or ±, and between number and unit."""
 

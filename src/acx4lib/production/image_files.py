@@ -188,7 +188,7 @@ def _readable(path: Path) -> Iterator[None]:
 
 def _reason(error: Exception, said: Sequence[str]) -> str:
     """Return the reader's reason why a file is wrong, in words."""
-    words = [re.sub(r"<tifffile[^>]*>|<[^>]*> ?", "", line) for line in said]
+    words = [re.sub(r"<[^<>]*+>", "", line) for line in said]
     if isinstance(error, (RuntimeError, ValueError)):
         words.append(str(error))
     return " ".join((words or ["its header is not consistent"])[0].split())[:200]

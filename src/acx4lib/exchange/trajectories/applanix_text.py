@@ -51,7 +51,8 @@ PHRASES = {
 }
 """What a heading calls its columns; the longer of two phrases first."""
 
-WORDS = re.compile("|".join(f"(?P<_{k}>{p})(?![A-Z])" for k, p in enumerate(PHRASES)))
+# The group is empty and behind its phrase: a branch that begins with a letter is quickly refused.
+WORDS = re.compile("|".join(f"{p}(?![A-Z])(?P<_{k}>)" for k, p in enumerate(PHRASES)))
 NEEDED = ({"omega", "phi", "kappa"}, {"roll", "pitch", "heading"})
 ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
 TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
