@@ -126,8 +126,9 @@ bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside 
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
 
-coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, for data/benchmarks
+coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.verdicts.flights
 
 chain: .venv/.stamp-test ## adjust 50 simulated flights with and without a synthetic image, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.closed_chain

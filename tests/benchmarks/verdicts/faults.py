@@ -1,0 +1,239 @@
+"""Flights of five plans, clean or with one fault of a chosen size.
+
+What a plan declares of a mounting with a sigma is drawn about its true value, a new one for every
+flight: that is what a sigma promises.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.notebooks.simulated import to_simulator
+from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
+from acx4lib.planning import text
+from acx4sim.files.flights import SimulatedFlight
+from acx4sim.plan import Options
+
+FOLDER = Path(__file__).parent / "plans"
+PLANS = ("two-heights-crossing", "one-height", "flat", "oblique-heads", "no-control")
+"""In the order of their seeds."""
+
+WITH_CONTROL = PLANS[:-1]
+DECLARED = ("flat", "oblique-heads")
+"""Plans that declare a lever arm with its sigma."""
+
+TRAJECTORY, POINTS = "calibration/trajectory.csv", "calibration/image_points.csv"
+SURVEYED = ("control_points.csv", "validation/control_points.csv")
+LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
+MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
+
+Values = dict[str, Any]
+Planted = tuple[str, str, str]
+"""Kind, image or exposure, and point of a gross error, as in rejected.csv."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    guess : float or mapping of str to float
+        A size that is found often, in general or by plan: where the search for the size begins.
+    least : float
+        The size at which there is no fault: one for a factor.
+    plans : tuple of str
+        In whose flights it can occur.
+    options : callable
+        What the simulator does differently.
+    makes : callable
+        Changes a flight's tables; returns gross errors that it planted.
+    declares : callable
+        Changes the values of the plan before the flight.
+    """
+
+    guess: float | Mapping[str, float]
+    least: float = 0.0
+    plans: tuple[str, ...] = PLANS
+    options: Callable[[float], Options] = lambda _: Options()
+    makes: Callable[[Flown], list[Planted]] = lambda _: []
+    declares: Callable[[Values, float], None] = lambda *_: None
+
+    def begin(self, plan: str) -> float:
+        """Return the guess for a plan."""
+        return self.guess if isinstance(self.guess, int | float) else self.guess[plan]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """A flight whose tables may be changed.
+
+    Attributes
+    ----------
+    tables : dict of str to DataFrame
+    size : float
+        Of the fault.
+    rng : Generator
+    again : callable
+        Returns the tables of the same flight, flown with other options.
+    """
+
+    tables: dict[str, pd.DataFrame]
+    size: float
+    rng: np.random.Generator
+    again: Callable[[Options], dict[str, pd.DataFrame]]
+
+
+def fly(
+    plan: str, seed: int, fault: str = "", size: float = 0.0
+) -> tuple[SimulatedFlight, list[Planted]]:
+    """Return a flight with its fault, and the gross errors that were planted.
+
+    Parameters
+    ----------
+    plan : str
+        Of `PLANS`.
+    seed : int
+    fault : str
+        Of `FAULTS`; empty for a clean flight.
+    size : float
+    """
+    of = FAULTS[fault] if fault else Fault(guess=0.0)
+    values = tomllib.loads((FOLDER / f"{plan}.toml").read_text(encoding="utf-8"))
+    rng = np.random.default_rng([seed, 1])
+    declare(values, rng)
+    of.declares(values, size)
+    planned = text.from_values(values)
+
+    def again(options: Options) -> dict[str, pd.DataFrame]:
+        return {**to_simulator.simulate(planned, seed=seed, options=options).tables}
+
+    clean = to_simulator.simulate(planned, seed=seed, options=of.options(size))
+    tables = {path: table.copy() for path, table in clean.tables.items()}
+    planted = of.makes(Flown(tables=tables, size=size, rng=rng, again=again))
+    return replace(clean, tables=tables), planted
+
+
+def declare(values: Values, rng: np.random.Generator) -> None:
+    """Write declared mountings about their true values, with errors of the declared sigma."""
+    for name, camera in values["cameras"].items():
+        true = {**camera, **values.get("truth", {}).get(name, {})}
+        if "lever_sigma_m" in camera:
+            error = camera["lever_sigma_m"] * rng.standard_normal(3)
+            camera |= {k: true.get(k, 0.0) + float(e) for k, e in zip(LEVER, error, strict=True)}
+        if "mount_sigma_deg" in camera:
+            opk = np.radians([true.get(key, 0.0) for key in MOUNT])
+            turn = np.radians(camera["mount_sigma_deg"]) * rng.standard_normal(3)
+            R = exp(turn[None])[0] @ rotation_from_opk(opk[None])[0]
+            camera |= dict(
+                zip(MOUNT, np.degrees(opk_from_rotation(R[None])[0]).tolist(), strict=True)
+            )
+
+
+# --- what goes wrong -------------------------------------------------------------------------
+
+
+def _stepping(flown: Flown) -> list[Planted]:
+    """Turn the camera about the body's x axis before the second half of the strips."""
+    table = flown.tables[TRAJECTORY]
+    images = flown.tables["calibration/images.csv"].drop_duplicates("exposure")
+    strips = images.set_index("exposure")["strip"].reindex(table["exposure"])
+    numbers = pd.factorize(strips)[0]
+    # recorded with the old boresight, the attitude is off by the step; roll is about x, the last
+    table.loc[numbers > numbers.max() // 2, "roll_deg"] += flown.size
+    return []
+
+
+def _off_in_image(flown: Flown) -> list[Planted]:
+    """Move one measurement of a tie point of the calibration in any direction."""
+    table = flown.tables[POINTS]
+    row = flown.rng.choice(np.flatnonzero(table["point"].str.startswith("T")))
+    way = flown.rng.uniform(0, 2 * np.pi)
+    for name, part in (("col_px", np.cos(way)), ("row_px", np.sin(way))):
+        table.loc[row, name] += flown.size * part
+    return [("image_point", table.loc[row, "image"], table.loc[row, "point"])]
+
+
+def _off_in_height(flown: Flown) -> list[Planted]:
+    """Move the height of one recorded position of the calibration."""
+    table = flown.tables[TRAJECTORY]
+    row = flown.rng.integers(len(table))
+    table.loc[row, "height_m"] += flown.size * flown.rng.choice([-1.0, 1.0])
+    return [("gnss", table.loc[row, "exposure"], "")]
+
+
+def _off_in_control(flown: Flown) -> list[Planted]:
+    """Move one coordinate in plan of one control point."""
+    table = flown.tables[SURVEYED[0]]
+    row, name = flown.rng.integers(len(table)), flown.rng.choice(["east_m", "north_m"])
+    table.loc[row, name] += flown.size * flown.rng.choice([-1.0, 1.0])
+    return [("control_point", "", table.loc[row, "point"])]
+
+
+def _many_off(flown: Flown) -> list[Planted]:
+    """Move a share of all measurements of the calibration by 10 px, in any direction."""
+    table = flown.tables[POINTS]
+    n = round(flown.size * len(table))
+    rows = flown.rng.choice(len(table), n, replace=False)
+    way = flown.rng.uniform(0, 2 * np.pi, n)
+    table.loc[rows, ["col_px", "row_px"]] += 10.0 * np.column_stack([np.cos(way), np.sin(way)])
+    return list(
+        zip(["image_point"] * n, table.loc[rows, "image"], table.loc[rows, "point"], strict=True)
+    )
+
+
+def _late(flown: Flown) -> list[Planted]:
+    """Record the positions of the calibration late, and those of the validation in time."""
+    late = flown.again(Options(gnss_delay_s=flown.size))
+    flown.tables[TRAJECTORY] = late[TRAJECTORY]
+    return []
+
+
+def _surveyed_off(column: str) -> Callable[[Flown], list[Planted]]:
+    def makes(flown: Flown) -> list[Planted]:
+        for path in SURVEYED:
+            if path in flown.tables:
+                flown.tables[path][column] += flown.size
+        return []
+
+    return makes
+
+
+def _lever_off(values: Values, size: float) -> None:
+    """Declare the lever arms' z wrongly."""
+    for camera in values["cameras"].values():
+        camera["lever_z_m"] += size
+
+
+FAULTS: Mapping[str, Fault] = {
+    "step": Fault(guess=0.012, makes=_stepping),
+    "sigma of image points": Fault(
+        guess=1.06, least=1.0, options=lambda size: Options(image_noise=size)
+    ),
+    "sigma of GNSS": Fault(guess=1.5, least=1.0, options=lambda size: Options(gnss_noise=size)),
+    "sigma of attitudes": Fault(
+        guess=1.35, least=1.0, options=lambda size: Options(attitude_noise=size)
+    ),
+    "an image point": Fault(guess=2.5, makes=_off_in_image),
+    "a GNSS height": Fault(guess=0.16, makes=_off_in_height),
+    "a control point": Fault(guess=0.09, makes=_off_in_control, plans=WITH_CONTROL),
+    "many image points": Fault(guess=0.01, makes=_many_off),
+    "delay": Fault(guess=0.0015, makes=_late),
+    "delay, also in the validation": Fault(
+        guess=0.005, options=lambda size: Options(gnss_delay_s=size)
+    ),
+    "lever arm": Fault(guess=0.15, declares=_lever_off, plans=DECLARED),
+    "datum in plan": Fault(guess=0.07, makes=_surveyed_off("east_m")),
+    "datum in height": Fault(
+        guess=dict(zip(PLANS, (0.5, 0.5, 0.15, 0.2, 1.5), strict=True)),
+        makes=_surveyed_off("height_m"),
+    ),
+}
+"""By their names in the tables. Sizes: degrees, factors on sigma, px, m, shares, s."""

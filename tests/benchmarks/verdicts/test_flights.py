@@ -1,0 +1,180 @@
+"""Flights of five plans, clean and spoilt, and what becomes of them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from benchmarks.verdicts import faults, flights
+from benchmarks.verdicts.faults import FAULTS, PLANS
+
+
+def order(plan, fault="", size=0.0, *, seed=1, purpose="clean"):
+    return flights.Order(purpose=purpose, plan=plan, fault=fault, size=size, seed=seed)
+
+
+def tables(plan, fault="", size=0.0):
+    return faults.fly(plan, 1, fault, size)[0].tables
+
+
+# --- flights ---------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plan", PLANS)
+def test_every_parameter_of_a_clean_flight_is_determined(plan):
+    for seed in (1, 2, 3):
+        row = flights.judged(order(plan, seed=seed))
+        assert (row["status"], row["error"]) == (0, "")
+
+
+@pytest.mark.slow
+def test_a_row_has_the_state_of_every_question_of_the_report():
+    row = flights.judged(order("no-control"))
+    states = {value for key, value in row.items() if key not in flights.KEYS}
+    assert {"holds", "note"} <= states
+    assert row["Independent check points"] in {"holds", "fails"}
+    assert row["holds"] == int("fails" not in states)
+
+
+@pytest.mark.slow
+def test_a_step_of_the_boresight_is_found_and_a_gross_error_is_taken_out():
+    step = flights.judged(order("two-heights-crossing", "step", 0.1))
+    assert step["Boresight stable over time"] == "fails"
+    gross = flights.judged(order("two-heights-crossing", "a GNSS height", 0.5))
+    assert gross["taken_out"] == 1.0
+
+
+def test_a_flight_that_cannot_be_calibrated_has_a_row():
+    row = flights.judged(order("flat", "datum in plan", 50_000.0))
+    assert row["status"] == 2
+    assert "control_points.csv" in row["error"]
+    assert "/tmp" not in row["error"]
+
+
+# --- faults ----------------------------------------------------------------------------------
+
+
+CHANGED = {
+    "step": {faults.TRAJECTORY},
+    "an image point": {faults.POINTS},
+    "a GNSS height": {faults.TRAJECTORY},
+    "a control point": {"control_points.csv"},
+    "many image points": {faults.POINTS},
+    "delay": {faults.TRAJECTORY},
+    "delay, also in the validation": {faults.TRAJECTORY, "validation/trajectory.csv"},
+    "lever arm": set(),
+    "datum in plan": set(faults.SURVEYED),
+    "datum in height": set(faults.SURVEYED),
+    "sigma of image points": {faults.POINTS, "validation/image_points.csv"},
+    "sigma of GNSS": {faults.TRAJECTORY, "validation/trajectory.csv"},
+    "sigma of attitudes": {faults.TRAJECTORY, "validation/trajectory.csv"},
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_changes_its_own_tables_and_no_other(fault):
+    clean, spoilt = tables("flat"), tables("flat", fault, FAULTS[fault].begin("flat"))
+    assert {path for path in clean if not clean[path].equals(spoilt[path])} == CHANGED[fault]
+
+
+def test_a_step_turns_the_camera_before_the_second_half_of_the_strips():
+    clean, spoilt = (tables("flat", *f)[faults.TRAJECTORY] for f in ((), ("step", 0.3)))
+    turns = [
+        Rotation.from_euler("ZYX", t[["heading_deg", "pitch_deg", "roll_deg"]], degrees=True)
+        for t in (clean, spoilt)
+    ]
+    turn_deg = (turns[0].inv() * turns[1]).as_rotvec(degrees=True)
+    second = clean["exposure"].str[1].astype(int) > 2
+    assert turn_deg[second] == pytest.approx(np.tile([0.3, 0, 0], (second.sum(), 1)))
+    assert turn_deg[~second] == pytest.approx(0.0)
+
+
+def test_sigma_is_stated_too_small_and_not_changed_with_the_noise():
+    clean = faults.fly("flat", 1)[0]
+    spoilt = faults.fly("flat", 1, "sigma of GNSS", 1.5)[0]
+    assert clean.toml == spoilt.toml
+    heights = [f.tables[faults.TRAJECTORY]["height_m"] for f in (clean, spoilt)]
+    assert not np.allclose(*heights, rtol=0, atol=1e-3)
+    assert "sigma_height_m" not in spoilt.tables[faults.TRAJECTORY]
+
+
+def test_a_gross_error_has_its_size_and_is_named():
+    clean, (spoilt, planted) = tables("flat"), faults.fly("flat", 1, "an image point", 7.0)
+    moved = (
+        spoilt.tables[faults.POINTS][["col_px", "row_px"]]
+        - clean[faults.POINTS][["col_px", "row_px"]]
+    )
+    (row,) = np.flatnonzero(moved.abs().sum(axis=1) > 0)
+    assert np.hypot(*moved.iloc[row]) == pytest.approx(7.0)
+    kind, image, point = planted[0]
+    assert (kind, image, point) == (
+        "image_point",
+        *clean[faults.POINTS].loc[row, ["image", "point"]],
+    )
+
+
+def test_declared_mountings_are_off_by_what_their_sigma_promises():
+    errors = []
+    for seed in range(400):
+        values = {
+            "cameras": {"A": {"lever_sigma_m": 0.02, "mount_sigma_deg": 0.05}},
+            "truth": {"A": {"lever_z_m": -0.3, "mount_phi_deg": 30.0, "mount_kappa_deg": 90.0}},
+        }
+        faults.declare(values, np.random.default_rng(seed))
+        own = values["cameras"]["A"]
+        true, said = (
+            Rotation.from_euler("XYZ", [of.get(key, 0.0) for key in faults.MOUNT], degrees=True)
+            for of in (values["truth"]["A"], own)
+        )
+        turn = (said * true.inv()).as_rotvec(degrees=True) / 0.05
+        errors.append([*turn, (own["lever_z_m"] + 0.3) / 0.02])
+    squares = np.sum(np.square(errors), axis=0)
+    assert np.all(squares > stats.chi2.ppf(1e-3, 400))
+    assert np.all(squares < stats.chi2.isf(1e-3, 400))
+
+
+# --- all flights -----------------------------------------------------------------------------
+
+
+def test_flights_at_any_time_are_spread_evenly():
+    kinds = [
+        flights.of_kind("clean", "flat", "", 0.0, 20),
+        flights.of_kind("spoilt", "flat", "step", 0.1, 6),
+    ]
+    turns = flights.in_turns(kinds)
+    assert len(turns) == 26
+    for n in range(1, 27):
+        clean = sum(one.purpose == "clean" for one in turns[:n])
+        assert abs(clean - n * 20 / 26) <= 1
+
+
+def test_no_seed_is_flown_for_two_purposes():
+    of = {p: flights.of_kind(p, "flat", "", 0.0, 100) for p in ("spoilt", "third", "pilot")}
+    of["clean"] = flights.of_kind("clean", "flat", "", 0.0, flights.N_CLEAN)
+    seeds = [one.seed for kind in of.values() for one in kind]
+    assert len(seeds) == len(set(seeds))
+
+
+@pytest.mark.slow
+def test_a_flight_that_has_a_row_is_not_flown_again(tmp_path):
+    orders = flights.of_kind("clean", "no-control", "", 0.0, 2)
+    first = flights.fly_all(orders[:1], tmp_path, 1)
+    marked = pd.read_csv(tmp_path / "verdicts.csv").assign(source="earlier")
+    marked.to_csv(tmp_path / "verdicts.csv", index=False)
+    both = flights.fly_all(orders, tmp_path, 1)
+    assert first["seed"].tolist() == [orders[0].seed]
+    assert both["seed"].tolist() == [one.seed for one in orders]
+    assert both["source"].tolist() == ["earlier", flights.source()]
+    assert flights.fly_all(orders, tmp_path, 1)["source"].tolist() == both["source"].tolist()
+
+
+def test_the_predicted_size_is_that_which_a_normal_test_finds_in_80_percent():
+    rng = np.random.default_rng(1)
+    size = np.tile([0.5, 0.8, 1.25, 2.0], 500)
+    found = rng.random(2000) < stats.norm.cdf(3.0 * size - flights.CRITICAL)
+    pilots = pd.DataFrame({"size": 1 + size, "holds": 1 - found, "taken_out": np.nan})
+    expected = 1 + (flights.CRITICAL + 0.8416) / 3.0
+    assert flights.predicted(pilots, 1.0, 2.0) == pytest.approx(expected, rel=0.03)
+    assert flights.predicted(pilots.assign(holds=1), 1.0, 2.0) == 2.0
