@@ -20,10 +20,12 @@ import numpy as np
 import pandas as pd
 
 from acx4book.chapters.beyond.rig.truth import true_head
+from acx4book.paper import printed
 from acx4lib.calibration import mounting, rig
+from acx4lib.calibration.absorption import ABSORBING, absorption
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.calibration.mounting import Mounting
+from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
@@ -56,6 +58,9 @@ SIDES = (0.0, 0.5, 1.0)
 """Of the square of the lens centres, in parts of the side that it has."""
 
 AXES = ("east_m", "north_m", "height_m")
+SHARING = 16
+"""Flights that are carried through one calibration of the heads."""
+
 DIGITS = 7
 """Of the numbers written down."""
 
@@ -73,13 +78,15 @@ def main() -> None:
     rows: dict[str, list[Row]] = {"parameters": [], "points": []}
     with ProcessPoolExecutor(options.processes) as pool:
         swept = pool.map(at_focal_length, FOCAL_LENGTHS_MM)
+        shared = pool.map(through_heads_of_others, seeds)
         for seed, found in zip(seeds, pool.map(of_seed, seeds), strict=True):
             rows["parameters"] += found[0]
             rows["points"] += found[1]
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
         rows["sweep"] = [row for part in swept for row in part]
+        rows["shared"] = [row for part in shared for row in part]
         rows["pattern"] = pattern()
-        rows["squares"] = [row for part in map(at_side, SIDES) for row in part]
+        rows["squares"] = squares()
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
     tables = {name: pd.DataFrame(table) for name, table in rows.items()}
@@ -112,6 +119,19 @@ def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
 
     found = mounting.single_step(carried(flight.calibration), free=flight.estimate_mounting)
     return found, validate(carried(flight.validation), found.calibration, method="single_step")
+
+
+def through_heads_of_others(seed: int) -> list[Row]:
+    """Return the single step of a flight whose points are carried through the heads of another.
+
+    `SHARING` flights have the heads of one, as where a camera is calibrated once and flown often.
+    """
+    heads_of = seed - (seed - 1) % SHARING
+    calibrated = simulated.fly(DESIGN, seed=heads_of, blocks=("heads",)).flight
+    orientation = refine(calibrated, find_head_truth.calibrated_heads(calibrated), None).orientation
+    flight = simulated.fly(DESIGN, seed=seed, blocks=("heads", "calibration")).flight
+    step = find_head_truth.single_step(flight, orientation)
+    return [{"seed": seed, "heads_of": heads_of} | row for row in of_mounting(step)]
 
 
 def in_heads(flight: Flight) -> tuple[Mounting, Validation]:
@@ -179,19 +199,59 @@ def of_places(found: RelativeOrientation) -> list[Row]:
     ]
 
 
-def at_side(share: float) -> list[Row]:
-    """Return the single step of exact data, where the lens centres are nearer to each other."""
+def at_side(share: float, lowered_m: float = 0.0) -> list[Row]:
+    """Return what the methods make of exact data, where the lens centres are in other places.
+
+    Parameters
+    ----------
+    share : float
+        Side of the square of the lens centres, in parts of the side that it has.
+    lowered_m : float
+        By how much all lens centres are lower than they are.
+    """
     centres = np.array([head.lever_m for head in head_truth.HEADS.values()])
     middle = centres.mean(axis=0)
-    places = middle + share * (centres - middle)
+    places = middle + share * (centres - middle) - [0.0, 0.0, lowered_m]
     heads = {
         name: replace(head, lever_m=tuple(map(float, place)))
         for (name, head), place in zip(head_truth.HEADS.items(), places, strict=True)
     }
     flight = find_head_truth.exact_flight(heads)
     oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
-    found = of_mounting(find_head_truth.single_step(flight, oriented))
-    return [{"side_m": float(np.ptp(places[:, 0]))} | row for row in found]
+    steps = find_head_truth.mountings(flight, oriented)
+    named = {"side_m": float(np.ptp(places[:, 0])), "lowered_m": lowered_m}
+    rows = [
+        named | {"method": method} | row
+        for method in ("single_step", "two_step_gnss")
+        for row in of_mounting(steps[method])
+    ]
+    return [*rows, *(named | {"method": "expected"} | row for row in of_absorption(steps))]
+
+
+def of_absorption(found: Mountings) -> list[Row]:
+    """Return the shift of f, x_p, y_p that the single step's lever arm must cause."""
+    absorbed = absorption(found)
+    assert absorbed is not None
+    expected = absorbed.by_lever @ absorbed.lever_m
+    return [
+        {"camera": absorbed.cameras[0], "parameter": f"{name}_mm", "value": mm, "sigma": np.nan}
+        for name, mm in zip(ABSORBING, expected, strict=True)
+    ]
+
+
+def squares() -> list[Row]:
+    """Return what exact data give for squares of several sides, and for one that is lowered.
+
+    This is lowered until the single step finds the lever arm that the paper prints.
+    """
+    rows = [row for share in SIDES for row in at_side(share)]
+    own = [row["value"] for row in rows if of_single_step(row, "lever_z_m")]
+    return rows + at_side(1.0, own[-1] - printed.value(3, "lever_z_m", "single_step"))
+
+
+def of_single_step(row: Row, parameter: str) -> bool:
+    """Tell whether a row has a parameter of the single step."""
+    return bool(row["method"] == "single_step" and row["parameter"] == parameter)
 
 
 def pattern() -> list[Row]:

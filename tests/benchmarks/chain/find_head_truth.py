@@ -21,6 +21,7 @@ import acx4sim
 from acx4book.paper import printed
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation, calibrate_heads, relative_orientation
+from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.carried import carry, synthetic_block
@@ -57,11 +58,18 @@ def chain(flight: Flight) -> Chain:
 
 def single_step(flight: Flight, heads: RelativeOrientation) -> mounting.Mounting:
     """Carry the calibration block through the heads, and adjust it."""
-    synthetic = flight.cameras["SYN"]
-    block = synthetic_block(
-        flight.calibration, carry(flight.calibration, heads, synthetic), synthetic
-    )
-    return mounting.single_step(block, free=flight.estimate_mounting)
+    return mounting.single_step(carried(flight, heads), free=flight.estimate_mounting)
+
+
+def mountings(flight: Flight, heads: RelativeOrientation) -> mounting.Mountings:
+    """Do what `single_step` does by all methods."""
+    return mounting.calibrate(carried(flight, heads), free=flight.estimate_mounting)
+
+
+def carried(flight: Flight, heads: RelativeOrientation) -> Block:
+    """Return the calibration block as its synthetic images have it."""
+    block, synthetic = flight.calibration, flight.cameras["SYN"]
+    return synthetic_block(block, carry(block, heads, synthetic), synthetic)
 
 
 def exact_chain(heads: Mapping[str, Camera] = head_truth.HEADS) -> Chain:

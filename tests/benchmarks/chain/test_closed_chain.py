@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from acx4book.paper import printed
 from benchmarks.chain import closed_chain
 
 pytestmark = pytest.mark.slow
@@ -33,7 +34,28 @@ def test_differences_at_check_points_are_the_stored_ones(computed):
         assert own[name].to_numpy() == pytest.approx(kept[name], rel=1e-5, abs=1e-5)  # m
 
 
-def test_lens_centres_in_one_point_give_the_true_lever_arm():
-    rows = pd.DataFrame(closed_chain.at_side(0.0)).set_index("parameter")["value"]
-    assert rows["lever_z_m"] == pytest.approx(-0.201, abs=0.01)
-    assert rows["sigma0_squared"] < 0.01
+def at(share, lowered_m=0.0):
+    table = pd.DataFrame(closed_chain.at_side(share, lowered_m))
+    return table.pivot_table(index="parameter", columns="method", values="value")
+
+
+def test_lens_centres_in_one_point_give_the_true_lever_arm_and_the_printed_shift():
+    found = at(0.0)
+    assert found["single_step"]["lever_z_m"] == pytest.approx(-0.201, abs=0.01)
+    assert found["single_step"]["sigma0_squared"] < 0.01
+    for name in ("f_mm", "xp_mm", "yp_mm"):
+        two, single = (printed.value(3, name, column) for column in ("two_step", "single_step"))
+        own = found["two_step_gnss"][name] - found["single_step"][name]
+        assert own == pytest.approx(two - single, rel=0.1)
+        assert own == pytest.approx(found["expected"][name], rel=0.01)
+
+
+def test_the_focal_length_follows_the_lever_arm_that_four_lens_centres_seem_to_have():
+    found = at(1.0)
+    shift = found["two_step_gnss"]["f_mm"] - found["single_step"]["f_mm"]
+    assert found["single_step"]["lever_z_m"] > 0
+    assert shift == pytest.approx(found["expected"]["f_mm"], abs=5e-5)  # mm
+    assert shift < 0
+    lowered = at(1.0, found["single_step"]["lever_z_m"] + 0.201)
+    shift = lowered["two_step_gnss"]["f_mm"] - lowered["single_step"]["f_mm"]
+    assert shift == pytest.approx(0.0107, rel=0.1)  # Table 3
