@@ -31,7 +31,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
-from acx4lib.georeferencing import accuracy
+from acx4lib.georeferencing import accuracy, standards
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.stages.synthetic import refine
@@ -58,6 +58,9 @@ SIDES = (0.0, 0.5, 1.0)
 """Of the square of the lens centres, in parts of the side that it has."""
 
 AXES = ("east_m", "north_m", "height_m")
+SCALES = (1000, 2000, 5000)
+"""Denominators of the scales whose classes are noted: the paper's, and one that is larger."""
+
 SHARING = 16
 """Flights that are carried through one calibration of the heads."""
 
@@ -75,13 +78,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     seeds = SEEDS[: options.seeds]
-    rows: dict[str, list[Row]] = {"parameters": [], "points": []}
+    rows: dict[str, list[Row]] = {"parameters": [], "points": [], "classes": []}
     with ProcessPoolExecutor(options.processes) as pool:
         swept = pool.map(at_focal_length, FOCAL_LENGTHS_MM)
         shared = pool.map(through_heads_of_others, seeds)
         for seed, found in zip(seeds, pool.map(of_seed, seeds), strict=True):
-            rows["parameters"] += found[0]
-            rows["points"] += found[1]
+            for name, part in zip(("parameters", "points", "classes"), found, strict=True):
+                rows[name] += part
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
         rows["sweep"] = [row for part in swept for row in part]
         rows["shared"] = [row for part in shared for row in part]
@@ -96,8 +99,8 @@ def main() -> None:
 # --- one flight --------------------------------------------------------------------------------
 
 
-def of_seed(seed: int) -> tuple[list[Row], list[Row]]:
-    """Return what both ways make of a flight: parameters, and differences at check points."""
+def of_seed(seed: int) -> tuple[list[Row], list[Row], list[Row]]:
+    """Return what both ways make of a flight: parameters, differences at check points, classes."""
     flight = simulated.fly(DESIGN, seed=seed, blocks=("heads", *simulated.MOUNTED)).flight
     parts: dict[str, tuple[Mounting, Validation]] = {
         "synthetic": in_synthetic_images(flight),
@@ -106,7 +109,16 @@ def of_seed(seed: int) -> tuple[list[Row], list[Row]]:
     named = {way: {"seed": seed, "way": way} for way in parts}
     estimates = [named[way] | row for way, (m, _) in parts.items() for row in of_mounting(m)]
     differences = [named[way] | row for way, (_, v) in parts.items() for row in of_validation(v)]
-    return estimates, differences
+    classes = [named[way] | of_classes(v) for way, (_, v) in parts.items()]
+    return estimates, differences, classes
+
+
+def of_classes(found: Validation) -> Row:
+    """Return the classes of PEC-PCD that the check points reach, by scale."""
+    said = accuracy.from_differences(found.points.d)
+    reached = {scale: standards.pec_pcd(said, scale) for scale in SCALES}
+    plan = {f"plan_{scale}": each.plan for scale, each in reached.items()}
+    return plan | {f"height_{scale}": each.height for scale, each in reached.items()}
 
 
 def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
