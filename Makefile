@@ -130,7 +130,7 @@ coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.verdicts.flights
 
-chain: .venv/.stamp-test ## adjust 50 simulated flights with and without a synthetic image, for data/benchmarks
+chain: .venv/.stamp-test ## adjust simulated flights with and without a synthetic image, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.closed_chain
 
 models: .venv/.stamp-test ## adjust simulated flights with several distortion models, for data/benchmarks

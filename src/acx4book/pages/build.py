@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
-from acx4book.pages import api, example, frames, independent, provenance, simulation
+from acx4book.pages import accuracy, api, example, frames, independent, provenance, simulation
 from acx4book.pages.back import changelog, citation, clean, licences, release
 from acx4book.pages.benchmarks import (
     commands,
@@ -118,7 +118,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         (generated / name).write_text(text, encoding="utf-8")
     for name, figure in figures_of_benchmarks(adjusted, errors):
         (generated / name).write_text(vector(figure), encoding="utf-8")
-    told = made_from(flight_path, ideal=whole)
+    told = made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     (generated / "made_from.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
@@ -156,14 +156,12 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
         fold(executed / source.name, executed / source.name)
 
 
-def made_from(flight_path: Path, *, ideal: bool) -> dict[str, Any]:
+def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
-    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS), flight_path.name)
-    of_ideal = {runner.NOTEBOOKS[stage]: "acx4-ideal" for stage in OF_IDEAL if ideal}
-    return {
-        "commit": provenance.short(provenance.commit()),
-        "flights": {**named, **of_ideal, "scorecard": flight_path.name},
-    }
+    name = f"{flight_path.name}{', simulated' if simulated else ''}"
+    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS, "scorecard"), name)
+    of_ideal = {runner.NOTEBOOKS[stage]: "acx4-ideal, simulated" for stage in OF_IDEAL if ideal}
+    return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:
@@ -224,14 +222,18 @@ def texts_of_front(
     yield "front.svg", vector(drawn)
     yield "front.md", FRONT.format(alt=exposure.ALT, caption=exposure.caption(flown))
     applies = printed.applies(flown)
-    answers = questions.answers(executed)
-    yield from questions.texts(answers, beside_print=applies).items()
+    ideal = None if ideal_path is None else questions.answers(ideal_path / "notebooks")
+    answers = questions.answers(executed if ideal is None else results_path / "notebooks")
+    yield from questions.texts(answers, ideal, beside_print=applies).items()
+    runs = {"Here" if ideal_path is None else "Four heads": found}
     if ideal_path is not None:
-        found = results.read(ideal_path)
+        runs["Ideal camera"] = results.read(ideal_path)
     camera = flown.synthetic.camera if flown.synthetic else ""
-    has_both = {"mounting/single_step", "mounting/two_step_gnss"} <= found.summary.keys()
-    table = questions.small_table_3(found, camera) if applies and has_both else ""
+    needed = {"mounting/single_step", "mounting/two_step_gnss"}
+    has_both = all(needed <= run.summary.keys() for run in runs.values())
+    table = questions.small_table_3(runs, camera) if applies and has_both else ""
     yield "front-table.md", f"{table}\n"
+    yield "front-accuracy.md", accuracy.page(BENCHMARKS) if ideal_path is not None else "\n"
 
 
 def _run(results_path: Path) -> tuple[results.Results, Flight]:

@@ -153,22 +153,43 @@ def answer_of(notebook: Path) -> list[str]:
     return [part for text in shown for part in text.split("\n\n")]
 
 
-def texts(found: Mapping[str, Sequence[str]], *, beside_print: bool) -> dict[str, str]:
+def texts(
+    found: Mapping[str, Sequence[str]],
+    ideal: Mapping[str, Sequence[str]] | None = None,
+    *,
+    beside_print: bool,
+) -> dict[str, str]:
     """Return what pages include on the four questions, by the names of their files.
 
     Parameters
     ----------
     found : mapping of str to sequence of str
         As `answers` returns it.
+    ideal : mapping of str to sequence of str, optional
+        The answers with images of one ideal camera in the place of four heads; they stand beside
+        the others.
     beside_print : bool
         Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
     """
+    both = {one.chapter: _beside(one.chapter, found, ideal or {}) for one in QUESTIONS}
     short = [
-        f"{i}. **{one.asked}** {found[one.chapter][0]} ({{doc}}`_executed/{one.chapter}`)"
+        f"{i}. **{one.asked}** {both[one.chapter][0]} ({{doc}}`_executed/{one.chapter}`)"
         for i, one in enumerate(QUESTIONS, 1)
     ]
-    whole = [_section(i, one, found, beside_print) for i, one in enumerate(QUESTIONS, 1)]
+    whole = [_section(i, one, both, beside_print) for i, one in enumerate(QUESTIONS, 1)]
     return {"answers.md": "\n".join(short) + "\n", "four-questions.md": "\n\n".join(whole) + "\n"}
+
+
+def _beside(
+    chapter: str, found: Mapping[str, Sequence[str]], ideal: Mapping[str, Sequence[str]]
+) -> list[str]:
+    """Return the paragraphs of an answer, those of an ideal camera after the flight's own."""
+    own, other = found[chapter], ideal.get(chapter, [])
+    if not other or other == [UNANSWERED]:
+        return list(own)
+    first = f"*With images made of four heads:* {own[0]} *With one ideal camera:* {other[0]}"
+    ideally = [f"*With one ideal camera.* {other[1]}", *other[2:]] if len(other) > 1 else []
+    return [first, *own[1:], *ideally]
 
 
 def _section(
@@ -186,13 +207,13 @@ TABLE_3 = ("f_mm", "xp_mm", "yp_mm", *(f"lever_{axis}_m" for axis in "xyz"), *BO
 """Rows of the small Table 3."""
 
 
-def small_table_3(found: folder.Results, camera: str) -> str:
+def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
     """Return the mounting of both methods beside the printed one, as a MyST table.
 
     Parameters
     ----------
-    found : Results
-        With the stage mounting.
+    runs : mapping of str to Results
+        With the stage mounting, by what the images are of.
     camera : str
         Name of the synthetic camera.
     """
@@ -201,16 +222,20 @@ def small_table_3(found: folder.Results, camera: str) -> str:
         ("two-step", "two_step", TWO_STEP),
         ("single-step", "single_step", "single_step"),
     ):
-        ours = folder.parameters(found, f"mounting/{method}", camera)
-        columns[f"Printed, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
-        columns[f"Here, {title}"] = [
-            value_and_sigma(ours["value"][name], ours["sigma"][name])
-            if name in ours.index
-            else "held"
-            for name in TABLE_3
-        ]
+        columns[f"Paper, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
+        for made_of, found in runs.items():
+            ours = folder.parameters(found, f"mounting/{method}", camera)
+            columns[f"{made_of}, {title}"] = [
+                value_and_sigma(ours["value"][name], ours["sigma"][name])
+                if name in ours.index
+                else "held"
+                for name in TABLE_3
+            ]
     units = paper.table(3).drop_duplicates("parameter").set_index("parameter")["unit"]
     names = [with_unit(LABELS[name], units[name]) for name in TABLE_3]
     table = pd.DataFrame({"Parameter": names, **columns})
-    caption = "From the paper's Table 3: interior orientation and mounting, printed and here"
+    caption = (
+        "From the paper's Table 3: interior orientation and mounting, printed and of simulated "
+        "flights"
+    )
     return myst_table(table, caption, name="tab-front") + "\n"

@@ -142,6 +142,8 @@ class Setup:
     grid : GridSystem
     refraction : str
         ``none`` or ``standard``.
+    simulated : bool
+        Whether its measurements were computed, not made.
     cameras : dict of str to Camera
     synthetic : Synthetic or None
     apriori : Apriori
@@ -162,6 +164,7 @@ class Setup:
     name: str
     grid: GridSystem
     refraction: str
+    simulated: bool
     cameras: dict[str, Camera]
     synthetic: Synthetic | None
     apriori: Apriori
@@ -190,6 +193,7 @@ def setup_of(toml: Toml) -> Setup:
         name=toml.values["name"],
         grid=grid_of(toml),
         refraction=toml.values.get("refraction", "none"),
+        simulated=toml.values.get("simulated", False),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
         synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),

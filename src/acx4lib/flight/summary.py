@@ -24,7 +24,7 @@ def summary(flight: Flight) -> str:
     flight : Flight
     """
     lines = [
-        flight.name,
+        f"{flight.name}{' (simulated)' if flight.simulated else ''}",
         _row("CRS", _system(flight.grid.crs)),
         _row("heights", flight.grid.height_system),
         _row("refraction", flight.refraction),

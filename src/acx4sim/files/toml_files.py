@@ -37,7 +37,12 @@ _CARRIED_NOTE = (
 def flight_toml(plan: Plan, options: Options) -> str:
     """Return the text of flight.toml: sensors, approximate values, true standard deviations."""
     title = json.dumps(plan.title, ensure_ascii=False)  # a TOML string, too
-    lines = [f"name = {title}", f'crs = "{plan.crs}"', 'heights = "ellipsoidal"']
+    lines = [
+        f"name = {title}",
+        "simulated = true",
+        f'crs = "{plan.crs}"',
+        'heights = "ellipsoidal"',
+    ]
     if plan.refraction != "none":
         lines.append(f'refraction = "{plan.refraction}"')
     for name, camera in plan.cameras.items():

@@ -68,5 +68,5 @@ def test_the_sentence_counts_and_names_the_strong_evidence(numbers):
     said = roles.sentence(card)
     assert "172 numbers" in said
     assert f"{(numbers['role'] == 'given').sum()} were *given*" in said
-    assert "8 to 13 of the paper's standard deviations" in said
-    assert said.endswith("3 of 3 agree.")
+    assert "6 are means of differences at check points" in said
+    assert "Evidence about the study are the 3 others" in said

@@ -197,20 +197,26 @@ REPLACED = [
         'name = "small"',
         'name = "small"\nrefracton = "none"',
         ":2: refracton: unknown key (did you mean 'refraction'?); must be one of name, crs, "
-        "heights, refraction, cameras, synthetic, apriori, adjustment, session, stages, "
-        "certificate, format",
+        "heights, refraction, simulated, cameras, synthetic, apriori, adjustment, session, "
+        "stages, certificate, format",
     ),
     (
         TOML,
         'name = "small"',
-        'name = "small"\nformat = 6',
-        ":2: format: 6; must be a whole number up to 5; a larger one is of a later acx4",
+        'name = "small"\nformat = 7',
+        ":2: format: 7; must be a whole number up to 6; a larger one is of a later acx4",
     ),
     (
         TOML,
         'name = "small"',
         'name = "small"\nrefraction = true',
         ":2: refraction: True; must be 'none' or 'standard'",
+    ),
+    (
+        TOML,
+        'name = "small"',
+        'name = "small"\nsimulated = "yes"',
+        ":2: simulated: 'yes'; must be true or false",
     ),
     (TOML, 'name = "small"', "name = 1", ":1: name: 1; must be text"),
     (TOML, "width_px = 4000", "width_px =", ":6: character 11: Invalid value; must be valid TOML"),

@@ -199,7 +199,8 @@ def answer(flight: Flight, stage: HeadsStage) -> str:
         f"the principal points of the heads are {known}{_beside_print(flight, listed)}."
     )
     every = [interior_exterior(fit).largest.max() for fit in stage.heads.bundles.values()]
-    return f"{first}\n\n{_focal_length(held=held)} {_tilts(flight, max(map(float, every)))}"
+    limits = f"{_focal_length(held=held)} {_tilts(flight, max(map(float, every)))}"
+    return f"{first}\n\n{_of_print(flight, stage)}{limits}"
 
 
 def _estimated(stage: HeadsStage) -> list[Parameter]:
@@ -213,7 +214,19 @@ def _beside_print(flight: Flight, listed: Sequence[Parameter]) -> str:
     far = far[np.isfinite(far)]
     return (
         f", and {int(np.sum(far <= 2))} of {len(far)} parameters lie within two combined standard "
-        "deviations of Table 1"
+        "deviations of the paper's Table 1"
+        + (", from which the simulated heads were made" if flight.simulated else "")
+    )
+
+
+def _of_print(flight: Flight, stage: HeadsStage) -> str:
+    """Say how far X_c and Y_c are from print, which a simulated flight was not given."""
+    far = [apart(p) for p in oriented(stage) if p.name in ("Xc_mm", "Yc_mm")]
+    if not (flight.simulated and paper.applies(flight) and far):
+        return ""
+    return (
+        f"$X_c$ and $Y_c$, which the simulation was not given, are {min(far):.1f} to "
+        f"{max(far):.1f} standard deviations away from print. "
     )
 
 

@@ -47,7 +47,8 @@ COUNTED = (
 def identification(material: Material) -> pd.DataFrame:
     """Return the calibrated cameras, the date, and the software."""
     flight = material.flight
-    rows = [("Flight", flight.name)]
+    made = "Simulated: the measurements were computed" if flight.simulated else ""
+    rows = [("Flight", flight.name), *([("Measurements", made)] if made else [])]
     rows += [(f"Camera {name}", text) for name, text in _cameras(material).items()]
     crs = pyproj.CRS.from_user_input(flight.grid.crs)
     rows += [

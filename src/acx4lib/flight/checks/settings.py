@@ -42,7 +42,7 @@ INWARD, OUTWARD = 0.25, 0.5
 """Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1
 alone, and outwards a fisheye needs a quarter and more."""
 
-FORMAT = 5
+FORMAT = 6
 """The latest format of flight.toml that is understood, as are all before it."""
 
 TOP = (
@@ -50,6 +50,7 @@ TOP = (
     "crs",
     "heights",
     "refraction",
+    "simulated",
     "cameras",
     "synthetic",
     "apriori",
@@ -93,6 +94,9 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.values.get("refraction", "none") not in ("none", "standard"):
         found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
+    if not isinstance(toml.values.get("simulated", False), bool):
+        found = quoted(toml.values["simulated"])
+        yield toml.problem(("simulated",), found, "must be true or false")
     if toml.values.get("format", FORMAT) not in range(1, FORMAT + 1):
         expected = f"must be a whole number up to {FORMAT}; a larger one is of a later acx4"
         yield toml.problem(("format",), quoted(toml.values["format"]), expected)

@@ -32,7 +32,10 @@ def test_the_sentences_have_the_papers_claims(flight, stage):
 def test_the_answer_says_what_a_held_focal_length_costs(flight, stage):
     first, rest = head_sentences.answer(flight, stage).split("\n\n")
     assert first.startswith("Yes, but for the focal length: ")
-    assert "of 20 parameters lie within two combined standard deviations of Table 1" in first
+    assert (
+        "of 20 parameters lie within two combined standard deviations of the paper's Table 1"
+        in first
+    )
     assert "held at its nominal value" in rest
     assert "below 10 %" in rest
 

@@ -20,7 +20,7 @@ STORED = Path(str(resources.files("acx4book.chapters.beyond.synthetic_cost") / "
 SYNTHETIC, RIG = "synthetic", "rig"
 """The two ways: a single step of carried points, and a rig of four heads."""
 
-PARTS = ("parameters", "points", "sweep", "pattern", "squares")
+PARTS = ("parameters", "points", "classes", "shared", "sweep", "pattern", "centres")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,27 +33,42 @@ class Study:
         seed, way, camera, parameter, value, sigma.
     points : DataFrame
         seed, way, over (points or pairs), axis, n, rms_m, mean_m, sigma_m.
+    classes : DataFrame
+        seed, way, and the class of PEC-PCD in plan and in height by scale.
+    shared : DataFrame
+        Single steps of flights that are carried through the heads of one: seed, heads_of (the
+        seed of these), camera, parameter, value, sigma.
     sweep : DataFrame
         Of exact data: f_1_mm, heads (calibrated or refined), camera, parameter, value, sigma.
     pattern : DataFrame
         Of exact data: height_m, head, col_px, row_px, d_col_px, d_row_px.
-    squares : DataFrame
-        Of exact data: side_m of the square of the lens centres, camera, parameter, value, sigma.
+    centres : DataFrame
+        Of exact data by the places of the lens centres: side_m of their square, lowered_m (by how
+        much it is lower than on the simulated rig), method, camera, parameter, value, sigma. The
+        method *expected* has the shift of f, x_p, y_p that the single step's lever arm must cause.
     about : mapping
         Date, processor, commit, seeds.
     """
 
     parameters: pd.DataFrame
     points: pd.DataFrame
+    classes: pd.DataFrame
+    shared: pd.DataFrame
     sweep: pd.DataFrame
     pattern: pd.DataFrame
-    squares: pd.DataFrame
+    centres: pd.DataFrame
     about: Mapping[str, Any]
 
     @property
     def n_flights(self) -> int:
         """Number of flights."""
         return int(self.parameters["seed"].nunique())
+
+    @property
+    def squares(self) -> pd.DataFrame:
+        """The single step of `centres` by side, at the height that the simulated rig has."""
+        own = self.centres
+        return own[(own["method"] == "single_step") & (own["lowered_m"] == 0)]
 
 
 def read(folder: str | Path = "") -> Study:
@@ -102,6 +117,35 @@ def scatter(study: Study, way: str) -> pd.DataFrame:
     table["ratio"] = table["scatter"] / table["sigma"]
     table["sigma_ratio"] = table["ratio"] / np.sqrt(2 * (grouped.size() - 1))
     return table.reset_index()
+
+
+def scatter_of_shared(study: Study) -> pd.Series:
+    """Return how estimates scatter over their sigma among flights carried through the same heads.
+
+    Returns
+    -------
+    Series
+        By parameter, from the variances within groups of such flights.
+    """
+    own = study.shared[study.shared["sigma"].notna()]
+    grouped = own.assign(variance=own["sigma"] ** 2).groupby(["parameter", "heads_of"], sort=False)
+    within = grouped["value"].var() / grouped["variance"].mean()
+    return within.groupby("parameter", sort=False).mean() ** 0.5
+
+
+def rms_by_flight(study: Study, way: str, over: str = "points") -> pd.DataFrame:
+    """Return the RMS at check points of every flight: a column for plan and one for height, m."""
+    own = study.points[(study.points["way"] == way) & (study.points["over"] == over)]
+    wide = own.pivot_table(index="seed", columns="axis", values="rms_m")
+    return pd.DataFrame(
+        {"plan": np.hypot(wide["east_m"], wide["north_m"]), "height": wide["height_m"]}
+    )
+
+
+def share_of_class(study: Study, way: str, scale: int, letter: str = "A") -> dict[str, float]:
+    """Return the share of flights that reach a class of PEC-PCD in plan, and in height."""
+    own = study.classes[study.classes["way"] == way]
+    return {part: float((own[f"{part}_{scale}"] == letter).mean()) for part in ("plan", "height")}
 
 
 def accuracy(study: Study) -> pd.DataFrame:

@@ -25,6 +25,8 @@ HEIGHT_FORMATS = {
 SQUARE_ROWS = ("f_mm", "k1", "k2", "k3", "p1", "p2", "lever_x_m", "lever_y_m", "lever_z_m")
 """Parameters of the table of squares; a boresight does not depend on them."""
 
+PAPER = "Paper's Table 3"
+
 HEIGHTS_M = (700.0, 1000.0, 1250.0, 1500.0, 2000.0, 3000.0)
 """Flying heights of the table."""
 
@@ -49,7 +51,7 @@ def parameter_table(found: Study) -> pd.DataFrame:
     rows = [
         {
             "Parameter": with_unit(LABELS[row["parameter"]], unit(row["parameter"])),
-            "Table 3": printed.shown(3, row["parameter"], "single_step"),
+            PAPER: printed.shown(3, row["parameter"], "single_step"),
             "Mean and scatter over flights": value_and_sigma(row["mean"], row["scatter"]),
             "Scatter over stated σ": f"{row['ratio']:.2f} ± {row['sigma_ratio']:.2f}",
         }
@@ -99,9 +101,68 @@ def square_table(found: Study) -> pd.DataFrame:
     rows = [
         {"Parameter": with_unit(LABELS[name], unit(name))}
         | {title: cells[name, side] for side, title in sides.items()}
-        | {"Table 3": printed.shown(3, name, "single_step")}
+        | {PAPER: printed.shown(3, name, "single_step")}
         for name in SQUARE_ROWS
     ]
     factor = found.squares[found.squares["parameter"] == "sigma0_squared"].set_index("side_m")
     factors = {title: f"{factor['value'][side]:.4f}" for side, title in sides.items()}
     return pd.DataFrame([*rows, {"Parameter": LABELS["sigma0_squared"], **factors}])
+
+
+SHIFTED = {"f_mm": "f", "xp_mm": "x_p", "yp_mm": "y_p"}
+"""What the two-step method shifts where it holds a lever arm at zero, and its symbol."""
+
+
+def shifts(found: Study) -> pd.DataFrame:
+    """Return how far the two-step method with GNSS moves f, x_p, y_p, by place of lens centres.
+
+    Returns
+    -------
+    DataFrame
+        A row for each place: side_m, lowered_m, lever_z_m of the single step, and for each name of
+        `SHIFTED` the shift against the single step and, as expected_NAME, the one that its lever
+        arm must cause; all mm.
+    """
+    rows = []
+    for (side, lowered), own in found.centres.groupby(["side_m", "lowered_m"]):
+        by = own.pivot_table(index="parameter", columns="method", values="value")
+        shift = by["two_step_gnss"] - by["single_step"]
+        row = {"side_m": side, "lowered_m": lowered, "lever_z_m": by["single_step"]["lever_z_m"]}
+        row |= {name: shift[name] for name in SHIFTED}
+        rows.append(row | {f"expected_{name}": by["expected"][name] for name in SHIFTED})
+    return pd.DataFrame(rows)
+
+
+def shift_table(found: Study) -> pd.DataFrame:
+    """Return `shifts` for readers, with the paper's in the last row."""
+    rows = [
+        {
+            "Lens centres": _place(row["side_m"], row["lowered_m"]),
+            "Lever arm z (m)": f"{row['lever_z_m']:+.3f}",
+        }
+        | {
+            f"${symbol}$ (mm)": f"{row[name]:+.4f} ({row[f'expected_{name}']:+.4f})"
+            for name, symbol in SHIFTED.items()
+        }
+        for row in shifts(found).to_dict("records")
+    ]
+    of_paper = {
+        "Lens centres": "paper",
+        "Lever arm z (m)": printed.shown(3, "lever_z_m", "single_step").partition(" ")[0],
+    }
+    for name, symbol in SHIFTED.items():
+        of_paper[f"${symbol}$ (mm)"] = f"{print_shift(name):+.4f}"
+    return pd.DataFrame([*rows, of_paper])
+
+
+def print_shift(name: str) -> float:
+    """Return the printed two-step value of a parameter less the single-step one."""
+    two, single = (printed.value(3, name, method) for method in ("two_step", "single_step"))
+    return two - single
+
+
+def _place(side_m: float, lowered_m: float) -> str:
+    if not side_m:
+        return "in one point"
+    lower = f", {100 * lowered_m:.0f} cm lower" if lowered_m else ""
+    return f"square of {100 * side_m:.0f} cm{lower}"

@@ -13,7 +13,7 @@ def found():
 
 
 def test_the_origin_names_flights_and_commit(found):
-    assert "50 flights" in sentences.made(found)
+    assert f"{found.n_flights} flights" in sentences.made(found)
     assert found.about["commit"][:7] in sentences.made(found)
 
 
@@ -31,7 +31,7 @@ def test_an_excess_that_is_planted_is_said(found):
     own.loc[planted, "value"] = (rig.loc[own.loc[planted, "seed"]] + 0.5).to_numpy()
     said = sentences.chi_square(replace(found, parameters=own))
     assert "the difference is 0.500 ± 0.000" in said
-    assert "in 50 of 50 flights" in said
+    assert f"in {found.n_flights} of {found.n_flights} flights" in said
 
 
 def test_the_lever_arm_is_explained_by_the_square(found):
@@ -40,10 +40,20 @@ def test_the_lever_arm_is_explained_by_the_square(found):
     assert "Least squares over the frame makes it 0.22 m" in said
 
 
-def test_the_recommendation_takes_its_factor_from_the_scatter(found):
-    largest = study.scatter(found, study.SYNTHETIC)["ratio"].max()
-    assert 3 < largest < 4
-    assert "parameters by 4 before" in sentences.recommendation(found)
+def test_what_is_stated_holds_among_flights_with_the_same_heads(found):
+    within = study.scatter_of_shared(found)
+    assert within.between(0.6, 1.3).all()
+    anew = study.scatter(found, study.SYNTHETIC)["ratio"].max()
+    assert 3 < anew < 4
+    assert f"by up to {anew:.1f} times their stated σ" in sentences.recommendation(found)
+    assert f"at most {within.max():.2f} times" in sentences.answer(found)
+
+
+def test_the_focal_length_follows_where_the_printed_lever_arm_is_found(found):
+    said = sentences.focal_length_follows(found)
+    assert "the paper's moves by +0.0107 mm" in said
+    assert "$f$ moves by +0.010" in said
+    assert "within 5 %" in said
 
 
 def test_the_best_height_is_one_of_the_table(found):
