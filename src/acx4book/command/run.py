@@ -19,6 +19,10 @@ is skipped. A stage that is run alone takes what it needs from the results that 
 replaces only its own. The status is 1 where a stage does not
 converge or is not determined by its data.
 
+Results of another flight are never used in silence: a stage that is run alone on them ends with
+status 2. With --calibration, FLIGHT is validated with the calibration of an earlier flight,
+RESULTS, and this stands in the results and the report.
+
 With --numbers-only the tables are the same, without notebooks: much sooner, and without the
 requirements of acx4lib[book].
 
@@ -32,6 +36,7 @@ Examples:
   acx4 run my_flight --results my_results
   acx4 run my_flight --results my_results --numbers-only
   acx4 run my_flight --results my_results --stages mounting,validation
+  acx4 run my_flight --results later_results --calibration earlier_results
   acx4 run flights/* --results all_results --jobs 4
   acx4 run single-head --seeds 1-200 --results monte_carlo --jobs 2
   acx4 run my_plan.toml --seeds 1-20 --results flown_20_times
@@ -54,6 +59,14 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     stages: Annotated[
         str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
     ] = "heads,synthetic,mounting,validation",
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RESULTS",
+            show_default=False,
+            help="Validate with the calibration of an earlier flight.",
+        ),
+    ] = None,
     notebooks: Annotated[
         Path | None,
         typer.Option(
@@ -99,7 +112,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         terminal.refuse("--cluster computes the numbers only; for notebooks use --jobs")
     if not numbers_only:
         terminal.need_book("run")
-    settings = _settings(stages, notebooks, numbers_only=numbers_only)
+    settings = _settings(stages, notebooks, calibration, numbers_only=numbers_only)
     if are_many:
         where = many.Where(jobs=jobs or 1, cluster=cluster)
         many.run_many(flights, results, seeds=seeds, where=where, settings=settings)
@@ -118,7 +131,12 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
         processors.keep_memory()
     with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
         report = runner.run(
-            flight, results, way=way_of(settings.notebooks), stages=settings.stages, tell=tell
+            flight,
+            results,
+            way=way_of(settings.notebooks),
+            stages=settings.stages,
+            calibration=settings.calibration or "",
+            tell=tell,
         )
     terminal.say_if_not_kept()
     for line in [*report.skipped, *report.left_out, *report.notes]:
@@ -129,7 +147,9 @@ def run_one(flight: Path, results: Path, settings: Settings) -> None:
         raise typer.Exit(1)
 
 
-def _settings(stages: str, notebooks: Path | None, *, numbers_only: bool) -> Settings:
+def _settings(
+    stages: str, notebooks: Path | None, calibration: Path | None, *, numbers_only: bool
+) -> Settings:
     """Return what is run, or refuse it."""
     from acx4book.command.batch.jobs import Settings, absolute  # noqa: PLC0415 quick help
     from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
@@ -139,5 +159,9 @@ def _settings(stages: str, notebooks: Path | None, *, numbers_only: bool) -> Set
     for stage in chosen:
         if stage not in STAGES:
             terminal.refuse(f"unknown stage {stage!r}; known: {', '.join(STAGES)}")
+    if calibration is not None:
+        if chosen not in (STAGES, ("validation",)):
+            terminal.refuse("--calibration is for the stage validation alone; leave --stages out")
+        chosen, calibration = ("validation",), absolute(calibration)
     folder = None if numbers_only else absolute(notebooks or NOTEBOOKS_PATH)
-    return Settings(stages=chosen, notebooks=folder)
+    return Settings(stages=chosen, notebooks=folder, calibration=calibration)

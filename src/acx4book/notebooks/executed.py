@@ -18,7 +18,7 @@ from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight
 from acx4lib.results import provenance
 
-GIVEN = {"flight_path", "pictures_path", "results_path"}
+GIVEN = {"flight_path", "pictures_path", "results_path", "calibration_path"}
 """Parameters of the notebooks that a run sets itself."""
 
 
@@ -37,7 +37,9 @@ class Notebooks:
     path: Path = field(default_factory=lambda: NOTEBOOKS_PATH)  # no place in its signature
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
-    def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
+    def steps(
+        self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
+    ) -> dict[str, Step]:
         """Return what runs each stage, as `runner.Way` has it.
 
         Raises
@@ -51,10 +53,14 @@ class Notebooks:
             **self.parameters,
             "flight_path": str(folder / provenance.KEPT),
             "pictures_path": str(flight.path),
+            "calibration_path": calibration,
         }
         notebooks = {stage: self._notebook(stage) for stage in ("flight", *stages)}
         values = {s: execute.with_defaults(path, given) for s, path in notebooks.items()}
         _check_known(self.parameters, values)
+        if calibration and "calibration_path" not in values.get("validation", {}):
+            msg = f"{notebooks['validation'].stem}: has no parameter calibration_path"
+            raise ValueError(msg)
         return {s: partial(_execute, path, values[s]) for s, path in notebooks.items()}
 
     def _notebook(self, stage: str) -> Path:

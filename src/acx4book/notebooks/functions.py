@@ -37,9 +37,17 @@ RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
 class Functions:
     """Stages run by their functions, in this process; all read the flight that was checked."""
 
-    def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:  # noqa: ARG002 of the way
+    def steps(
+        self,
+        flight: Flight,
+        folder: Path,  # noqa: ARG002 of the way
+        stages: Sequence[str],
+        calibration: str,
+    ) -> dict[str, Step]:
         """Return what runs each stage, as `runner.Way` has it."""
-        return {stage: partial(_compute, RUNS[stage], flight) for stage in stages}
+        validate = partial(validation.run, calibration_path=calibration)
+        runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
+        return {stage: partial(_compute, runs[stage], flight) for stage in stages}
 
 
 def _compute(

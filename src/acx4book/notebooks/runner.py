@@ -17,8 +17,8 @@ from typing import Protocol
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.flight import reader as flights
 from acx4lib.flight.reader import Flight
+from acx4lib.results import earlier, provenance
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import SCRATCH, changes
@@ -54,7 +54,9 @@ Step = Callable[[Path, Callable[[int, int], None]], None]
 class Way(Protocol):
     """How the stages of a flight are run."""
 
-    def steps(self, flight: Flight, folder: Path, stages: Sequence[str]) -> dict[str, Step]:
+    def steps(
+        self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
+    ) -> dict[str, Step]:
         """Return what runs each of these stages, and shows the flight, in their order.
 
         Parameters
@@ -65,6 +67,8 @@ class Way(Protocol):
             For the results.
         stages : sequence of str
             Of `NOTEBOOKS`, those that the flight has data for.
+        calibration : str
+            Results of an earlier flight whose calibration is validated; empty for this one's.
 
         Raises
         ------
@@ -106,6 +110,7 @@ def run(
     *,
     way: Way,
     stages: Sequence[str] = results.STAGES,
+    calibration: str | Path = "",
     tell: Tell | None = None,
 ) -> RunOutcome:
     """Run the stages of a flight.
@@ -120,14 +125,18 @@ def run(
         `executed.Notebooks` or `functions.Functions`; both leave the same results.
     stages : sequence of str
         Stages to run, of `folder.STAGES`; the others keep their results.
+    calibration : path, optional
+        Results of an earlier flight: its calibration is validated in the place of this one's. Then
+        the stage validation is the only one.
     tell : callable, optional
         It is told the progress.
 
     Raises
     ------
     FlightError
-        The flight's files are wrong; results of an earlier stage are missing; or only some
-        stages are to run and files of the results were changed after the earlier run.
+        The flight's files are wrong; results of an earlier stage are missing; only some stages are
+        to run, and the others' results are of another flight or were changed after their run; or
+        the earlier flight's cameras are others.
     OutputError
         The folder must not be used for results, or another run is writing there.
     AdjustmentError
@@ -139,18 +148,26 @@ def run(
         Unknown stage, or a way that cannot be gone.
     """
     wanted = parts_of(stages)
+    if str(calibration) and wanted != ("validation",):
+        msg = "the calibration of an earlier flight is for stage validation alone"
+        raise ValueError(msg)
     folder, tell = Path(results_path), tell or (lambda *_: None)
     places.check_place(folder, away_from=[Path(flight_path)])
     flight = flights.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = tuple(stage for stage in wanted if stage not in skipped)
-    steps = way.steps(flight, folder, ran)
+    told = earlier.read(calibration, flight).told if str(calibration) else None
+    steps = way.steps(flight, folder, ran, str(calibration))
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
-        _prepare(own, flight, skipped, whole=set(stages) >= set(results.STAGES))
+        _check_calibration(own.path, stages, told)
+        _prepare(own, flight, skipped, stages)
         own.remove(name for stage in {"flight"} - steps.keys() for name in _beside(stage))
         ends = {stage for stage in steps if order.is_end(flight, stage)}
         del flight  # a notebook reads it in its own process
         done, failed = _run_steps(steps, ends, own, tell)
+        if told and "validation" in done:
+            provenance.stamp(folder, "validation", calibration=told)
+            own.seal()
     return RunOutcome(
         ran=ran,
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
@@ -186,11 +203,14 @@ def _run_steps(
     return done, failed
 
 
-def _prepare(own: OwnFolder, flight: Flight, skipped: Mapping[str, str], *, whole: bool) -> None:
+def _prepare(
+    own: OwnFolder, flight: Flight, skipped: Mapping[str, str], stages: Sequence[str]
+) -> None:
     """Prepare a folder for a run: keep the flight, remove results of blocks that it lacks.
 
-    Changed files end the run, unless all results will be replaced.
+    Changed files and results of another flight end the run, unless all results will be replaced.
     """
+    whole = set(stages) >= set(results.STAGES)
     tables = flights.table_files(flight)
     own.expect(
         [
@@ -205,12 +225,27 @@ def _prepare(own: OwnFolder, flight: Flight, skipped: Mapping[str, str], *, whol
         raise FlightError([f"{line}; run all stages again" for line in changed])
     if changed:
         own.remove(read)
+    provenance.check_left(own.path, flight, stages)
     provenance.keep(own, flight)
     removed = [f"{order.PART_OF[s]}/{s}" if s in order.PART_OF else s for s in skipped]
     results.replace(own.path, removed, tables={}, summary={})
     provenance.forget(own.path, list(skipped))
     own.remove(name for stage in skipped for name in _beside(stage))
     own.seal()
+
+
+def _check_calibration(
+    folder: Path, stages: Sequence[str], told: Mapping[str, object] | None
+) -> None:
+    """Check that a folder has one calibration after a run: this flight's, or an earlier one's."""
+    left = {s: e for s, e in provenance.stages(folder).items() if s not in stages}
+    own = "mounting" in (left if told else stages)
+    if own and (told or "calibration" in left.get("validation", {})):
+        problem = (
+            f"{folder}: has the flight's own calibration beside a validation of an earlier one's; "
+            "choose another folder for one of them"
+        )
+        raise FlightError([problem])
 
 
 def parts_of(stages: Sequence[str]) -> tuple[str, ...]:

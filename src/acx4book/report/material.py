@@ -6,6 +6,7 @@ import datetime as dt
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -92,8 +93,20 @@ def read(folder: str | Path) -> Material:
 
 
 def validated(material: Material) -> str:
-    """Return the name of the validation of the calibration, or of the given cameras."""
+    """Return the name of the validation of the calibration, or of the given cameras.
+
+    The calibration may be that of an earlier flight.
+    """
+    earlier = [name for name in earlier_calibrations(material) if name.endswith("/single_step")]
+    if not material.calibration and earlier_calibrations(material):
+        return (*earlier, *earlier_calibrations(material))[0]
     return f"validation/{material.calibration.partition('/')[2] or 'given'}"
+
+
+def earlier_calibrations(material: Material) -> Mapping[str, Mapping[str, Any]]:
+    """Return what is said of the calibrations of an earlier flight, by their validations' names."""
+    found = {n: entry.get("calibration") for n, entry in material.found.summary.items()}
+    return {name: said for name, said in found.items() if isinstance(said, dict)}
 
 
 def checked_points(material: Material) -> pd.DataFrame:

@@ -210,7 +210,7 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     provenance.verify(results_path)
-    found = results.read(results_path)
+    found = provenance.results_before(results_path, ["heads"], flight)
     reasons: list[str] = []
     for source in ORIENTED:
         reasons = results.messages(found.summary.get(source, {}), "left_out")

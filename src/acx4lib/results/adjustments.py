@@ -27,7 +27,9 @@ from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.trust import determination
 from acx4lib.calibration.trust.confirmation import confirmations
 from acx4lib.calibration.trust.needs import features
+from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
+from acx4lib.results import provenance
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
 MANY_REJECTED = 0.005
@@ -64,7 +66,9 @@ class Record:
     summary: dict[str, dict[str, object]] = field(default_factory=dict)
 
 
-def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
+def write(
+    folder: str | Path, stage: str, records: Iterable[Record], *, flight: Flight | None = None
+) -> None:
     """Write a stage's records, and remove what the folder had of this stage.
 
     Parameters
@@ -73,11 +77,14 @@ def write(folder: str | Path, stage: str, records: Iterable[Record]) -> None:
     stage : str
         All its old rows are removed, even those of methods without a new record.
     records : iterable of Record
+    flight : Flight, optional
+        Of which they are; every object of the summary names it, by its content.
     """
     records = list(records)
+    named = {} if flight is None else {"flight": provenance.identity(flight)}
     names = {name for record in records for name in record.tables}
     tables = {name: [r.tables[name] for r in records if name in r.tables] for name in names}
-    summary = {key: value for record in records for key, value in record.summary.items()}
+    summary = {key: {**said, **named} for r in records for key, said in r.summary.items()}
     results.replace(folder, [stage], tables=tables, summary=summary)
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import Flight, read_kept, table_files
+from acx4lib.flight.text.document import read_toml
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
@@ -42,8 +43,8 @@ class Provenance:
     files : dict of str to str
         SHA-256 of every table of the flight, by its path below the flight's folder.
     stages : dict of str to dict
-        For every stage that was run: ``flight``, the digest of the tables that it used, and
-        ``versions`` by package.
+        For every stage that was run: ``flight``, the digest of the tables that it used,
+        ``versions`` by package, and ``calibration`` where it validated that of an earlier flight.
     """
 
     files: Mapping[str, str]
@@ -97,6 +98,162 @@ def digest(files: Mapping[str, str]) -> str:
     return hashlib.sha256(lines.encode()).hexdigest()
 
 
+def checksums(flight: Flight) -> dict[str, str]:
+    """Return the SHA-256 of all tables of a flight, of a geoid too, by their paths below it."""
+    names = [name.as_posix() for name in table_files(flight)] or [*flight.sha256]
+    read = flight.sha256
+    return {n: read[n] if n in read else written(flight.path / n).sha256 or "" for n in names}
+
+
+def identity(flight: Flight) -> dict[str, str]:
+    """Return by what results name a flight: its name, and the digest of its tables."""
+    return {"name": flight.name, "sha256": digest(checksums(flight))}
+
+
+def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) -> results.Results:
+    """Read the results of earlier stages that a stage of a flight needs, if they are of the flight.
+
+    Results that do not name their flight, of an earlier version, are taken as they are.
+
+    Parameters
+    ----------
+    folder : path
+    stages : sequence of str
+        Of `folder.STAGES`, those that must have been run; without any, the folder may be new.
+    flight : Flight
+
+    Raises
+    ------
+    FlightError
+        Where there is no such folder, with what is to be run first, or it has results of another
+        flight, with both flights.
+    """
+    at = Path(folder)
+    if not stages:
+        at.mkdir(parents=True, exist_ok=True)
+    elif not at.is_dir():
+        command = f"acx4 run {flight.path} --results {at} --stages {','.join(stages)}"
+        problem = f"{at}: no results of stage {' and '.join(stages)}; run first: {command}"
+        raise FlightError([problem])
+    found, mine = results.read(at), identity(flight)
+    for stage in ("heads", "synthetic", "mounting"):
+        other = _named(found.summary, stage, of=mine)
+        if other:
+            cure = f"run stage {stage} of this flight first"
+            if stage == "mounting":
+                cure += ", or name the calibration of an earlier flight by calibration_path"
+            raise FlightError([_of_another(at, [stage], other, flight, cure=cure)])
+    return found
+
+
+def check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
+    """Check that the results of stages that a run leaves in a folder are of its flight.
+
+    Parameters
+    ----------
+    folder : Path
+        That of the results, before the flight's tables are kept there.
+    flight : Flight
+    stages : sequence of str
+        Those that the run replaces.
+
+    Raises
+    ------
+    FlightError
+        With both flights, and the tables that differ.
+    """
+    kept, summary, mine = _read(folder), results.entries(folder), identity(flight)
+    others = {
+        stage: _named(summary, stage, of=mine) or _stamped(folder, kept, stage, of=mine)
+        for stage in results.STAGES
+        if stage not in stages
+    }
+    found = {stage: other for stage, other in others.items() if other}
+    if found:
+        cure = (
+            "run all stages, or choose another folder; the calibration of an earlier flight is "
+            "validated by --calibration"
+        )
+        other = next(iter(found.values()))
+        differ = _differing(kept.files, checksums(flight))
+        raise FlightError([_of_another(folder, [*found], other, flight, differ=differ, cure=cure)])
+
+
+def check_kept(run: Run, stage: str) -> None:
+    """Check that a stage was run with the flight that is kept beside its results.
+
+    Raises
+    ------
+    FlightError
+        With both flights.
+    """
+    mine = {"name": run.flight.name, "sha256": run.provenance.digest}
+    said = _named(run.found.summary, stage, of=mine)
+    stamped = str(run.provenance.stages.get(stage, {}).get("flight", mine["sha256"]))
+    if not said and stamped != mine["sha256"]:
+        said = {"name": "", "sha256": stamped}
+    if said:
+        cure = "run all stages of one flight again"
+        raise FlightError([_of_another(run.folder, [stage], said, run.flight, cure=cure)])
+
+
+def _named(
+    summary: Mapping[str, Mapping[str, object]], stage: str, *, of: Mapping[str, str]
+) -> dict[str, str]:
+    """Return by what a stage's results name another flight; empty where they name none."""
+    for name, entry in summary.items():
+        said = entry.get("flight")
+        if (
+            name.startswith(f"{stage}/")
+            and isinstance(said, dict)
+            and said["sha256"] != of["sha256"]
+        ):
+            return said
+    return {}
+
+
+def _stamped(
+    folder: Path, kept: Provenance, stage: str, *, of: Mapping[str, str]
+) -> dict[str, str]:
+    """Return what provenance.json says of another flight of a stage; empty where it is this one."""
+    sha256 = str(kept.stages.get(stage, {}).get("flight", of["sha256"]))
+    if sha256 == of["sha256"]:
+        return {}
+    toml = folder / KEPT / "flight.toml"
+    is_kept = sha256 == kept.digest and toml.is_file()
+    return {"name": read_toml(toml).values.get("name", "") if is_kept else "", "sha256": sha256}
+
+
+def _differing(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return which tables differ, as a remark; empty where nothing is known of those before."""
+    names = sorted(n for n in before.keys() | now.keys() if before.get(n) != now.get(n))
+    if not names or not before:
+        return ""
+    more = f" and {len(names) - 2} more differ" if len(names) > 2 else " differ"
+    return f" ({', '.join(names[:2])}{more if len(names) > 1 else ' differs'})"
+
+
+def _of_another(
+    folder: Path,
+    stages: Sequence[str],
+    other: Mapping[str, str],
+    flight: Flight,
+    *,
+    cure: str,
+    differ: str = "",
+) -> str:
+    """Return a line on results of another flight, with the name and the content of both."""
+    mine = identity(flight)
+    what = f"stage{'s' if len(stages) > 1 else ''} {', '.join(stages)}"
+    theirs = f"{other['name']!r} (SHA-256 {other['sha256'][:12]})"
+    if not other["name"]:
+        theirs = f"another one (SHA-256 {other['sha256'][:12]})"
+    this = f"{mine['name']!r} (SHA-256 {mine['sha256'][:12]}, {flight.path})"
+    return (
+        f"{folder}: the results of {what} are of the flight {theirs}, not of {this}{differ}; {cure}"
+    )
+
+
 def versions() -> dict[str, str]:
     """Return the versions of Python and of `PACKAGES`."""
     out = {"python": platform.python_version()}
@@ -143,10 +300,20 @@ def keep(own: OwnFolder, flight: Flight) -> None:
     _write(own.path, Provenance(files=files, stages=before.stages))
 
 
-def stamp(folder: Path, stage: str) -> None:
-    """Record that a stage was run with the kept flight and the present software."""
+def stamp(folder: Path, stage: str, *, calibration: Mapping[str, object] | None = None) -> None:
+    """Record that a stage was run with the kept flight and the present software.
+
+    Parameters
+    ----------
+    folder : Path
+    stage : str
+    calibration : mapping, optional
+        The calibration of an earlier flight that it validated, as `earlier.Earlier.told` has it.
+    """
     before = _read(folder)
-    entry = {"flight": before.digest, "versions": versions()}
+    entry: dict[str, object] = {"flight": before.digest, "versions": versions()}
+    if calibration:
+        entry["calibration"] = dict(calibration)
     _write(folder, Provenance(files=before.files, stages={**before.stages, stage: entry}))
 
 
@@ -192,6 +359,11 @@ def read(folder: Path) -> Provenance:
         )
         raise FlightError([problem])
     return found
+
+
+def stages(folder: Path) -> Mapping[str, Mapping[str, object]]:
+    """Return what is said of the stages that were run, without a look at the kept tables."""
+    return _read(folder).stages
 
 
 def _read(folder: Path) -> Provenance:

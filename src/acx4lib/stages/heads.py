@@ -47,7 +47,8 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
     results_path : path
     """
     stage = orient(flight, calibrate(flight))
-    adjustments.write(results_path, "heads", explained(records(stage), flight, "heads"))
+    said = explained(records(stage), flight, "heads")
+    adjustments.write(results_path, "heads", said, flight=flight)
     return stage
 
 

@@ -12,7 +12,7 @@ from acx4lib.calibration import mounting, weights
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.results import adjustments, folder
+from acx4lib.results import adjustments, provenance
 from acx4lib.results.carried import mounted_block
 from acx4lib.stages.explained import explained, explaining
 
@@ -105,15 +105,17 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     Raises
     ------
     FlightError
-        Where these are missing, or the flight has no block calibration.
+        Where these are missing or of another flight, or this one has no block calibration.
     AdjustmentError
         As `calibrate`.
     """
     block = flight.block("calibration")
     if "calibration" in flight.carried:
-        block = mounted_block(flight, "calibration", folder.read(results_path))
+        found = provenance.results_before(results_path, ["synthetic"], flight)
+        block = mounted_block(flight, "calibration", found)
     with explaining(flight, "calibration"):
         stage = calibrate(flight, block)
     records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    adjustments.write(results_path, "mounting", explained(records, flight, "calibration"))
+    records = explained(records, flight, "calibration")
+    adjustments.write(results_path, "mounting", records, flight=flight)
     return stage

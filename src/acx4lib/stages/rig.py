@@ -59,7 +59,8 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     if "calibration" in flight.carried:
         stages.append((calibrate(flight, method="rig_calibration"), "calibration"))
     for stage, block in stages:
-        write(results_path, f"mounting/{stage.method}", explained(records(stage), flight, block))
+        said = explained(records(stage), flight, block)
+        write(results_path, f"mounting/{stage.method}", said, flight=flight)
     return stages[0][0]
 
 

@@ -11,7 +11,7 @@ from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.results import folder
+from acx4lib.results import folder, provenance
 from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write
 from acx4lib.results.carried import of_carried
 from acx4lib.results.read_back import read_relative_orientation
@@ -154,7 +154,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
         for name in flight.carried
     }
     points = [of_carried(flight, carried)] if carried else []
-    write(results_path, "synthetic", [*records(refinement), *points])
+    write(results_path, "synthetic", [*records(refinement), *points], flight=flight)
     return SyntheticStage(
         synthetic=synthetic,
         orientation=orientation,
@@ -171,14 +171,14 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
     Raises
     ------
     FlightError
-        Where that stage has not been run.
+        Where that stage has not been run, or on another flight.
     AdjustmentError
         Where it could not orient the heads.
     """
     synthetic = flight.synthetic_camera
     if synthetic is not None and not len(flight.block("heads").image_points):
         return declared_orientation([flight.cameras[n] for n in flight.head_names], synthetic)
-    found = folder.read(results_path)
+    found = provenance.results_before(results_path, ["heads"], flight)
     reasons = folder.messages(found.summary.get(ORIENTED, {}), "left_out")
     if reasons:
         raise AdjustmentError("; ".join(reasons))

@@ -9,6 +9,7 @@ import numpy as np
 from acx4book.chapters.mounting.sentences import listed
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES, inside
+from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
@@ -21,6 +22,19 @@ UNLIKELY = 0.01
 """Probability below which differences do not agree with their covariance."""
 
 NOTHING = "No method has all its parameters determined, so there is nothing to validate."
+
+
+def whose(flight: Flight, earlier: str) -> str:
+    """Say of which flight the calibration is that is validated.
+
+    Parameters
+    ----------
+    flight : Flight
+    earlier : str
+        As the stage has it.
+    """
+    own = "this flight's own" if flight.calibration else "as flight.toml declares the cameras"
+    return f"The calibration is {own}." if not earlier else f"T{shown(earlier[1:])}."
 
 
 def validation(validations: Sequence[Validation]) -> str:

@@ -28,10 +28,13 @@ class Settings:
     stages : tuple of str
     notebooks : Path or None
         Folder of the notebooks to execute; None computes the numbers only.
+    calibration : Path or None
+        Results of an earlier flight, whose calibration is validated.
     """
 
     stages: tuple[str, ...]
     notebooks: Path | None = None
+    calibration: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

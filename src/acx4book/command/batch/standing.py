@@ -8,8 +8,8 @@ from pathlib import Path
 from acx4book.command.batch.jobs import Settings
 from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
-from acx4lib.flight.reader import Flight, table_files
-from acx4lib.results import folder, provenance
+from acx4lib.flight.reader import Flight
+from acx4lib.results import earlier, folder, provenance
 from acx4lib.results.own_folder import marks
 from acx4lib.stages import order
 
@@ -40,23 +40,18 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
         if marks.read_mark(results)[0] != runner.COMMAND or marks.changes(results):
             return False
         found = provenance.read(results)
+        told = earlier.read(settings.calibration, flight).told if settings.calibration else None
     except Acx4Error:  # a run says what is wrong, or puts it right
         return False
-    run = {"flight": found.digest, "versions": provenance.versions()}
+    run: dict[str, object] = {"flight": found.digest, "versions": provenance.versions()}
+    run |= {"calibration": told} if told else {}
     parts = [s for s in runner.parts_of(settings.stages) if not order.missing(flight, s)]
     return (
-        dict(found.files) == _checksums(flight)
+        dict(found.files) == provenance.checksums(flight)
         and all(found.stages.get(order.PART_OF.get(part, part)) == run for part in parts)
         and ("rig" not in parts or "mounting/rig" in folder.entries(results))
         and all(_is_executed(settings.notebooks, results, part) for part in ("flight", *parts))
     )
-
-
-def _checksums(flight: Flight) -> dict[str, str | None]:
-    """Return the SHA-256 of all tables of a flight, of a geoid too."""
-    names = [name.as_posix() for name in table_files(flight)]
-    read = flight.sha256
-    return {n: read[n] if n in read else marks.written(flight.path / n).sha256 for n in names}
 
 
 def _is_executed(notebooks: Path | None, results: Path, part: str) -> bool:

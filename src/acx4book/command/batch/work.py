@@ -89,7 +89,13 @@ def _run(job: Job) -> tuple[bool, Sequence[str]]:
     if standing.is_whole(flight, job.results, job.settings):
         return True, list(runner.wrong(job.results, job.settings.stages))
     way = way_of(job.settings.notebooks)
-    outcome = runner.run(job.flight, job.results, way=way, stages=job.settings.stages)
+    outcome = runner.run(
+        job.flight,
+        job.results,
+        way=way,
+        stages=job.settings.stages,
+        calibration=job.settings.calibration or "",
+    )
     return False, outcome.not_determined
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import nbformat
 
+from acx4book.notebooks import alone
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 
 FOLDER = Path("downloads", "notebooks")
@@ -84,7 +85,7 @@ def copy(source: Path, name: str) -> nbformat.NotebookNode:
         parameters = notebook.cells[at]
         parameters.source = with_default(parameters.source, "flight_path", flight)
         parameters.source = with_default(parameters.source, "results_path", results)
-        cell = nbformat.v4.new_code_cell(_start(name), id="start")  # type: ignore[no-untyped-call] # untyped
+        cell = nbformat.v4.new_code_cell(_start(name, parameters.source), id="start")  # type: ignore[no-untyped-call] # untyped
         notebook.cells.insert(at + 1, cell)
     return notebook
 
@@ -96,15 +97,25 @@ def with_default(source: str, name: str, value: str) -> str:
 
 def _places(name: str) -> tuple[str, str]:
     """Return the folders of the flight and of the results of a notebook."""
-    return f"flight-{BEFORE[name].design}", f"results-{name}"
+    return alone.flight_of(BEFORE[name].design), f"results-{name}"
 
 
-def _start(name: str) -> str:
-    """Return the code that makes what is missing."""
-    before = BEFORE[name]
+def _start(name: str, parameters: str) -> str:
+    """Return the code that makes what is missing, for the flight that the parameters name.
+
+    A notebook that has no flight among its parameters makes its own results alone.
+    """
+    before, (flight, results) = BEFORE[name], _places(name)
+    path = "flight_path" if "flight_path:" in parameters else f'"{flight}"'
+    stages = repr(before.stages)
+    if "calibration_path:" in parameters:
+        stages = f"() if calibration_path else {stages}"
+    call = f'alone.prepare(\n    {path}, results_path, design="{before.design}", stages={stages}\n)'
+    if path != "flight_path":
+        call = call.replace("\n", "\n    ")
+        call = f'if results_path == "{results}":  # others are there, or a mistake\n    {call}'
     return (
         "from acx4book.notebooks import alone\n\n"
         "# simulates the flight and runs the stages before this one, where they are not there\n"
-        f'alone.prepare(\n    "{_places(name)[0]}", results_path, '
-        f'design="{before.design}", stages={before.stages!r}\n)'
+        f"{call}"
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from acx4book.report.adjustment.groups import PROBABILITY
-from acx4book.report.material import Material, sentences, validated
+from acx4book.report.material import Material, earlier_calibrations, sentences, validated
 from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
 from acx4book.report.words import listed
 from acx4lib.calibration.estimates import LIMIT_SCALE
@@ -46,6 +46,21 @@ def _parts(declared: object) -> list[str]:
     names = declared if isinstance(declared, dict) else {}
     split = (name.rpartition("/") for name in names)
     return [f"the {part.replace('_', ' ')} of {camera}" for camera, _, part in split]
+
+
+def earlier(material: Material) -> Iterator[Finding]:
+    """Tell of which earlier flight the calibration is that was validated, if it was asked for."""
+    told = earlier_calibrations(material)
+    if not told:
+        return
+    said = told[validated(material)]
+    flown = f", flown {said['flown']}" if said.get("flown") else ""
+    answer = (
+        f"Validated is the calibration {said['method']} of an earlier flight, "
+        f"{said['flight']['name']} (SHA-256 {said['flight']['sha256'][:12]}{flown}); computed "
+        f"{said['computed']}, results {said['results']} with SHA-256 {said['sha256'][:12]}."
+    )
+    yield Finding(question="Calibration of an earlier flight", state=NOTE, answer=answer)
 
 
 def heights(material: Material) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ QUESTIONS = (
     *(adjusted.one_flight, adjusted.converged, adjusted.contradictions, adjusted.determined),
     *(adjusted.global_test, adjusted.weights, adjusted.apart, adjusted.gross_errors),
     *(adjusted.controlled, adjusted.stable),
-    *(compared.mountings, compared.heights, compared.check_points, compared.said),
+    *(compared.earlier, compared.mountings, compared.heights, compared.check_points, compared.said),
 )
 
 STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}

@@ -19,7 +19,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results import folder
-from acx4lib.results.provenance import read_run
+from acx4lib.results.provenance import check_kept, read_run
 from acx4lib.results.read_back import read_calibration, read_relative_orientation, refused
 
 CAMERA = ("single_step", "two_step_gnss", "two_step")
@@ -98,6 +98,8 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     if method:
         expected.one_of("method", method, (*CAMERA, *HEADS))
     run = read_run(results)
+    for stage in ("heads", "synthetic", "mounting"):
+        check_kept(run, stage)
     found, flight = run.found, run.flight
     there = [name for name in (*CAMERA, *HEADS) if _ended(found, name)]
     usable = [name for name in there if not heads or name in HEADS]

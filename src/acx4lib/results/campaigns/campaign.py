@@ -16,7 +16,7 @@ from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.setup import Session
 from acx4lib.results import folder as results
-from acx4lib.results.provenance import KEPT, Run, read_run
+from acx4lib.results.provenance import KEPT, Run, check_kept, read_run
 from acx4lib.results.read_back import read_calibration, refused
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
@@ -111,6 +111,7 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
     if method:
         expected.one_of("method", method, COMPARED)
     run = read_run(folder)
+    check_kept(run, "mounting")
     at, found = run.folder, run.found
     chosen = method or next((m for m in COMPARED if f"mounting/{m}" in found.summary), "")
     key = f"mounting/{chosen}"

@@ -100,6 +100,17 @@ def _checksums(value: object) -> bool:
     return isinstance(value, dict) and all(isinstance(one, str) for one in value.values())
 
 
+def _is_named(value: Any) -> bool:
+    """Tell whether a flight has its name and its digest."""
+    return isinstance(value, dict) and _has_words(value, ("name", "sha256"))
+
+
+def _is_earlier(value: Any) -> bool:
+    """Tell whether the calibration of an earlier flight has what names it."""
+    texts = ("results", "sha256", "computed", "method")
+    return _has_words(value, texts) and _is_named(value.get("flight"))
+
+
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
 _JUDGED = ("expected_rejections", "height_scale_error", "height_offset_share")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
@@ -125,6 +136,8 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),
+    "flight": (_is_named, "name and sha256 of a flight"),
+    "calibration": (_is_earlier, "what names the calibration of an earlier flight"),
     "measured": (_checksums, "checksums by file"),
 }
 """Tests of the known entries by name, each with what it expects; others are not read."""

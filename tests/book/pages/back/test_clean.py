@@ -40,12 +40,22 @@ def test_no_copy_reads_below_the_project(name):
 def test_a_notebook_with_a_flight_makes_it_after_its_parameters(name):
     parameters, start, *_ = code(clean.copy(SOURCES[name], name))
     values = {node.target.id: node.value.value for node in ast.parse(parameters).body}
-    (call,) = (node.value for node in ast.parse(start).body if isinstance(node, ast.Expr))
-    given = {word.arg: ast.literal_eval(word.value) for word in call.keywords}
+    (call,) = (
+        node
+        for node in ast.walk(ast.parse(start))
+        if isinstance(node, ast.Call) and node.func.attr == "prepare"
+    )
+    given = {word.arg: eval(ast.unparse(word.value), values) for word in call.keywords}
     assert given["design"] in DESIGNS
     assert set(given["stages"]) <= set(folder.STAGES)
     assert values["results_path"] == f"results-{name}"
     assert values.get("flight_path", f"flight-{given['design']}") == f"flight-{given['design']}"
+    flight, results = map(ast.unparse, call.args)
+    assert results == "results_path"
+    if "flight_path" in values:
+        assert flight == "flight_path"
+    else:
+        assert f'if results_path == "results-{name}"' in start
 
 
 def test_notebooks_that_read_a_flight_or_results_are_those_that_make_them():

@@ -1,0 +1,291 @@
+"""Nothing of one flight is judged by another in silence."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import papermill
+import pytest
+from numpy.testing import assert_allclose
+
+import acx4sim
+from acx4book.command import acx4
+from acx4book.notebooks import runner
+from acx4book.notebooks.execute import execute
+from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.functions import Functions
+from acx4book.pages.back import clean
+from acx4book.report import material
+from acx4book.report.verdict.verdict import findings
+from acx4lib.errors import FlightError
+from acx4lib.exchange.outward import calibrated
+from acx4lib.flight import reader
+from acx4lib.results import folder, provenance
+from acx4lib.results.campaigns import campaign
+from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.marks import MARK
+from acx4lib.stages import mounting, validation
+from support.flights import written
+
+NAME = "One camera turned by 90 degrees, simulated"
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Return a folder with the flights A and B, and the results of both."""
+    at = tmp_path_factory.mktemp("two")
+    for name, seed in (("A", 1), ("B", 2)):
+        acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at / name)
+        runner.run(at / name, at / f"results_{name}", way=Functions())
+    return at
+
+
+def command(*words):
+    """Run acx4, and return the status."""
+    with pytest.raises(SystemExit) as ended:
+        acx4.main([*map(str, words)])
+    return ended.value.code
+
+
+def digest(path):
+    return provenance.identity(reader.read(path))["sha256"]
+
+
+def copied(flown, tmp_path, name):
+    """Return a copy of results that a test may change."""
+    shutil.copytree(flown / name, tmp_path / name)
+    return tmp_path / name
+
+
+def test_a_stage_on_the_results_of_another_flight_stops_and_names_both(flown, tmp_path, capsys):
+    results = copied(flown, tmp_path, "results_A")
+    before = (results / "summary.json").read_bytes()
+    status = command(
+        *("run", flown / "B", "--results", results, "--stages", "validation", "--numbers-only")
+    )
+    said = capsys.readouterr().err.splitlines()
+    assert status == 2
+    assert len(said) == 1
+    for path in (flown / "A", flown / "B"):
+        assert f"(SHA-256 {digest(path)[:12]}" in said[0]
+    assert said[0].count(repr(NAME)) == 2
+    assert "--calibration" in said[0]
+    assert (results / "summary.json").read_bytes() == before
+    provenance.read_run(results)  # is whole, and still that of flight A
+
+
+def test_results_of_the_version_before_are_told_apart_by_their_provenance(flown, tmp_path):
+    results = copied(flown, tmp_path, "results_A")
+    (results / MARK).unlink()
+    summary = json.loads((results / "summary.json").read_text())
+    for entry in summary.values():
+        del entry["flight"]
+    (results / "summary.json").write_text(json.dumps(summary))
+    with pytest.raises(
+        FlightError, match=f"{digest(flown / 'A')[:12]}.*{digest(flown / 'B')[:12]}"
+    ):
+        provenance.check_left(results, reader.read(flown / "B"), ["validation"])
+    provenance.check_left(results, reader.read(flown / "A"), ["validation"])
+
+
+def test_a_table_that_was_changed_after_the_run_is_named(flown, tmp_path):
+    changed = tmp_path / "A"
+    shutil.copytree(flown / "A", changed)
+    toml = changed / "flight.toml"
+    toml.write_text(toml.read_text() + "[session]\ntemperature_c = 12.0\n")
+    results = copied(flown, tmp_path, "results_A")
+    with pytest.raises(FlightError, match=r"of stage mounting .*\(flight\.toml differs\)"):
+        runner.run(changed, results, way=Functions(), stages=["validation"])
+    runner.run(changed, results, way=Functions())  # all stages replace it
+    assert folder.entries(results)["mounting/single_step"]["flight"]["sha256"] == digest(changed)
+
+
+def test_a_stage_by_itself_refuses_the_results_of_another_flight(flown, tmp_path):
+    mounting.run(reader.read(flown / "A"), tmp_path / "by_hand")
+    with pytest.raises(FlightError, match="run stage mounting of this flight first, or name"):
+        validation.run(reader.read(flown / "B"), tmp_path / "by_hand")
+    assert not [name for name in folder.entries(tmp_path / "by_hand") if "validation" in name]
+
+
+def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
+    with pytest.raises(FlightError) as caught:
+        validation.run(reader.read(flown / "B"), tmp_path / "new")
+    assert str(caught.value) == (
+        f"{tmp_path}/new: no results of stage mounting; run first: "
+        f"acx4 run {flown}/B --results {tmp_path}/new --stages mounting"
+    )
+
+
+@pytest.mark.slow
+def test_the_notebook_of_the_book_calibrates_the_flight_that_it_is_given(
+    flown, tmp_path, monkeypatch
+):
+    clean.write(tmp_path / "notebooks")
+    monkeypatch.chdir(tmp_path)
+    papermill.execute_notebook(
+        tmp_path / "notebooks" / "04-validation.ipynb",
+        tmp_path / "done.ipynb",
+        parameters={"flight_path": str(flown / "B"), "results_path": "new"},
+        kernel_name="python3",
+        progress_bar=False,
+    )
+    assert not list(tmp_path.glob("flight-*"))
+    own, made = (
+        folder.parameters(folder.read(path), "mounting/single_step", "CAM")
+        for path in (flown / "results_B", tmp_path / "new")
+    )
+    assert_allclose(made["value"], own["value"], rtol=1e-12)
+    named = {e["flight"]["sha256"] for e in folder.entries(tmp_path / "new").values()}
+    assert named == {digest(flown / "B")}
+
+
+@pytest.mark.slow
+def test_a_notebook_given_the_results_of_another_flight_says_so_in_its_last_line(flown, tmp_path):
+    with pytest.raises(FlightError, match=r"not of .*run stage mounting of this flight first"):
+        execute(
+            runner.NOTEBOOKS_PATH / "04-validation.ipynb",
+            tmp_path / "out" / "04.ipynb",
+            parameters={
+                "flight_path": str(flown / "B"),
+                "results_path": str(copied(flown, tmp_path, "results_A")),
+            },
+            on_cell=lambda *_: None,
+        )
+
+
+def test_the_calibration_of_an_earlier_flight_is_validated_by_name(flown, tmp_path, capsys):
+    results = tmp_path / "results"
+    status = command(
+        *("run", flown / "B", "--results", results, "--numbers-only"),
+        *("--calibration", flown / "results_A"),
+    )
+    assert status == 0
+    assert digest(flown / "A")[:12] in capsys.readouterr().out
+    entry = folder.entries(results)["validation/single_step"]
+    said = entry["calibration"]
+    assert said["flight"] == {"name": NAME, "sha256": digest(flown / "A")}
+    assert said["method"] == "mounting/single_step"
+    assert said["results"] == "results_A"
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", said["computed"])
+    assert entry["flight"]["sha256"] == digest(flown / "B")
+    stamped = provenance.read(results).stages["validation"]["calibration"]
+    assert stamped == {key: value for key, value in said.items() if key != "method"}
+    own = folder.read(flown / "results_B")
+    assert not folder.has(folder.read(results), "mounting")
+    d = folder.rows(own, "check_points", "validation/single_step")
+    by_earlier = folder.rows(folder.read(results), "check_points", "validation/single_step")
+    assert list(d["point"]) == list(by_earlier["point"])
+    assert not np.allclose(d["d_height_m"], by_earlier["d_height_m"], atol=1e-3)
+
+
+def test_the_report_says_whose_calibration_was_validated(flown, tmp_path):
+    runner.run(
+        *(flown / "B", tmp_path / "results"),
+        way=Functions(),
+        stages=["validation"],
+        calibration=flown / "results_A",
+    )
+    run = material.read(tmp_path / "results")
+    found = {f.question: f for f in findings(run)}
+    said = found["Calibration of an earlier flight"]
+    assert said.state == "note"
+    assert digest(flown / "A")[:12] in said.answer
+    assert material.validated(run) == "validation/single_step"
+    assert "RMS at" in found["Independent check points"].answer
+
+
+def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path):
+    """A calibration with ten times the sigma makes the predicted differences larger."""
+    results = copied(flown, tmp_path, "results_A")
+    before = validation.run(reader.read(flown / "B"), tmp_path / "one", results)
+    with claims.claim(results, command=runner.COMMAND) as own:
+        path = results / "covariance.csv"
+        lines = path.read_text().splitlines()
+        cells = [line.rpartition(",") for line in lines[1:]]
+        scaled = [f"{names},{100 * float(value)!r}" for names, _, value in cells]
+        path.write_text("\n".join([lines[0], *scaled]) + "\n")
+        own.seal()
+    after = validation.run(reader.read(flown / "B"), tmp_path / "two", results)
+    for old, new in zip(before.validations, after.validations, strict=True):
+        assert np.all(new.points.sigma > old.points.sigma)
+    assert np.median(after.validations[-1].points.sigma[:, 2]) > 0.2
+
+
+def test_a_validation_by_an_earlier_flight_is_executed_as_a_notebook(flown, tmp_path):
+    one, two = tmp_path / "numbers", tmp_path / "notebook"
+    for path, way in ((one, Functions()), (two, Notebooks())):
+        runner.run(
+            *(flown / "B", path),
+            way=way,
+            stages=["validation"],
+            calibration=flown / "results_A",
+        )
+    for name in (*folder.FILES, provenance.FILE):
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+    assert "that of an earlier flight" in (two / "notebooks" / "04-validation.ipynb").read_text()
+
+
+def test_other_cameras_are_named_a_line_each(flown, tmp_path):
+    other = written.write_flight(tmp_path / "other", blocks=("calibration", "validation"))
+    sizes = (
+        "11608 x 8708 pixels of 4.6 µm, in the flight to be validated 4000 x 3000 pixels of 5 µm"
+    )
+    assert refusal(flown, tmp_path, other) == [f"camera CAM has {sizes}"]
+    renamed = tmp_path / "renamed"
+    shutil.copytree(flown / "B", renamed)
+    for path in (renamed / "flight.toml", *renamed.glob("*/images.csv")):
+        path.write_text(path.read_text().replace("CAM", "DRONE"))
+    assert refusal(flown, tmp_path, renamed) == [
+        f"camera DRONE of {renamed} is not calibrated; CAM is"
+    ]
+
+
+def refusal(flown, tmp_path, flight):
+    """Return why flight A's calibration is refused for another flight, in lines."""
+    with pytest.raises(FlightError) as caught:
+        validation.run(reader.read(flight), tmp_path / "results", flown / "results_A")
+    assert not (tmp_path / "results").exists()
+    return [line.removeprefix(f"{flown}/results_A: ") for line in str(caught.value).splitlines()]
+
+
+def test_a_folder_has_one_calibration(flown, tmp_path):
+    results = copied(flown, tmp_path, "results_B")
+    with pytest.raises(FlightError, match="has the flight's own calibration beside"):
+        runner.run(
+            *(flown / "B", results),
+            way=Functions(),
+            stages=["validation"],
+            calibration=flown / "results_A",
+        )
+    later = tmp_path / "later"
+    runner.run(
+        *(flown / "B", later),
+        way=Functions(),
+        stages=["validation"],
+        calibration=flown / "results_A",
+    )
+    with pytest.raises(FlightError, match="has the flight's own calibration beside"):
+        runner.run(flown / "B", later, way=Functions(), stages=["mounting"])
+    runner.run(flown / "B", later, way=Functions())
+    assert "calibration" not in provenance.read(later).stages["validation"]
+
+
+def test_an_earlier_calibration_is_for_the_validation_alone(flown, tmp_path, capsys):
+    status = command(
+        *("run", flown / "B", "--results", tmp_path / "r", "--numbers-only"),
+        *("--calibration", flown / "results_A", "--stages", "mounting"),
+    )
+    assert status == 2
+    assert "for the stage validation alone" in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()
+
+
+def test_mixed_results_of_the_version_before_are_not_exported_or_compared(flown, tmp_path):
+    results = copied(flown, tmp_path, "results_A")
+    with claims.claim(results, command=runner.COMMAND) as own:
+        provenance.keep(own, reader.read(flown / "B"))
+        own.seal()
+    for read in (campaign.read, calibrated.read):
+        with pytest.raises(FlightError, match="run all stages of one flight again"):
+            read(results)
