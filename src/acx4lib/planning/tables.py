@@ -29,7 +29,7 @@ from acx4lib.least_squares.covariance import correlation
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
 from acx4lib.results.files.table_files import COLUMNS
-from acx4lib.results.rows import COMPONENTS, parameter_tables
+from acx4lib.results.rows import COMPONENTS, parameter_tables, unit_of
 
 AXES = ("east_m", "north_m", "height_m")
 
@@ -123,7 +123,7 @@ def reliability_table(design: Design) -> pd.DataFrame:
     rows = []
     for method, mounting in design.mountings.items():
         for found in detectable(mounting.bundle):
-            bias = (np.degrees(1.0) if found.kind == "attitude" else 1.0) * found.bias
+            bias = unit_of(found.kind, found.component) * found.bias
             rows.append(
                 (
                     method,

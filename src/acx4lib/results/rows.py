@@ -41,8 +41,14 @@ COMPONENTS = {
 }
 """Components of the residuals of every kind; angles are about the body's x, y, z axes."""
 
+
 RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
 """Names of the parameters of a head's relative orientation, in their order."""
+
+
+def unit_of(kind: str, component: int = 0) -> float:
+    """Return by what a component of residuals is multiplied for results: radians are degrees."""
+    return float(np.degrees(1.0)) if COMPONENTS[kind][component].endswith("_deg") else 1.0
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -190,8 +196,7 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
         where.append((images, image_idx[rows]))
         points.append((names, point_idx[rows]))
         components.append((COMPONENTS[group.kind], columns))
-        in_degrees = COMPONENTS[group.kind][0].endswith("_deg")
-        units.append(np.full(len(rows), np.degrees(1.0) if in_degrees else 1.0))
+        units.append(np.full(len(rows), unit_of(group.kind)))
     unit = np.concatenate(units)
     values = {
         name: np.concatenate([getattr(g, name)[mask] for g, mask in zip(groups, used, strict=True)])

@@ -12,7 +12,7 @@ from acx4lib.bundle.gross_errors.rejections import noncentrality
 from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.calibration.trust.detectable import Detectable, detectable
-from acx4lib.results.rows import COMPONENTS
+from acx4lib.results.rows import COMPONENTS, unit_of
 
 GROUPS = {
     "image_point": "Image points",
@@ -20,6 +20,8 @@ GROUPS = {
     "gnss": "GNSS positions",
     "attitude": "Attitudes",
     "distance": "Distances",
+    "lever_arm": "Declared lever arm",
+    "boresight": "Declared boresight",
 }
 """Names of the kinds of observations."""
 
@@ -68,7 +70,9 @@ def reliability_table(mounting: Mounting | None) -> pd.DataFrame:
 
 def _row(bundle: Bundle, found: Detectable) -> dict[str, object]:
     name, _, unit = COMPONENTS[found.kind][found.component].rpartition("_")
-    bias = (np.degrees(1.0) if found.kind == "attitude" else 1.0) * found.bias
+    if found.kind in ("lever_arm", "boresight"):
+        name = f"{'about' if found.kind == 'boresight' else 'along'} {'xyz'[found.component]}"
+    bias = unit_of(found.kind, found.component) * found.bias
     return {
         "Observation": f"{GROUPS[found.kind]}, {name} ({UNITS.get(unit, unit)})",
         "Number": len(bias),

@@ -7,21 +7,29 @@ from collections.abc import Iterable, Iterator
 
 from acx4lib.flight.checks.values import key_problems
 from acx4lib.flight.problems import RANGES, SHOWN, Problem, did_you_mean, quoted
-from acx4lib.flight.setup import LEVER, Certificate, Device
+from acx4lib.flight.setup import LEVER
 from acx4lib.flight.text.document import Toml
 from acx4lib.flight.text.names import name_fault
 
 TABLE = "certificate"
-KEYS, DEVICE = tuple(Certificate.__dataclass_fields__), tuple(Device.__dataclass_fields__)
 OTHERS = ("antenna_lever_m", "valid_until", "cameras")
 """Keys that are not text; those of a device all are."""
 
 
-def certificate_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what is wrong with the table [certificate]."""
-    yield from key_problems(toml, (TABLE,), KEYS)
+def certificate_problems(
+    toml: Toml, known: Iterable[str], device: Iterable[str]
+) -> Iterator[Problem]:
+    """Yield what is wrong with the table [certificate].
+
+    Parameters
+    ----------
+    toml : Toml
+    known, device : iterable of str
+        Its keys, and those of a camera's table in it.
+    """
+    yield from key_problems(toml, (TABLE,), known)
     yield from key_problems(toml, (TABLE, "cameras"), toml.table(TABLE, "cameras"))
-    yield from _text_problems(toml, (TABLE,), [key for key in KEYS if key not in OTHERS])
+    yield from _text_problems(toml, (TABLE,), [key for key in known if key not in OTHERS])
     yield from _lever_problems(toml)
     until = toml.get(TABLE, "valid_until")
     if until is not None and type(until) is not dt.date:
@@ -34,8 +42,8 @@ def certificate_problems(toml: Toml) -> Iterator[Problem]:
             hint = did_you_mean(name, cameras) if n < SHOWN else ""
             found = f"no camera of this name{hint}"
             yield toml.problem(keys, found, "must be one of [cameras.…]")
-        yield from key_problems(toml, keys, DEVICE)
-        yield from _text_problems(toml, keys, DEVICE)
+        yield from key_problems(toml, keys, device)
+        yield from _text_problems(toml, keys, device)
 
 
 def _text_problems(toml: Toml, keys: tuple[str, ...], known: Iterable[str]) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from pyproj.exceptions import ProjError
@@ -26,6 +26,8 @@ from acx4lib.flight.setup import (
     SIGMAS,
     SIZE,
     Apriori,
+    Certificate,
+    Device,
     Synthetic,
     camera_of,
     grid_of,
@@ -60,7 +62,6 @@ TOP = (
     "certificate",
     "format",
 )
-STAGES = {"heads": ("estimate",), "mounting": ("estimate", "fix", "gnss", "weights")}
 ADJUSTMENT = {"smallest_angle_deg": Range(0.0, 90.0)}
 UNDULATION = {
     "heights": Range(
@@ -74,6 +75,35 @@ TEMPERATURE = {"temperature_c": Range(-100.0, 100.0)}
 FIXABLE = ("lever_arm", "boresight")
 WEIGHTS = ("given", "estimated")
 MEASURED_IN = ("synthetic", "heads")
+NAME = "NAME"
+"""In `KEYS` the name of a camera."""
+
+KEYS: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    (): TOP,
+    ("cameras", NAME): (*SIZE, *LENS, *MOUNT, *LEVER, *SIGMAS),
+    ("synthetic",): tuple(Synthetic.__dataclass_fields__),
+    ("apriori",): tuple(Apriori.__dataclass_fields__),
+    ("adjustment",): tuple(ADJUSTMENT),
+    ("session",): ("date", *TEMPERATURE),
+    ("stages",): ("heads", "mounting"),
+    ("stages", "heads"): ("estimate",),
+    ("stages", "mounting"): ("estimate", "fix", "gnss", "weights"),
+    ("certificate",): tuple(Certificate.__dataclass_fields__),
+    ("certificate", "cameras", NAME): tuple(Device.__dataclass_fields__),
+}
+"""Every key of flight.toml by its table; a key that is not here is refused."""
+
+CHOICES: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    ("refraction",): ("none", "standard"),
+    ("synthetic", "measured_in"): MEASURED_IN,
+    ("stages", "heads", "estimate"): tuple(ESTIMABLE),
+    ("stages", "mounting", "estimate"): tuple(ESTIMABLE),
+    ("stages", "mounting", "fix"): FIXABLE,
+    ("stages", "mounting", "gnss"): GNSS,
+    ("stages", "mounting", "weights"): WEIGHTS,
+}
+"""The values of keys that have only some, or of their lists."""
+
 MOST_CAMERAS = 1000
 MOST_REASON = 200
 """Largest number of characters of a message of PROJ that is repeated."""
@@ -84,14 +114,14 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.problems:
         yield from toml.problems
         return
-    yield from key_problems(toml, (), TOP, required=("name", "crs", "heights", "cameras"))
+    yield from key_problems(toml, (), KEYS[()], required=("name", "crs", "heights", "cameras"))
     constant = isinstance(toml.values.get("heights"), int | float)
     for key in ("name", "crs", *(() if constant else ("heights",))):
         if key in toml.values:
             yield from _text_problems(toml, key)
     if constant:
         yield from number_problems(toml, (), UNDULATION)
-    if toml.values.get("refraction", "none") not in ("none", "standard"):
+    if toml.values.get("refraction", "none") not in CHOICES["refraction",]:
         found = quoted(toml.values["refraction"])
         yield toml.problem(("refraction",), found, "must be 'none' or 'standard'")
     if not isinstance(toml.values.get("simulated", False), bool):
@@ -103,19 +133,21 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from _grid_problems(toml)
     yield from _camera_problems(toml)
     yield from _synthetic_problems(toml)
-    apriori = tuple(Apriori.__dataclass_fields__)
+    apriori = KEYS["apriori",]
     yield from key_problems(toml, ("apriori",), apriori)
     yield from number_problems(toml, ("apriori",), dict.fromkeys(apriori, POSITIVE) | SHARES)
     yield from _halves(toml)
-    yield from key_problems(toml, ("adjustment",), ADJUSTMENT)
+    yield from key_problems(toml, ("adjustment",), KEYS["adjustment",])
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from _session_problems(toml)
     yield from _stage_problems(toml)
-    yield from certificate_problems(toml)
+    yield from certificate_problems(
+        toml, KEYS["certificate",], KEYS["certificate", "cameras", NAME]
+    )
 
 
 def _session_problems(toml: Toml) -> Iterator[Problem]:
-    yield from key_problems(toml, ("session",), ("date", *TEMPERATURE))
+    yield from key_problems(toml, ("session",), KEYS["session",])
     yield from number_problems(toml, ("session",), TEMPERATURE)
     date = toml.get("session", "date")
     if date is not None and not isinstance(date, dt.date):
@@ -191,7 +223,7 @@ def _camera_problems(toml: Toml) -> Iterator[Problem]:
     for name in toml.table("cameras"):
         keys = ("cameras", name)
         known = (*SIZE, *LENS, *MOUNT, *LEVER)
-        wrong = list(key_problems(toml, keys, (*known, *SIGMAS), SIZE))
+        wrong = list(key_problems(toml, keys, KEYS["cameras", NAME], SIZE))
         wrong += number_problems(toml, keys, {key: RANGES[key] for key in known})
         for key, of in zip(SIGMAS, (LEVER, MOUNT), strict=True):
             wrong += _sigma_problems(toml, (*keys, key), of)
@@ -242,8 +274,7 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
 def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
     if "synthetic" not in toml.values:
         return
-    known = tuple(Synthetic.__dataclass_fields__)
-    yield from key_problems(toml, ("synthetic",), known, ("camera", "heads"))
+    yield from key_problems(toml, ("synthetic",), KEYS["synthetic",], ("camera", "heads"))
     yield from one_of_problems(toml, ("synthetic", "measured_in"), MEASURED_IN)
     camera, heads = toml.get("synthetic", "camera"), toml.get("synthetic", "heads")
     cameras = toml.table("cameras")
@@ -270,9 +301,10 @@ def _unknown_camera(
 
 
 def _stage_problems(toml: Toml) -> Iterator[Problem]:
-    yield from key_problems(toml, ("stages",), STAGES)
-    for stage, known in STAGES.items():
-        yield from key_problems(toml, ("stages", stage), known)
-        for key, allowed in (("estimate", tuple(ESTIMABLE)), ("fix", FIXABLE), ("gnss", GNSS)):
-            yield from choice_problems(toml, ("stages", stage, key), allowed)
+    yield from key_problems(toml, ("stages",), KEYS["stages",])
+    for stage in KEYS["stages",]:
+        yield from key_problems(toml, ("stages", stage), KEYS["stages", stage])
+        for key in (k for k in KEYS["stages", stage] if k != "weights"):
+            keys = ("stages", stage, key)
+            yield from choice_problems(toml, keys, CHOICES[keys])
     yield from one_of_problems(toml, ("stages", "mounting", "weights"), WEIGHTS)
