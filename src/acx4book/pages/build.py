@@ -19,7 +19,16 @@ from matplotlib.figure import Figure
 from acx4book.chapters.flight.figures import exposure
 from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
-from acx4book.pages import accuracy, api, example, frames, independent, provenance, simulation
+from acx4book.pages import (
+    accuracy,
+    api,
+    example,
+    frames,
+    independent,
+    methods,
+    provenance,
+    simulation,
+)
 from acx4book.pages.back import changelog, citation, clean, licences, release
 from acx4book.pages.benchmarks import (
     commands,
@@ -224,11 +233,15 @@ def texts_of_front(
     applies = printed.applies(flown)
     ideal = None if ideal_path is None else questions.answers(ideal_path / "notebooks")
     answers = questions.answers(executed if ideal is None else results_path / "notebooks")
+    camera = flown.synthetic.camera if flown.synthetic else ""
+    ideally = (
+        "" if ideal_path is None else methods.page(results.read(ideal_path), camera, BENCHMARKS)
+    )
+    yield "methods.md", f"{ideally}\n"
     yield from questions.texts(answers, ideal, beside_print=applies).items()
     runs = {"Here" if ideal_path is None else "Four heads": found}
     if ideal_path is not None:
         runs["Ideal camera"] = results.read(ideal_path)
-    camera = flown.synthetic.camera if flown.synthetic else ""
     needed = {"mounting/single_step", "mounting/two_step_gnss"}
     has_both = all(needed <= run.summary.keys() for run in runs.values())
     table = questions.small_table_3(runs, camera) if applies and has_both else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from acx4book.chapters.synthetic_image.tables import rms_mm
@@ -66,11 +68,17 @@ def refinement(flight: Flight, stage: SyntheticStage) -> str:
         np.abs([o.mean for o in part]).max() / pixel for part in (refined.overlaps("before"), left)
     )
     count, dropped = len(refined.kept), len(refined.ties) - len(refined.kept)
+    every: dict[str, float] = {
+        way: rms_mm(overlaps(refined.ties, refined.orientations[way])) / pixel
+        for way in ("mean shift", "rotations")
+        if way in refined.orientations
+    }
     ours = (
-        f"{count} tie points ({dropped} more contradict them and are left out) differ by "
+        f"{count} tie points differ by "
         f"{rms / pixel:.3f} px RMS in one coordinate after the refinement by rotations; the "
         f"largest mean of an overlap falls from {before:.3f} to {after:.3f} px. A difference has "
         f"the errors of two heads; one head's share is {1000 * rms / np.sqrt(2):.2f} µm"
+        + _left_out(dropped, len(refined.ties), every)
     )
     if not printed.applies(flight):
         return f"{ours}."
@@ -78,6 +86,18 @@ def refinement(flight: Flight, stage: SyntheticStage) -> str:
     return (
         f"{ours}, and the paper says of the residuals of its synthetic image around "
         f"{said[0]:g} µm, {said[1]:g} px."
+    )
+
+
+def _left_out(dropped: int, n: int, every: Mapping[str, float]) -> str:
+    """Say how many tie points the fit left out, and what every way leaves with them."""
+    if not dropped:
+        return ""
+    names = {"mean shift": "mean differences", "rotations": "rotations"}
+    each = " and ".join(f"{value:.3f} px after {names[way]}" for way, value in every.items())
+    return (
+        f". The fit by rotations left out {dropped} of {n} tie points ({100 * dropped / n:.0f} %), "
+        f"which disagree with it, so that these numbers favour it; with them the RMS is {each}"
     )
 
 
@@ -117,7 +137,7 @@ def answer(flight: Flight, stage: SyntheticStage, fit: ResponseFit | None) -> st
     first = (
         f"Where heads overlap, one head's share of the differences is {1e3 * rms / np.sqrt(2):.1f} "
         f"µm in one coordinate, {rms / np.sqrt(2) / stage.synthetic.pixel_mm:.2f} px, at "
-        f"{len(refined.kept)} tie points"
+        f"{len(refined.kept)} of {len(refined.ties)} tie points"
     )
     if printed.applies(flight):
         said = printed.statement("synthetic_quality_um"), printed.statement("synthetic_quality_px")

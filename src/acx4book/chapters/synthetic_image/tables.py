@@ -155,11 +155,20 @@ def _way_row(
     return {
         "Refined by": WAYS.get(way, way),
         "RMS of the differences (px)": f"{rms_mm(left) / pixel:.3f}",
+        "with those left out (px)": _with_left_out(refinement, way, pixel),
         "largest mean of an overlap (px)": f"{np.abs([o.mean for o in left]).max() / pixel:.3f}",
         "σ₀": sigma0,
         "moves the frame by, RMS (px)": f"{np.mean([m.rms_px for m in moved]):.2f}",
         "at most (px)": f"{max(m.largest_px for m in moved):.2f}",
     }
+
+
+def _with_left_out(refinement: Refinement, way: str, pixel_mm: float) -> str:
+    """Return the RMS over all tie points, those among them that the fit left out."""
+    if way not in refinement.orientations:
+        return ""
+    every = overlaps(refinement.ties, refinement.orientations[way])
+    return f"{rms_mm(every) / pixel_mm:.3f}"
 
 
 def rms_mm(found: Sequence[Overlap]) -> float:

@@ -61,6 +61,6 @@ def test_the_answer_names_the_share_of_one_head_and_what_overlaps_cannot_show(
 ):
     stage = stage_of(scene_flight, scene_orientation, scene_pictures, scene_ties)
     first, rest = sentences.answer(scene_flight, stage, None).split("\n\n")
-    assert f"at {len(stage.refinement.kept)} tie points" in first
+    assert f"at {len(stage.refinement.kept)} of {len(stage.refinement.ties)} tie points" in first
     assert "deform the image without a trace" in rest
     assert "Grey values" not in rest

@@ -59,7 +59,8 @@ def answer(whole: Whole, errors: Errors) -> str:
     return (
         f"Yes. From {len(whole.block.images)} pictures at 1/{REDUCE} of their size, "
         f"{whole.block.image_points.sigma_px.size} measurements were taken without anybody "
-        f"pointing at anything, good to {errors.rms:.2f} px. With the trajectory and the control "
+        f"pointing at anything, good to {errors.rms:.2f} px of these pictures, "
+        f"{errors.rms * REDUCE:.2f} px of the full size. With the trajectory and the control "
         f"points they give all {len(off)} parameters of the camera within "
         f"{np.ceil(10 * abs(off[k])) / 10:.1f} standard deviations of the truth, and the boresight "
         f"to {angles:.4f}° and better."

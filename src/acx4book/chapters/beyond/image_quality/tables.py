@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import KDTree
 
 from acx4book.chapters.beyond.image_quality.deviations import Deviations, residuals_px, zones
 from acx4book.chapters.beyond.image_quality.examined import (
@@ -24,11 +25,15 @@ from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.expected import Array, Mask
+from acx4lib.least_squares.statistical.distributions import chi2_sf
 
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
 """What the orientations of `wrong_heads.every_refinement` are called."""
 
 ZONE_FORMATS = {"Mean, columns (px)": "+.3f", "Mean, rows (px)": "+.3f"}
+
+SMALL_P = 0.01
+"""Probability below which what is common to parts of the frame is not called noise."""
 
 # --- the true orientation --------------------------------------------------------------------
 
@@ -76,7 +81,10 @@ def acceptance_sentence(known: KnownExposure, examined: Examined) -> str:
     left = _not_geometry(examined)
     cells = _cells(known, found.ideal, left)
     means = np.array([d.mean(axis=0) for d in cells])
-    expected = np.sqrt(np.mean([np.mean(d.var(axis=0)) / len(d) for d in cells]))
+    noise = np.array([d.var(axis=0) / len(d) for d in cells])
+    expected = np.sqrt(noise.mean())
+    excess, p = common_px(known, examined)
+    chi_square = float(np.sum(means**2 / noise))
     relief = np.hypot(*examined.geometry_px.T)
     return (
         f"Of {len(found)} points, the matching promises {_rms_sigma(found):.3f} px and leaves "
@@ -85,9 +93,27 @@ def acceptance_sentence(known: KnownExposure, examined: Examined) -> str:
         f"relief is up to {relief.max():.2f} px and was taken off: the ground is "
         f"{known.height_m:.0f} m below and varies by {known.relief_m:.0f} m. What is common to a "
         f"part of the frame is much smaller: the means of {len(means)} parts have an RMS of "
-        f"{rms_of_coordinates(means):.3f} px, where noise alone makes {expected:.3f} px. The mean "
-        f"over all points is {_signed(left.mean(axis=0))} px."
+        f"{rms_of_coordinates(means):.3f} px, where noise alone makes {expected:.3f} px: "
+        f"$\\chi^2$ = {chi_square:.1f} with {means.size} degrees of freedom, *p* = {p:.2g}. "
+        f"Deviations of neighbours correlate by {_of_neighbours(found.ideal, left):.2f}. "
+        + (f"A common error of about {excess:.3f} px is no noise. " if p < SMALL_P else "")
+        + f"The mean over all points is {_signed(left.mean(axis=0))} px."
     )
+
+
+def common_px(known: KnownExposure, examined: Examined) -> tuple[float, float]:
+    """Return what the means of parts of the frame have beyond noise, px, and the test's p value."""
+    cells = _cells(known, examined.found.ideal, _not_geometry(examined))
+    means = np.array([d.mean(axis=0) for d in cells])
+    noise = np.array([d.var(axis=0) / len(d) for d in cells])
+    excess = np.sqrt(max(float(np.mean(means**2 - noise)), 0.0))
+    return float(excess), float(chi2_sf(float(np.sum(means**2 / noise)), means.size))
+
+
+def _of_neighbours(colrow: Array, d: Array) -> float:
+    """Return the correlation of the deviations of each point and its nearest neighbour."""
+    nearest = np.asarray(KDTree(colrow).query(colrow, k=[2])[1])[:, 0]
+    return float(np.corrcoef(d.ravel(), d[nearest].ravel())[0, 1])
 
 
 def _rms_sigma(found: Deviations) -> float:

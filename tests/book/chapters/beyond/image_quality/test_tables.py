@@ -168,8 +168,8 @@ def test_turned_heads_are_repaired_by_rotations_and_not_by_shifts(exposure):
     assert shift["at most in the frame (px)"] > 1.0
 
 
-def test_the_answer_has_what_each_refinement_leaves(examined):
-    said = sentences.answer(examined)
+def test_the_answer_has_what_each_refinement_leaves(exposure, examined):
+    said = sentences.answer(exposure, examined)
     left = [tables.left_px(examined[way], "oriented") for way in ("true", "mean shift")]
-    assert f"with true heads {left[0]:.2f} px" in said
+    assert f"With true heads {left[0]:.2f} px" in said
     assert f"leave {left[1]:.2f} px after the paper's mean differences" in said
