@@ -42,10 +42,19 @@ class Material(Run):
         return next((f"mounting/{m}" for m in ordered if f"mounting/{m}" in listed), "")
 
     @property
+    def certified(self) -> str:
+        """The adjustment that is certified: the calibration, or the single step without unknowns.
+
+        Empty where no mounting was adjusted.
+        """
+        single = "mounting/single_step"
+        return self.calibration or (single if single in self.adjustments else "")
+
+    @property
     def decisive(self) -> tuple[str, ...]:
-        """The adjustments to which the statement refers: the calibration and all heads."""
+        """The adjustments to which the statement refers: the certified one and all heads."""
         return tuple(
-            n for n in self.adjustments if n == self.calibration or n.startswith("heads/bundle")
+            n for n in self.adjustments if n == self.certified or n.startswith("heads/bundle")
         )
 
     @cached_property

@@ -24,7 +24,7 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
-from acx4lib.calibration.trust import determination
+from acx4lib.calibration.trust import boresight, determination
 from acx4lib.calibration.trust.confirmation import confirmations
 from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.reader import Flight
@@ -140,6 +140,7 @@ def of_bundle(
         "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, said),
         **_declared_entries(key, method, bundle),
+        "boresight_stability": {} if bundle.stopped else boresight.as_json(bundle),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
@@ -174,10 +175,13 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
                 "difference": list(c.difference),
                 "p": c.p,
                 "confirmed": not c.objection,
+                "told": c.told,
+                "mistake": c.mistake,
             }
             for c in found
         },
         "not_confirmed": [f"{key}: {c.sentence}" for c in found if c.objection],
+        "approximations": [f"{key}: {c.remark}" for c in found if c.remark],
     }
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from acx4book.report.material import Material
 from acx4lib.bundle.gross_errors.rejections import noncentrality
-from acx4lib.georeferencing.accuracy import rms_limits
+from acx4lib.least_squares.statistical import distributions
 
 GROUPS = {
     ("image_point", "col_px"): "image points",
@@ -38,9 +38,6 @@ GROUPS = {
 
 DETECTABLE = noncentrality()
 """Baarda's delta_0: the shift of w by an error that is found with `rejections.POWER`."""
-
-PROBABILITY = 0.999
-"""Probability of the limits by chance that tables show and that the verdict uses."""
 
 CONTROLLED = 0.1
 """Redundancy number below which an observation is hardly controlled by the others."""
@@ -77,6 +74,15 @@ class Quality:
     weak: int
     detectable: float
     detectable_max: float
+
+    @property
+    def p(self) -> float:
+        """Two-sided probability of a ratio so far from one, if sigma is right; NaN without."""
+        if not self.redundancy > 0:
+            return np.nan
+        square = self.ratio**2 * self.redundancy
+        below = distributions.chi2_cdf(square, self.redundancy)
+        return 2 * min(below, distributions.chi2_sf(square, self.redundancy))
 
 
 _FOUND: WeakKeyDictionary[Material, list[Quality]] = WeakKeyDictionary()
@@ -141,18 +147,3 @@ def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
         detectable=float(np.median(detectable)),
         detectable_max=float(detectable.max()),
     )
-
-
-def ratio_limits(redundancy: float, *, probability: float = PROBABILITY) -> tuple[float, float]:
-    """Return limits, by chance, of a posteriori over a priori sigma; NaN without redundancy.
-
-    Parameters
-    ----------
-    redundancy : float
-        Sum of the redundancy numbers.
-    probability : float
-        Probability of the interval, two-sided.
-    """
-    if not redundancy > 0:
-        return np.nan, np.nan
-    return rms_limits(redundancy, probability=probability)

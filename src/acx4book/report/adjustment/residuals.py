@@ -9,13 +9,16 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.report.adjustment.groups import ratio_limits
 from acx4book.typesetting import style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.geometry.camera import Camera
+from acx4lib.georeferencing.accuracy import rms_limits
 
 COMPONENTS = {"col": "columns", "row": "rows"}
+
+PROBABILITY = 0.999
+"""Of the limits by chance that are drawn, for each strip by itself."""
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:
@@ -107,7 +110,9 @@ def _draw_strips(
     at = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
     weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
     total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
-    low, high = np.transpose([ratio_limits(r) for r in total])
+    nothing = (np.nan, np.nan)
+    limits = [rms_limits(r, probability=PROBABILITY) if r > 0 else nothing for r in total]
+    low, high = np.transpose(limits)
     axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
     axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
     axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)

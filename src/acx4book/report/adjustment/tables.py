@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
-from acx4book.report.adjustment.groups import PROBABILITY, decisive_qualities, ratio_limits
+from acx4book.report.adjustment.groups import decisive_qualities
 from acx4book.report.material import Material, validated
 from acx4book.report.shown import Text, show, table
 from acx4book.report.words import heading, listed
@@ -16,9 +17,6 @@ UNIT = {"px": "px", "m": "m", "deg": "°"}
 
 SHOWN = 30
 """Number of rejected observations that are listed; all of them are in rejected.csv."""
-
-LIMITS = f"{100 * PROBABILITY:g} % limits"
-"""Column with the limits that chance leaves, the same that the verdict uses."""
 
 
 FROM_SUMMARY = "summary.json: weighted residuals and redundancy of every adjustment"
@@ -84,7 +82,6 @@ def test_table(material: Material) -> pd.DataFrame:
     for name in material.adjustments:
         said = material.found.summary[name]
         r, p = int(str(said["redundancy"])), said["chi_square_p"]
-        low, high = ratio_limits(r)
         rows.append(
             {
                 "Adjustment": heading(name),
@@ -92,7 +89,6 @@ def test_table(material: Material) -> pd.DataFrame:
                 "Unknowns": said["n_unknowns"],
                 "Redundancy": r,
                 "σ₀²": said["sigma0_squared"],
-                LIMITS: f"{low**2:.3f} to {high**2:.3f}",
                 "p": None if p is None else p_value(float(str(p))),
             }
         )
@@ -125,7 +121,7 @@ def group_table(material: Material) -> pd.DataFrame:
             "A priori σ": _short(g.sigma),
             "A posteriori σ": _short(g.sigma * g.ratio),
             "Ratio": g.ratio,
-            LIMITS: "{:.2f} to {:.2f}".format(*ratio_limits(g.redundancy)),
+            "p": "" if np.isnan(g.p) else p_value(g.p),
         }
         for g in decisive_qualities(material)
     ]

@@ -12,23 +12,23 @@ from matplotlib.figure import Figure
 
 from acx4book.report.material import Material
 from acx4book.report.mounting.lever_arm import lever_sentence, lever_table
-from acx4book.report.mounting.stability import Drift, drifts, straight_line
+from acx4book.report.mounting.stability import AXES, Turns, turns_of
 from acx4book.report.parameters.tables import head_table
 from acx4book.report.shown import Text, show, table
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import value_and_sigma
+from acx4book.typesetting.labels import p_value, value_and_sigma
 from acx4lib.expected import Array
 
 
-def section(material: Material, boresights: pd.DataFrame) -> Text:
-    """Return the section on the mounting, with the tests of the boresights over time."""
+def section(material: Material) -> Text:
+    """Return the section on the mounting, with the tests of the boresight over time."""
     heads = head_table(material, "heads/relative_orientation")
-    drift = drift_table(drifts(boresights))
+    turns = turn_table(turns_of(material))
     return show(
         lever_sentence(material)
         or table(lever_table(material), LEVERS, name="tab-report-lever", obtained=SURVEYED),
         "" if heads.empty else table(heads, HEADS, name="tab-report-relative", obtained=RELATIVE),
-        table(drift, "Stability of the boresight", name="tab-report-drift", obtained=SCATTER),
+        table(turns, "Stability of the boresight", name="tab-report-drift", obtained=TURNED),
     )
 
 
@@ -42,19 +42,27 @@ RELATIVE = (
     "orientations of the heads at the exposures that all share, averaged; σ from the covariance "
     "matrices of the heads"
 )
-SCATTER = "a straight line through the boresights of all images, tested against their scatter"
+TURNED = (
+    "the residuals of all attitudes in the adjustment that is certified, tested with their joint "
+    "covariance; turns of strips are less the mean, a drift is from the first exposure to the last"
+)
 
 
-def drift_table(tested: Sequence[Drift]) -> pd.DataFrame:
-    """Return the tests of the boresight over time."""
+def turn_table(tested: Sequence[Turns]) -> pd.DataFrame:
+    """Return how far the boresight turned in every strip and over time, with the tests."""
     rows = [
         {
-            "Axis of the body": d.axis,
-            "Change, first to last (°)": value_and_sigma(d.change_deg, d.sigma_deg),
-            "p of the drift": d.p,
-            "p of the strips": d.p_strips,
+            "Turn": test.title if len(test.names) == 1 else f"strip {name}",
+            **{
+                f"about {axis} (°)": value_and_sigma(test.turns_deg[i, k], test.sigma_deg[i, k])
+                for k, axis in enumerate(AXES)
+            },
+            "F": f"{test.f:.2f}" if i == 0 else "",
+            "Degrees of freedom": f"{test.dof}; {test.redundancy:.0f}" if i == 0 else "",
+            "p": p_value(test.p) if i == 0 else "",
         }
-        for d in tested
+        for test in tested
+        for i, name in enumerate(test.names)
     ]
     return pd.DataFrame(rows)
 
@@ -79,8 +87,8 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
             ax.axhline(0, color=style.INK, lw=0.7)
             if np.ptp(time) > 0:
                 ends = np.array([time.min(), time.max()])
-                line = straight_line(time.to_numpy(), values.to_numpy())
-                ax.plot(ends, line.at_zero + line.slope * ends, "--", color=style.INK, lw=1.0)
+                line = np.polyfit(time.to_numpy(), values.to_numpy(), 1)
+                ax.plot(ends, np.polyval(line, ends), "--", color=style.INK, lw=1.0)
             ax.set_ylabel(f"about {axis} (°)")
         axes[-1].set_xlabel("time after the first image (min)" if timed else "image number")
         handles, labels = axes[0].get_legend_handles_labels()

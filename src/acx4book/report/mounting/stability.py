@@ -1,9 +1,10 @@
-"""The boresight over time: values of all images, a drift, and differences between strips."""
+"""The boresight over time: values of all images, and the tests of the certified adjustment."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,6 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import log, mean_rotation, opk_jacobian
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.least_squares.statistical import distributions
 from acx4lib.results import folder
 
 AXES = ("x", "y", "z")
@@ -21,45 +21,65 @@ SOURCES = ("mounting/two_step", "mounting/two_step_gnss")
 """Methods that orient the images without the attitudes of the trajectory."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drift:
-    """A straight line through the boresights over the exposures, about one axis of the body.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Turns:
+    """A test of the certified adjustment: of steps of the boresight between strips, or a drift.
 
     Attributes
     ----------
-    axis : str
-    change_deg, sigma_deg : float
-        Change from the first exposure to the last, and its standard deviation from the scatter.
-    p : float
-        Probability of such a change or a larger one if there is none.
-    p_strips : float
-        Probability of such differences of strip means if there are none; NaN for one strip.
+    title : str
+    names : tuple of str
+        Strips, or of a drift one name.
+    turns_deg, sigma_deg : ndarray, shape (n, 3)
+        About the body's axes: of strips less the mean, of a drift from the first exposure to the
+        last.
+    f, redundancy, p : float
+    dof : int
     """
 
-    axis: str
-    change_deg: float
-    sigma_deg: float
+    title: str
+    names: tuple[str, ...]
+    turns_deg: Array
+    sigma_deg: Array
+    f: float
+    dof: int
+    redundancy: float
     p: float
-    p_strips: float
+
+    @property
+    def sentence(self) -> str:
+        """What is said where it is significant: the turn that is largest in its sigma."""
+        ratio = np.nan_to_num(np.abs(self.turns_deg / self.sigma_deg))
+        i, axis = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+        turn, sigma = self.turns_deg[i, axis], self.sigma_deg[i, axis]
+        size = f"{turn:+.4f}° ± {sigma:.4f}° about {AXES[axis]}"
+        if len(self.names) == 1:
+            return f"a drift, most of all {size} from the first exposure to the last"
+        return f"differences between strips, most of all {size} of strip {self.names[i]}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """A straight line through values of equal weight.
+TITLES = {"strips": "differences between strips", "drift": "drift"}
 
-    Attributes
-    ----------
-    at_zero, slope : float
-    sigma_slope : float
-        Standard deviation of the slope, from the scatter about the line.
-    p : float
-        Two-sided probability of such a slope, or a larger one, if there is none; Student's test.
-    """
 
-    at_zero: float
-    slope: float
-    sigma_slope: float
-    p: float
+def turns_of(material: Material) -> list[Turns]:
+    """Return the tests of the certified adjustment's boresights, from its summary."""
+    entry = material.found.summary.get(material.certified, {}).get("boresight_stability")
+    told: Mapping[str, Any] = entry if isinstance(entry, dict) else {}
+    return [_turns_told(title, told[key]) for key, title in TITLES.items() if told.get(key)]
+
+
+def _turns_told(title: str, told: Mapping[str, Any]) -> Turns:
+    turns, sigma = (np.array(told[key], dtype=float) for key in ("turns_deg", "sigma_deg"))
+    return Turns(
+        title=title,
+        names=tuple(told["names"]),
+        turns_deg=turns,
+        sigma_deg=np.where(np.isfinite(sigma), sigma, np.inf),
+        f=float(told["f"]),
+        dof=int(told["dof"]),
+        redundancy=float(told["redundancy"]),
+        p=float(told["p"]),
+    )
 
 
 def boresights(material: Material) -> pd.DataFrame:
@@ -83,7 +103,7 @@ def boresights(material: Material) -> pd.DataFrame:
         return pd.DataFrame()
     block = block_of(material, source)
     image_idx = pd.Index(block.images.names).get_indexer(pd.Index(rows["image"]))
-    turns, sigma = _turns(block, image_idx, rows)
+    turns, sigma = _of_images(block, image_idx, rows)
     times = exposure_times(material, block).to_numpy()[block.images.exposure_idx[image_idx]]
     frame = pd.DataFrame(
         {
@@ -100,7 +120,7 @@ def boresights(material: Material) -> pd.DataFrame:
     return frame.assign(number=np.arange(1, len(frame) + 1)).reset_index(drop=True)
 
 
-def _turns(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, Array]:
+def _of_images(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, Array]:
     """Return boresights minus their mean, and their sigma, body axes, degrees, shape (n, 3)."""
     enh = rows[["east_m", "north_m", "height_m"]].to_numpy()
     opk = np.radians(rows[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy())
@@ -115,86 +135,3 @@ def _turns(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, A
     by_image = propagate(J, np.apply_along_axis(np.diag, 1, said**2))
     attitude = np.degrees(block.trajectory.sigma_attitude[block.images.exposure_idx[image_idx]])
     return np.degrees(turns), np.sqrt(sigmas(by_image) ** 2 + attitude**2)
-
-
-def drifts(listed: pd.DataFrame) -> list[Drift]:
-    """Test the boresights for a drift and for differences between strips, axis by axis.
-
-    Parameters
-    ----------
-    listed : DataFrame
-        As `boresights` returns it.
-
-    Returns
-    -------
-    list of Drift
-        Empty for fewer than four images.
-
-    Notes
-    -----
-    A regression line over time (over the order of the images where times are not known) with
-    Student's test, and a one-way analysis of variance over the strips. Both use the observed
-    scatter, not the predicted sigma.
-    """
-    if len(listed) < 4:
-        return []
-    time = listed["time_s" if listed["time_s"].notna().all() else "number"].to_numpy(dtype=float)
-    out = []
-    for axis in AXES:
-        values = listed[f"{axis}_deg"].to_numpy()
-        span = float(np.ptp(time))
-        line = straight_line(time, values) if span > 0 else None
-        out.append(
-            Drift(
-                axis=axis,
-                change_deg=line.slope * span if line else np.nan,
-                sigma_deg=line.sigma_slope * span if line else np.nan,
-                p=line.p if line else np.nan,
-                p_strips=_between_strips(values, listed["strip"]),
-            )
-        )
-    return out
-
-
-def _between_strips(values: Array, strips: pd.Series) -> float:
-    groups = [values[(strips == name).to_numpy()] for name in strips.unique() if name]
-    groups = [group for group in groups if len(group) > 1]
-    return equal_means_p(groups) if len(groups) > 1 else np.nan
-
-
-def straight_line(x: Array, y: Array) -> Line:
-    """Fit a straight line to values of equal weight.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        The x must differ; two points have no scatter, their sigma and p are NaN.
-    """
-    n, dx, dy = len(x), x - x.mean(), y - y.mean()
-    slope = float(dx @ dy / (dx @ dx))
-    v = dy - slope * dx
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sigma = float(np.sqrt(np.divide(v @ v, n - 2) / (dx @ dx)))
-        t = np.abs(np.divide(slope, sigma))
-    return Line(
-        at_zero=float(y.mean() - slope * x.mean()),
-        slope=slope,
-        sigma_slope=sigma,
-        p=2 * distributions.t_sf(float(t), n - 2),
-    )
-
-
-def equal_means_p(groups: Sequence[Array]) -> float:
-    """Return the probability of means that differ so much, or more, if the true ones are equal.
-
-    Parameters
-    ----------
-    groups : sequence of ndarray, shape (n,)
-        At least two, with values of equal weight; Fisher's one-way analysis of variance.
-    """
-    together = np.concatenate(groups)
-    between = sum(len(own) * (own.mean() - together.mean()) ** 2 for own in groups)
-    within = sum(np.sum((own - own.mean()) ** 2) for own in groups)
-    dfn, dfd = len(groups) - 1, len(together) - len(groups)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return distributions.f_sf(np.divide(between / dfn, within / dfd), dfn, dfd)

@@ -16,7 +16,7 @@ from acx4book.report.material import Material, validated
 from acx4book.report.parameters.estimates import correlations
 from acx4book.report.parameters.image import corners, profile
 from acx4book.report.parameters.lens import Lens, balanced, lenses
-from acx4book.report.verdict.finding import FAILS, Finding
+from acx4book.report.verdict.finding import FAILS, LEVEL, Finding
 from acx4book.report.verdict.verdict import NOT_EXAMINED
 from acx4lib.geometry.camera import INTERIOR, Camera, xy_from_colrow
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
@@ -59,7 +59,9 @@ def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         "certificate": _stated(asdict(flight.certificate)),
         "statement": {
             "holds": not any(f.state == FAILS for f in found),
-            "findings": [{"question": f.question, "state": f.state} for f in found],
+            "level": LEVEL,
+            "procedure": "Holm",
+            "findings": [_finding(f) for f in found],
             "not_examined": NOT_EXAMINED,
         },
         "calibration": material.calibration or None,
@@ -70,6 +72,17 @@ def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         "groups": [asdict(quality) for quality in decisive_qualities(material)],
         "check_points": _checked(summary.get(validated(material), {})),
         "error_budget": error_budget.recorded(error_budget.mapped(material)),
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    """Return a finding with its tests; p is the smallest, by itself and among all tests."""
+    return {
+        "question": finding.question,
+        "state": finding.state,
+        "p": finding.p,
+        "p_joint": finding.p_joint,
+        "tests": [{"name": t.name, "p": t.p, "p_joint": t.p_joint} for t in finding.tests],
     }
 
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+import numpy as np
 import pandas as pd
 
-from acx4book.report.adjustment.groups import CONTROLLED, Quality, decisive_qualities, ratio_limits
+from acx4book.report.adjustment.groups import CONTROLLED, decisive_qualities
 from acx4book.report.material import Material, sentences
-from acx4book.report.mounting.stability import boresights, drifts
+from acx4book.report.mounting.stability import turns_of
 from acx4book.report.parameters.estimates import STRONG, strong_pairs
-from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
+from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.gross_errors.limits import NAMES, too_many
+from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.folder import messages, rows
 
-FEW = 0.01
-"""Share of rejected observations above which these are not single gross errors."""
+DECLARED = ("declared lever arm", "declared boresight")
+"""Groups of observations that the question on the declared mounting tests."""
 
 
 def one_flight(material: Material) -> Iterator[Finding]:
@@ -81,12 +84,13 @@ def _names(table: pd.DataFrame, kind: str) -> set[tuple[str, str]]:
 
 
 def determined(material: Material) -> Iterator[Finding]:
-    """Tell whether every estimated parameter is determined."""
-    lines = list(dict.fromkeys([*sentences(material, "not_determined")]))
+    """Tell whether every parameter of the certified adjustments is determined."""
+    lines = [line for name in material.decisive for line in _open(material, name)]
     question = "All parameters determined"
     if lines:
-        yield Finding(question=question, state=FAILS, answer="; ".join(lines) + ".")
-    elif material.adjustments:
+        answer = "; ".join(dict.fromkeys(lines)) + "."
+        yield Finding(question=question, state=FAILS, answer=answer)
+    elif material.decisive:
         answer = (
             "Every estimated parameter has a standard deviation below the limit of what counts "
             "as determined."
@@ -94,54 +98,73 @@ def determined(material: Material) -> Iterator[Finding]:
         yield Finding(question=question, state=HOLDS, answer=answer)
 
 
+def _open(material: Material, name: str) -> list[str]:
+    """Return what an adjustment does not determine."""
+    return messages(material.found.summary[name], "not_determined")
+
+
+def other_methods(material: Material) -> Iterator[Finding]:
+    """Say what methods leave open that are not certified."""
+    others = [name for name in material.adjustments if name not in material.decisive]
+    lines = [line for name in others for line in _open(material, name)]
+    refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
+    if refined is not None:
+        sigma0_sq = float(str(refined))
+        lines.append(f"heads refined in the synthetic image: σ₀² = {sigma0_sq:.2f}, not tested")
+    if lines:
+        answer = "; ".join(dict.fromkeys(lines)) + ". This report does not certify these methods."
+        yield Finding(question="Other methods", state=NOTE, answer=answer)
+
+
 def global_test(material: Material) -> Iterator[Finding]:
     """Test the variance of unit weight of the decisive adjustments."""
-    p = {n: float(str(material.found.summary[n]["chi_square_p"])) for n in material.decisive}
-    if not p:
+    entries = {name: material.found.summary[name] for name in material.decisive}
+    entries = {name: e for name, e in entries.items() if int(str(e["redundancy"])) > 0}
+    if not entries:
         return
-    failed = [n for n in p if p[n] < LIMIT_P]
-    question = "Global χ² test"
-    if failed:
-        said = [f"{adjustment_title(n)} (σ₀² = {_sigma0(material, n):.2f})" for n in failed]
-        answer = (
-            f"The residuals of {listed(said)} are not of the size that the a priori standard "
-            "deviations promise. Standard deviations in this report are a posteriori, multiplied "
-            "by σ₀; look at the groups below for the weight that is wrong."
-        )
-        yield Finding(question=question, state=FAILS, answer=answer)
-        return
-    values = [_sigma0(material, n) for n in p]
+    values = [_sigma0(entry) for entry in entries.values()]
     span = f"{min(values):.3f}" + (f" to {max(values):.3f}" if len(values) > 1 else "")
-    answer = (
-        f"The variance of unit weight is {span}; residuals have the size that the a priori "
-        f"standard deviations promise (smallest p = {min(p.values()):.2g}, "
-        f"limit {LIMIT_P:g})."
+    yield Finding(
+        question="Global χ² test",
+        state=HOLDS,
+        answer=f"The variance of unit weight is {span}.",
+        passed="Residuals have the size that the a priori standard deviations promise.",
+        tests=tuple(
+            ChanceTest(
+                name=f"σ₀² of {adjustment_title(name)}",
+                p=float(str(entry["chi_square_p"])),
+                said=f"{adjustment_title(name)} (σ₀² = {_sigma0(entry):.2f}): residuals are "
+                f"{'larger' if _sigma0(entry) > 1 else 'smaller'} than the a priori standard "
+                "deviations promise",
+            )
+            for name, entry in entries.items()
+        ),
     )
-    yield Finding(question=question, state=HOLDS, answer=answer)
 
 
-def _sigma0(material: Material, name: str) -> float:
-    return float(str(material.found.summary[name]["sigma0_squared"]))
+def _sigma0(entry: Mapping[str, object]) -> float:
+    return float(str(entry["sigma0_squared"]))
 
 
 def weights(material: Material) -> Iterator[Finding]:
     """Test the a priori standard deviations of every group of observations."""
-    groups = decisive_qualities(material)
-    if not groups:
-        return
-    wrong = [g for g in groups if _wrong(g)]
-    question = "A priori standard deviations"
-    if wrong:
-        said = [f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)}" for g in wrong]
-        yield Finding(question=question, state=FAILS, answer="; ".join(said) + ".")
-        return
-    answer = "Those of all groups of observations agree with the residuals, within their limits."
-    yield Finding(question=question, state=HOLDS, answer=answer)
-
-
-def _wrong(group: Quality) -> bool:
-    low, high = ratio_limits(group.redundancy)
-    return group.ratio > high or group.ratio < low
+    groups = [g for g in decisive_qualities(material) if g.group not in DECLARED]
+    tests = [
+        ChanceTest(
+            name=f"{g.group} of {adjustment_title(g.adjustment)}",
+            p=g.p,
+            said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)}",
+        )
+        for g in groups
+    ]
+    if tests:
+        yield Finding(
+            question="A priori standard deviations",
+            state=HOLDS,
+            answer="",
+            passed="Those of all groups of observations agree with the residuals.",
+            tests=tuple(tests),
+        )
 
 
 def _factor(ratio: float) -> str:
@@ -169,21 +192,69 @@ def apart(material: Material) -> Iterator[Finding]:
 
 
 def gross_errors(material: Material) -> Iterator[Finding]:
-    """Compare the number of rejected observations with what chance rejects."""
+    """Compare number and size of the rejected observations with what chance rejects."""
     entries = [material.found.summary[name] for name in material.decisive]
     if not entries:
         return
     n_rejected = sum(int(str(entry["n_rejected"])) for entry in entries)
     n = sum(int(str(entry["n_observations"])) for entry in entries)
-    many = n_rejected > FEW * n
     answer = begun(f"{plural(n_rejected, 'observation')} of {n:,} taken out as gross errors")
-    if all("expected_rejections" in entry for entry in entries):
-        chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
-        answer += f", where chance alone takes out {chance:.1f}"
-    answer += "; they are listed below or in rejected.csv."
-    if many:
-        answer += " So many are rather a wrong σ, exposure or camera than single gross errors."
-    yield Finding(question="Gross errors", state=FAILS if many else HOLDS, answer=answer)
+    where = "; they are listed below or in rejected.csv." if n_rejected else "."
+    if any(entry.get("expected_rejections") is None for entry in entries):
+        answer += f"{where} These results do not say how many chance takes out; run again."
+        yield Finding(question="Gross errors", state=NOTE, answer=answer)
+        return
+    chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
+    largest, n_apart = _rejected(material)
+    many = f"{plural(n_rejected, 'observation')} rejected, where chance takes out {chance:.1f}"
+    yield Finding(
+        question="Gross errors",
+        state=HOLDS,
+        answer=f"{answer}, where chance alone takes out {chance:.1f}{where}",
+        tests=(
+            ChanceTest(name="number of rejections", p=poisson_sf(n_apart, chance), said=many),
+            ChanceTest(
+                name="largest rejected residual",
+                p=largest_p(largest, chance),
+                said=f"the largest is w = {largest:.1f}",
+            ),
+        ),
+    )
+
+
+def _rejected(material: Material) -> tuple[float, int]:
+    """Return the largest statistic that was rejected, and how many points and exposures it hit.
+
+    One error may take out several rays of its point, which control each other.
+    """
+    methods = ["/".join(name.split("/")[:2]) for name in material.decisive]
+    found = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
+    out = pd.concat(found) if found else pd.DataFrame()
+    if out.empty:
+        return 0.0, 0
+    place = out["point"].where(out["point"].astype(str) != "", out["image_or_exposure"])
+    hit = out["stage"].astype(str) + "/" + out["kind"].astype(str) + "/" + place.astype(str)
+    return float(out["statistic"].abs().max()), int(hit.nunique())
+
+
+def poisson_sf(n: int, chance: float) -> float:
+    """Return the probability of n rejections or more, where chance makes so many on average."""
+    return distributions.chi2_cdf(2 * chance, 2 * n) if n else 1.0
+
+
+def largest_p(w: float, chance: float) -> float:
+    """Return the probability of a residual of w or more among all that were tested.
+
+    Parameters
+    ----------
+    w : float
+        The largest that was rejected; below the critical value where nothing was.
+    chance : float
+        How many of those tested exceed the critical value by chance.
+    """
+    n = chance / (2 * distributions.norm_sf(CRITICAL))
+    each = 2 * distributions.norm_sf(max(w, 0.0))
+    return float(-np.expm1(n * np.log1p(-each))) if each < 1 else 1.0
 
 
 def controlled(material: Material) -> Iterator[Finding]:
@@ -206,20 +277,27 @@ def controlled(material: Material) -> Iterator[Finding]:
 
 
 def stable(material: Material) -> Iterator[Finding]:
-    """Test the boresights of the images for a drift and for steps between strips."""
-    tested = drifts(boresights(material))
-    if not tested:
+    """Test the boresight for a drift and for steps between strips."""
+    if not material.certified:
         return
-    moved = [f"drift about {d.axis} ({d.change_deg:+.4f}°)" for d in tested if d.p < LIMIT_P]
-    moved += [f"differences between strips about {d.axis}" for d in tested if d.p_strips < LIMIT_P]
     question = "Boresight stable over time"
-    if moved:
-        answer = f"Significant: {listed(moved)}. The mean boresight is not that of every exposure."
-        yield Finding(question=question, state=FAILS, answer=answer)
+    told = material.found.summary.get(material.certified, {}).get("boresight_stability")
+    if not isinstance(told, dict):
+        answer = "These results have no test of the boresight over time; run again."
+        yield Finding(question=question, state=NOTE, answer=answer)
         return
-    change = max(abs(d.change_deg) for d in tested)
-    answer = (
-        f"No significant drift and no significant differences between strips; the line through "
-        f"all images changes by at most {change:.4f}°."
+    turns = turns_of(material)
+    if not turns:
+        answer = (
+            "Not tested: it needs attitudes of two strips or of exposures at several times, and "
+            "more of them than turns."
+        )
+        yield Finding(question=question, state=NOTE, answer=answer)
+        return
+    yield Finding(
+        question=question,
+        state=HOLDS,
+        answer="",
+        passed="No significant drift and no significant differences between strips.",
+        tests=tuple(ChanceTest(name=t.title, p=t.p, said=t.sentence) for t in turns),
     )
-    yield Finding(question=question, state=HOLDS, answer=answer)

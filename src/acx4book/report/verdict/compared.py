@@ -3,49 +3,100 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from acx4book.report.adjustment.groups import PROBABILITY
-from acx4book.report.material import Material, earlier_calibrations, sentences, validated
-from acx4book.report.verdict.finding import FAILS, HOLDS, LIMIT_P, NOTE, Finding
-from acx4book.report.words import listed
+import numpy as np
+import pandas as pd
+
+from acx4book.report.material import (
+    Material,
+    checked_points,
+    earlier_calibrations,
+    sentences,
+    validated,
+)
+from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding
+from acx4book.report.words import begun, plural
 from acx4lib.calibration.estimates import LIMIT_SCALE
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing.accuracy import rms_limits
 from acx4lib.least_squares.statistical import distributions
+from acx4lib.results import folder as results
 
 FEWEST = 2
 """Number of check points from which something can be said of them."""
 
 
 def mountings(material: Material) -> Iterator[Finding]:
-    """Tell whether the estimated mountings are those that were declared."""
+    """Tell whether the estimated mountings are those that were declared.
+
+    A value with sigma is tested; one without is an approximation, of which only a known mistake
+    fails.
+    """
     question = "Declared mounting confirmed"
-    objections = list(dict.fromkeys(sentences(material, "not_confirmed")))
-    compared = [
-        part for entry in material.found.summary.values() for part in _parts(entry.get("declared"))
-    ]
-    if objections:
-        yield Finding(question=question, state=FAILS, answer="; ".join(objections) + ".")
-    elif compared:
-        answer = (
-            f"The estimates of {listed(list(dict.fromkeys(compared)))} agree with what flight.toml "
-            "declares. Where it declares no σ, only a difference as large as a mistake counts."
+    parts = [part for name in material.decisive for part in _parts(material, name)]
+    lines = [part.mistaken for part in parts if part.mistaken]
+    approximate = "; ".join(part.approximate for part in parts if part.approximate)
+    tests = tuple(part.test for part in parts if part.test)
+    note = f"Without σ it is an approximation and not tested: {approximate}." if approximate else ""
+    if lines or tests:
+        answer = " ".join(filter(None, ("; ".join(lines) + "." if lines else "", note)))
+        yield Finding(
+            question=question,
+            state=FAILS if lines else HOLDS,
+            answer=answer,
+            passed="What flight.toml declares with σ agrees with the estimates.",
+            tests=tests,
         )
-        yield Finding(question=question, state=HOLDS, answer=answer)
     elif material.calibration:
-        answer = (
+        yield Finding(question=question, state=NOTE, answer=note or _not_compared(material))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A declared part of a mounting: its known mistake, its test, or how far off it is."""
+
+    mistaken: str = ""
+    test: ChanceTest | None = None
+    approximate: str = ""
+
+
+def _parts(material: Material, name: str) -> Iterator[_Part]:
+    """Yield the declared parts that an adjustment compared."""
+    entry = material.found.summary[name]
+    declared = entry.get("declared")
+    compared = declared if isinstance(declared, dict) else {}
+    if any("told" not in one for one in compared.values()):  # of an earlier version
+        for line in results.messages(entry, "not_confirmed"):
+            yield _Part(mistaken=line)
+        return
+    for place, one in compared.items():
+        camera, _, part = place.rpartition("/")
+        title = f"{part.replace('_', ' ')} of {camera}"
+        said = f"{title} {one['told']}"
+        if one["mistake"]:
+            yield _Part(mistaken="; ".join(filter(None, (said.strip(), one["mistake"]))))
+        if one["p"] is not None:
+            yield _Part(test=ChanceTest(name=title, p=float(one["p"]), said=said))
+        elif not one["mistake"]:
+            yield _Part(approximate=said)
+
+
+def _not_compared(material: Material) -> str:
+    """Return why no declared mounting was compared."""
+    cameras = material.flight.cameras.values()
+    if not any(any(camera.prior.declared) for camera in cameras):
+        return (
             "flight.toml declares no mounting. A delay, an undulation or another north would be "
             "absorbed by lever arm and boresight without a trace."
         )
-        yield Finding(question=question, state=NOTE, answer=answer)
-
-
-def _parts(declared: object) -> list[str]:
-    """Return the parts of mountings that were compared, in words."""
-    names = declared if isinstance(declared, dict) else {}
-    split = (name.rpartition("/") for name in names)
-    return [f"the {part.replace('_', ' ')} of {camera}" for camera, _, part in split]
+    if results.messages(material.found.summary.get(material.calibration, {}), "stopped"):
+        return (
+            "Not compared: observations contradict each other, so that the estimated mounting "
+            "says nothing of the one that flight.toml declares."
+        )
+    return "Not compared: what flight.toml declares is held, or not determined."
 
 
 def earlier(material: Material) -> Iterator[Finding]:
@@ -85,49 +136,116 @@ def heights(material: Material) -> Iterator[Finding]:
 
 
 def check_points(material: Material) -> Iterator[Finding]:
-    """Test the differences at check points with their full covariance."""
-    question = "Independent check points"
+    """Test the differences at check points, those of the validation with their full covariance."""
     entry: Mapping[str, Any] = material.found.summary.get(validated(material), {})
-    points = entry.get("points") or {}
-    if (entry.get("n_points") or 0) < FEWEST:
+    single = _of_adjustment(material)
+    few = (entry.get("n_points") or 0) < FEWEST
+    if few:
+        single = pd.concat([single, checked_points(material)])
+    if few and single.empty:
         answer = "There are no check points, so the accuracy on the ground is not shown."
-        yield Finding(question=question, state=NOTE, answer=answer)
+        yield Finding(question=CHECKED, state=NOTE, answer=answer)
         return
-    rms = ", ".join(f"{v:.2f} m in {axis}" for v, axis in zip(points["rms"], AXES, strict=True))
-    answer = f"RMS at {entry['n_points']} points: {rms}."
-    if entry.get("joint_chi_square_p") is None:
-        answer += " These results have no test of all differences together; run again."
-        yield Finding(question=question, state=NOTE, answer=answer)
-        return
-    odd = [*_odd_together(entry), *_odd_means(points), *_odd_spreads(points)]
-    p = f"{entry['joint_chi_square_p']:.2g}"
-    answer += f" All differences together, with their full covariance: p = {p}."
-    answer += f" Significant: {listed(odd)}." if odd else " No mean and no spread is significant."
-    yield Finding(question=question, state=FAILS if odd else HOLDS, answer=answer)
+    parts, tests = [], [*_single_tests(single)]
+    if len(single):
+        parts.append(
+            f"{begun(plural(len(single), 'check point'))} "
+            f"{'of' if few else 'more, of'} the calibration block or by "
+            f"{'itself' if len(single) == 1 else 'themselves'}: {_largest(single)}."
+        )
+    if not few:
+        points = entry["points"]
+        rms = ", ".join(f"{v:.2f} m in {axis}" for v, axis in zip(points["rms"], AXES, strict=True))
+        parts.insert(0, f"RMS at {entry['n_points']} points: {rms}.")
+        tests += [*_together(entry), *_means(points), *_spreads(points)]
+        if entry.get("joint_chi_square_p") is None:
+            parts.append("These results have no test of all differences together; run again.")
+    yield Finding(
+        question=CHECKED,
+        state=HOLDS if tests else NOTE,
+        answer=" ".join(parts),
+        passed="No difference, no mean and no spread is significant.",
+        tests=tuple(tests),
+    )
 
 
-def _odd_together(entry: Mapping[str, Any]) -> Iterator[str]:
-    if entry["joint_chi_square_p"] < LIMIT_P:
-        yield "the differences together are not of the size that is predicted"
-    if entry["chi_square_p"] < LIMIT_P:
-        yield "rays do not meet as closely as predicted"
+CHECKED = "Independent check points"
 
 
-def _odd_means(points: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the axes in which the mean is more than chance, tested with its own sigma."""
-    critical = -distributions.norm_ppf(LIMIT_P / 2)
+def _of_adjustment(material: Material) -> pd.DataFrame:
+    """Return the check points that take no part in the decisive adjustments, all but blunders."""
+    found = material.found.check_points
+    own = {"/".join(name.split("/")[:2]) for name in material.decisive}
+    return found[(found["stage"] + "/" + found["method"]).isin(own)]
+
+
+def _ratios(points: pd.DataFrame) -> Array:
+    """Return the differences of points over their sigma, shape (n, 3)."""
+    d = points[[f"d_{axis}_m" for axis in AXES]].to_numpy(dtype=float)
+    ratios: Array = d / points[[f"sigma_{axis}_m" for axis in AXES]].to_numpy(dtype=float)
+    return ratios
+
+
+def _largest(points: pd.DataFrame) -> str:
+    """Return the largest difference in words."""
+    ratios = np.abs(_ratios(points))
+    i, axis = np.unravel_index(int(np.nanargmax(ratios)), ratios.shape)
+    row, name = points.iloc[int(i)], AXES[axis]
+    d, sigma = row[f"d_{name}_m"], row[f"sigma_{name}_m"]
+    return f"the largest difference is {d:+.2f} ± {sigma:.2f} m in {name}, of {row['point']}"
+
+
+def _single_tests(points: pd.DataFrame) -> Iterator[ChanceTest]:
+    """Yield one test of the largest of many differences, by Bonferroni."""
+    ratios = np.abs(_ratios(points)) if len(points) else np.zeros((0, 3))
+    if np.isfinite(ratios).any():
+        p = 2 * distributions.norm_sf(float(np.nanmax(ratios))) * int(np.isfinite(ratios).sum())
+        yield ChanceTest(
+            name="largest difference at a single check point",
+            p=min(1.0, p),
+            said=f"a single check point: {_largest(points)}",
+        )
+
+
+def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    if entry.get("joint_chi_square_p") is not None:
+        larger = entry["joint_chi_square"] > entry["joint_dof"]
+        yield ChanceTest(
+            name="all differences together",
+            p=entry["joint_chi_square_p"],
+            said=f"all differences together are {'larger' if larger else 'smaller'} than predicted",
+        )
+    if (entry.get("redundancy") or 0) > 0:
+        closer = entry["sigma0_squared"] < 1
+        yield ChanceTest(
+            name="rays of the check points",
+            p=entry["chi_square_p"],
+            said=f"rays meet {'more' if closer else 'less'} closely than predicted "
+            f"(σ₀² = {entry['sigma0_squared']:.2f})",
+        )
+
+
+def _means(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    """Yield the tests of the means, each with its own sigma."""
     for mean, sigma, axis in zip(points["mean"], points["mean_sigma"], AXES, strict=True):
-        if abs(mean) > critical * sigma:
-            yield f"a mean of {mean:+.2f} m in {axis}"
+        yield ChanceTest(
+            name=f"mean in {axis}",
+            p=2 * distributions.norm_sf(abs(mean) / sigma),
+            said=f"a mean of {mean:+.2f} ± {sigma:.2f} m in {axis}",
+        )
 
 
-def _odd_spreads(points: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the axes in which differences over their sigma have a spread outside its limits."""
+def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    """Yield the tests of the RMS of differences over their sigma, two-sided."""
     found = zip(points["normalised_rms"], points["effective_number"], AXES, strict=True)
     for ratio, n, axis in found:
-        low, high = rms_limits(n, probability=PROBABILITY)
-        if not low < ratio < high:
-            yield f"{axis} {ratio:.2f} times the predicted RMS ({low:.2f} to {high:.2f} by chance)"
+        square = n * ratio**2
+        below, above = distributions.chi2_cdf(square, n), distributions.chi2_sf(square, n)
+        yield ChanceTest(
+            name=f"spread in {axis}",
+            p=2 * min(below, above),
+            said=f"an RMS in {axis} that is {ratio:.2f} times the predicted one",
+        )
 
 
 def said(material: Material) -> Iterator[Finding]:

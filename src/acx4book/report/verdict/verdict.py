@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 from acx4book.report.material import Material
 from acx4book.report.shown import Text, show, table
 from acx4book.report.verdict import adjusted, compared
-from acx4book.report.verdict.finding import FAILS, NOTE, Finding
-from acx4book.report.words import listed
+from acx4book.report.verdict.consequences import CONSEQUENCES, UNKNOWN
+from acx4book.report.verdict.finding import FAILS, LEVEL, Finding, all_tests, judged
+from acx4book.report.words import plural
+from acx4book.typesetting.labels import p_value
 
 QUESTIONS = (
     *(adjusted.one_flight, adjusted.converged, adjusted.contradictions, adjusted.determined),
     *(adjusted.global_test, adjusted.weights, adjusted.apart, adjusted.gross_errors),
     *(adjusted.controlled, adjusted.stable),
-    *(compared.earlier, compared.mountings, compared.heights, compared.check_points, compared.said),
+    *(compared.earlier, compared.mountings, compared.heights, compared.check_points),
+    *(adjusted.other_methods, compared.said),
 )
 
 STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
 
 
 def findings(material: Material) -> list[Finding]:
-    """Return the answers to all questions that the results can answer."""
-    return [finding for question in QUESTIONS for finding in question(material)]
+    """Return the answers to all questions that the results can answer, all tests at one level."""
+    return judged(finding for question in QUESTIONS for finding in question(material))
 
 
 NOT_EXAMINED = (
@@ -41,7 +45,7 @@ def section(found: Sequence[Finding]) -> Text:
     """Return the section with the verdict and all answers."""
     answers = table(
         verdict_table(found), "What holds and what does not", name="tab-report-verdict",
-        obtained="tests of the results, each as its explanation says",
+        obtained=OBTAINED,
     )  # fmt: skip
     rest = "; ".join(NOT_EXAMINED)
     return show(
@@ -52,21 +56,52 @@ def section(found: Sequence[Finding]) -> Text:
     )
 
 
+OBTAINED = (
+    "tests of the results, each as its explanation says; p is the smallest probability of a test "
+    "by itself, p joint the same among all tests of this report, by Holm"
+)
+
+
 def statement(found: Sequence[Finding]) -> str:
-    """Return the verdict in one sentence, as Markdown."""
+    """Return the verdict, as Markdown: what fails, what that means, and what to do."""
     failed = [f.question for f in found if f.state == FAILS]
-    tested = sum(f.state != NOTE for f in found)
+    if not failed and not all_tests(found):
+        return (
+            "**Nothing was tested.** These results hold nothing that could be compared with what "
+            "is expected of it, so this report neither confirms nor refutes them."
+        )
     if not failed:
-        return f"**The results hold.** All {tested} tests of this report are passed."
-    which = listed([name[:1].lower() + name[1:] for name in failed])
+        return f"**The results hold.** {level(found)}"
+    lines = [_consequence(question) for question in failed]
+    whole = f"**Not everything holds. {lines[0]}**"
+    others = "\n".join(f"- {line}" for line in lines[1:])
+    return "\n\n".join(part for part in (whole, others, level(found)) if part)
+
+
+def _consequence(question: str) -> str:
+    means, cure = CONSEQUENCES.get(question, UNKNOWN)
+    return f"“{question}” fails: {means}; {cure}."
+
+
+def level(found: Sequence[Finding]) -> str:
+    """Say how many tests were made, and with which probability right results fail any."""
+    tests = all_tests(found)
+    n = sum(test.significant for test in tests)
+    if not tests:
+        return "No statistical test was made."
     return (
-        f"**Not everything holds.** {len(failed)} of {tested} tests "
-        f"{'fails' if len(failed) == 1 else 'fail'}: {which}."
+        f"{n or 'None'} of {plural(len(tests), 'test')} {'is' if n < 2 else 'are'} significant. "
+        f"The tests share an error probability of {100 * LEVEL:g} % (Holm): of right results with "
+        f"right standard deviations, at most {100 * LEVEL:g} % fail any of them."
     )
 
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
     """Return the table of findings; those that fail come first."""
-    order = sorted(found, key=lambda f: f.state != "fails")
-    rows = [(f.question, STATES[f.state], f.answer) for f in order]
-    return pd.DataFrame(rows, columns=["Question", "Result", "Explanation"])
+    order = sorted(found, key=lambda f: f.state != FAILS)
+    rows = [(f.question, STATES[f.state], _p(f.p), _p(f.p_joint), f.answer) for f in order]
+    return pd.DataFrame(rows, columns=["Question", "Result", "p", "p joint", "Explanation"])
+
+
+def _p(p: float) -> str:
+    return "" if np.isnan(p) else p_value(p)

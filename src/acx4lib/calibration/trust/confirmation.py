@@ -17,13 +17,13 @@ from acx4lib.calibration.estimates import Calibration, from_bundle, is_determine
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import log
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.statistical import distributions
 
-FAR_M, FAR_DEG = 1.0, 3.0
-"""Differences from values declared without sigma above which these are not confirmed."""
+FAR_M, FAR_DEG = 0.05, 3.0
+"""Differences from values without sigma that are said: more than what a survey is off by."""
 
 LONGEST_M = 10.0
 """Lever arm, not declared, that is longer than inside an aircraft."""
@@ -37,8 +37,20 @@ NORTHS = 0.25
 LEAST_CONVERGENCE = np.radians(0.1)
 """Meridian convergence below which no angle without sigma is taken for it."""
 
-HINTED = 0.9
-"""Share of a difference along one axis from which its usual cause is named."""
+SURVEYED_M = 0.03
+"""How far off a tape measure leaves a lever arm: within it, components agree."""
+
+TURNED = np.radians(5.0)
+"""Angle within which a boresight without sigma is off by 90 or 180 degrees."""
+
+EXCHANGED_DEG = 0.5
+"""Difference below which no exchange of angles is taken for it."""
+
+EXPLAINED = 0.12
+"""Share of a difference that an exchange of axes leaves where it explains the difference."""
+
+ALONE = 0.12
+"""Share of a difference along an axis from which it is not along the others alone."""
 
 UNSEEN = 1e-4
 """Share of a declared value's variance below which the other observations say nothing of it."""
@@ -61,20 +73,39 @@ class Confirmation:
         y, z axes, m or degrees; NaN where nothing is declared.
     p : float
         Probability of such differences or larger ones; NaN where there is no sigma.
-    objection : str
-        Why the declared value is not confirmed; empty where it is.
+    told : str
+        The difference in words, with what would look like it; empty where nothing is declared.
+    mistake : str
+        Which known mistake the difference is; empty for any other.
     """
 
     camera: str
     part: str
     difference: tuple[float, float, float]
     p: float
-    objection: str = ""
+    told: str = ""
+    mistake: str = ""
+
+    @property
+    def objection(self) -> str:
+        """Why the declared value is not confirmed: its sigma, or a known mistake; else empty."""
+        if self.mistake or self.p < ALPHA:
+            return "; ".join(filter(None, (self.told, self.mistake)))
+        return ""
 
     @property
     def sentence(self) -> str:
         """What is not confirmed and why."""
         return f"not confirmed: {self.part} of {self.camera} {self.objection}"
+
+    @property
+    def remark(self) -> str:
+        """What is said of a value without sigma, an approximation, that is far off; else empty."""
+        off = np.linalg.norm(np.nan_to_num(self.difference))
+        far = FAR_M if self.part == "lever arm" else FAR_DEG
+        if self.objection or not self.told or np.isfinite(self.p) or not off > far:
+            return ""
+        return f"{self.part} of {self.camera} {self.told}"
 
 
 def confirmations(bundle: Bundle) -> list[Confirmation]:
@@ -102,11 +133,18 @@ def confirmations(bundle: Bundle) -> list[Confirmation]:
         if all((camera.name, key) in determined for key in LEVER_ARM):
             found = _of_lever_arm(calibration, k, camera)
             if found.declared.any() or found.size > LONGEST_M:
-                out.append(_judged(camera, "lever arm", found, _lever_objection(block, found)))
+                out.append(_of_part(camera, "lever arm", found, _lever_said(block, camera, found)))
         if all((camera.name, key) in determined for key in BORESIGHT):
             found = _of_boresight(calibration, k, camera)
             if found.declared.any():
-                out.append(_judged(camera, "boresight", found, _turn_objection(block, found)))
+                out.append(
+                    _of_part(
+                        camera,
+                        "boresight",
+                        found,
+                        _turn_said(block, camera, calibration.cameras[k], found),
+                    )
+                )
     return out
 
 
@@ -136,10 +174,11 @@ class _Difference:
         """Length of the difference from what is declared, or of all if nothing is."""
         return float(np.linalg.norm(self.d[self.declared] if self.declared.any() else self.d))
 
-    def contradicts(self, far: float) -> bool:
-        """Tell whether it is significant; without sigma, whether it is larger than a limit."""
-        rest = np.linalg.norm(self.d[self.declared & ~np.isfinite(self.sigma)])
-        return bool(self.p < ALPHA or rest > far)
+    def significant(self, rough: float = 0.0) -> bool:
+        """Tell whether it is more than the sigma of both values explain, or one without sigma."""
+        of_declared = np.where(np.isfinite(self.sigma), self.sigma, rough)
+        tolerance = SIGMAS * np.hypot(of_declared, self.sigma_estimated)
+        return bool(np.any(self.declared & (np.abs(self.d) > tolerance)))
 
 
 def _of_lever_arm(calibration: Calibration, k: int, camera: Camera) -> _Difference:
@@ -170,59 +209,123 @@ def _difference(d: Array, cov: Array, declared: Mask, sigma: Array) -> _Differen
     return _Difference(d=alone, p=p, declared=declared, sigma=sigma, sigma_estimated=sigmas(cov))
 
 
-# --- objections ------------------------------------------------------------------------------
+# --- what differences look like --------------------------------------------------------------
 
 
-def _judged(camera: Camera, part: str, found: _Difference, objection: str) -> Confirmation:
+def _of_part(camera: Camera, part: str, found: _Difference, said: tuple[str, str]) -> Confirmation:
     unit = np.degrees(1.0) if part == "boresight" else 1.0
     x, y, z = (float(v) for v in np.where(found.declared, unit * found.d, np.nan))
+    told, mistake = said
     return Confirmation(
-        camera=camera.name, part=part, difference=(x, y, z), p=found.p, objection=objection
+        camera=camera.name,
+        part=part,
+        difference=(x, y, z),
+        p=found.p,
+        told=told,
+        mistake=mistake,
     )
 
 
-def _lever_objection(block: Block, found: _Difference) -> str:
-    """Return what speaks against a declared lever arm, with what would look like this."""
+def _lever_said(block: Block, camera: Camera, found: _Difference) -> tuple[str, str]:
+    """Return a lever arm's difference in words, and the known mistake that it is."""
     if not found.declared.any():
         heights = "are the heights of control and trajectory of one system?"
-        return f"is {found.size:.1f} m long, and none is declared: {heights}"
-    if not found.contradicts(FAR_M):
-        return ""
-    shown = _listed(found.d, found.declared, ".2f")
-    said = f"differs from the declared one by {shown} m"
-    along = np.abs(np.where(found.declared, found.d, 0.0))
-    if along[0] > HINTED * found.size and np.isfinite(speed := _speed(block)):
-        return f"{said}; a clock that is {1000 * along[0] / speed:.0f} ms off would look like this"
-    if along[2] > HINTED * found.size:
-        return f"{said}; heights of two systems would look like this"
-    return said
+        return "", f"is {found.size:.1f} m long, and none is declared: {heights}"
+    told = f"differs from the declared one by {_listed(found.d, found.declared, '.2f')} m"
+    if not found.significant(SURVEYED_M):
+        return told, ""
+    if found.declared.all() and (axes := _exchanged_lever(camera.T_b_c.r, found.d)):
+        return told, f"the declared one with {axes} would agree"
+    along = found.declared & (np.abs(found.d) > ALONE * found.size)
+    if along.tolist() == [True, False, False] and np.isfinite(speed := _speed(block)):
+        late = 1000 * abs(found.d[0]) / speed
+        return f"{told}; a clock that is {late:.0f} ms off would look like this", ""
+    if along.tolist() == [False, False, True]:
+        return f"{told}; heights of two systems would look like this", ""
+    return told, ""
 
 
-def _turn_objection(block: Block, found: _Difference) -> str:
-    """Return what speaks against a declared boresight, the meridian convergence above all."""
-    contradicted = found.contradicts(np.radians(FAR_DEG))
+LEVER_MISTAKES: tuple[tuple[str, Array], ...] = (
+    ("all signs reversed", -np.eye(3)),
+    ("x and y exchanged", np.eye(3)[[1, 0, 2]]),
+    ("y and z reversed", np.diag([1.0, -1.0, -1.0])),
+    ("x and y exchanged and z reversed", np.diag([1.0, 1.0, -1.0]) @ np.eye(3)[[1, 0, 2]]),
+)
+"""Axes of other conventions, as what they make of a lever arm."""
+
+
+def _exchanged_lever(declared: Array, d: Array) -> str:
+    """Return which exchange of axes explains a difference; nothing where none does."""
+    size = float(np.linalg.norm(d))
+    for name, exchange in LEVER_MISTAKES:
+        if np.linalg.norm(declared + d - exchange @ declared) < EXPLAINED * size:
+            return name
+    return ""
+
+
+def _turn_said(
+    block: Block, camera: Camera, estimated: Camera, found: _Difference
+) -> tuple[str, str]:
+    """Return a boresight's difference in words, and the known mistake that it is."""
+    shown = _listed(np.degrees(found.d), found.declared, ".3f")
+    told = f"differs from the declared one by {shown}° about the body's axes"
+    if not found.significant():
+        return told, ""
     convergence = _convergence(block)
-    if _is_convergence(found, convergence, contradicted=contradicted):
+    if _is_convergence(found, convergence):
         d, gamma = np.degrees([abs(found.d[2]), abs(convergence)])
         return (
             f"differs from the declared one in kappa by {d:.2f}°, about the meridian "
-            f"convergence, {gamma:.2f}°: is the heading read against true or grid north?"
+            f"convergence, {gamma:.2f}°",
+            "is the heading read against true or grid north?",
         )
-    if not contradicted:
-        return ""
-    shown = _listed(np.degrees(found.d), found.declared, ".3f")
-    return f"differs from the declared one by {shown}° about the body's axes"
+    turn = estimated.T_b_c.R @ camera.T_b_c.R.T
+    if turned := _right_angle(turn, found.declared):
+        return told, turned
+    if found.declared.all() and (angles := _exchanged_angles(camera.T_b_c, turn)):
+        return told, f"the declared one with {angles} would agree"
+    return told, ""
 
 
-def _is_convergence(found: _Difference, convergence: float, *, contradicted: bool) -> bool:
+def _right_angle(turn: Array, declared: Mask) -> str:
+    """Return about which axis a rotation of the body turns by 90 or 180 degrees; else nothing."""
+    for angle in (90, -90, 180):
+        for axis in np.flatnonzero(declared):
+            left = turn @ exp(-np.radians(angle) * np.eye(3)[axis])
+            if np.linalg.norm(log(left)) < TURNED:
+                return f"it is turned by {abs(angle)}° about the body's {'xyz'[axis]} axis"
+    return ""
+
+
+def _exchanged_angles(declared: Pose, turn: Array) -> str:
+    """Return which exchange of angles explains a rotation of the body; nothing where none does."""
+    omega, phi, kappa = declared.opk
+    others = {
+        "omega and phi exchanged": (phi, omega, kappa),
+        "the sign of omega reversed": (-omega, phi, kappa),
+        "the sign of phi reversed": (omega, -phi, kappa),
+        "the sign of kappa reversed": (omega, phi, -kappa),
+    }
+    matrices = {name: rotation_from_opk(np.array(opk)) for name, opk in others.items()}
+    matrices["its matrix transposed"] = declared.R.T
+    estimated = turn @ declared.R
+    left = {name: np.linalg.norm(log(R @ estimated.T)) for name, R in matrices.items()}
+    best = min(left, key=lambda name: float(left[name]))
+    size = np.linalg.norm(log(turn))
+    return best if size > np.radians(EXCHANGED_DEG) and left[best] < EXPLAINED * size else ""
+
+
+def _is_convergence(found: _Difference, convergence: float) -> bool:
     """Tell whether kappa differs by the convergence, within what is known of both values."""
     if not (found.declared[2] and np.isfinite(convergence)):
         return False
     off = abs(abs(found.d[2]) - abs(convergence))
     if np.isfinite(found.sigma[2]):
         sigma = float(np.hypot(found.sigma[2], found.sigma_estimated[2]))
-        return contradicted and bool(off < SIGMAS * sigma < abs(convergence))
-    return bool(abs(convergence) > LEAST_CONVERGENCE and off < NORTHS * abs(convergence))
+        return found.p < ALPHA and bool(off < SIGMAS * sigma < abs(convergence))
+    tilts = np.linalg.norm(found.d[:2])  # of a rough mounting, as large as kappa
+    is_seen = abs(convergence) > max(LEAST_CONVERGENCE, tilts)
+    return bool(is_seen and off < NORTHS * abs(convergence))
 
 
 def _convergence(block: Block) -> float:

@@ -78,6 +78,21 @@ def _is_compared(value: Any) -> bool:
         and _three(value.get("difference"))
         and _or_null(_number)(value.get("p"))
         and isinstance(value.get("confirmed"), bool)
+        and all(isinstance(value.get(key, ""), str) for key in ("told", "mistake"))
+    )
+
+
+_OF_TURNS = ("f", "dof", "redundancy", "p")
+
+
+def _turns(value: Any) -> bool:
+    """Tell whether a test of turns of the cameras against the body is complete."""
+    if not (isinstance(value, dict) and _sentences(value.get("names"))):
+        return False
+    by_name = (value.get("turns_deg"), value.get("sigma_deg"))
+    return all(_number(value.get(key)) for key in _OF_TURNS) and all(
+        isinstance(rows, list) and len(rows) == len(value["names"]) and all(map(_three, rows))
+        for rows in by_name
     )
 
 
@@ -123,10 +138,14 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(
-        ("left_out", "not_determined", "stopped", "not_confirmed", "notes"),
+        ("left_out", "not_determined", "stopped", "not_confirmed", "approximations", "notes"),
         (_sentences, "a list of sentences"),
     ),
     "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
+    "boresight_stability": (
+        _by_name(_or_null(_turns)),
+        "strips and drift, each null or with names, turns_deg, sigma_deg, f, dof, redundancy and p",
+    ),
     "stopped_groups": (_groups, "a list of a group and two numbers each"),
     "correlated": (_pairs, "a list of two parameters and a number each"),
     **dict.fromkeys(

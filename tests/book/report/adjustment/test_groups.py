@@ -1,5 +1,7 @@
 """Groups of observations: ratios, redundancy, detectable errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from numpy.testing import assert_allclose
@@ -62,8 +64,9 @@ def test_baardas_delta_is_the_textbooks_4_13():
     assert_allclose(stats.norm.isf(0.0005) + groups.DETECTABLE - 3.9, 4.13, atol=0.005)
 
 
-def test_limits_of_the_ratio_hold_in_95_of_100_samples(rng):
-    v = rng.normal(size=(20_000, 30))
-    ratio = np.sqrt(np.mean(v**2, axis=1))
-    low, high = groups.ratio_limits(30.0, probability=0.95)
-    assert_allclose(np.mean((ratio > low) & (ratio < high)), 0.95, atol=0.005)  # 3 sigma
+def test_the_probability_of_a_ratio_is_that_of_chi_square(run):
+    for group in groups.qualities(run, SINGLE):
+        square, r = group.ratio**2 * group.redundancy, group.redundancy
+        expected = 2 * min(stats.chi2.cdf(square, r), stats.chi2.sf(square, r))
+        assert_allclose(group.p, expected, rtol=1e-9)
+        assert np.isnan(replace(group, redundancy=0.0).p)

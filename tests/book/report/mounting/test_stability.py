@@ -1,14 +1,13 @@
-"""The boresight over time: scatter and drift."""
+"""The boresight over time: single images, and the tests of the certified adjustment."""
 
 import numpy as np
-import pandas as pd
 from numpy.testing import assert_allclose
 from scipy import stats
 
 from acx4book.report.material import read
 from acx4book.report.mounting import stability
 from acx4book.report.mounting.stability import boresights
-from support.run_results import edit
+from support.run_results import SINGLE, edit, edit_summary
 
 
 def test_boresights_scatter_as_their_sigma_says(run):
@@ -40,41 +39,19 @@ def test_an_image_turned_to_the_left_turns_the_boresight_about_z(folder):
     assert_allclose(np.delete(change, 3), -0.5 / n, atol=0.001)
 
 
-def made_up(values, strips="1"):
-    time = np.arange(len(values), dtype=float)
-    axes = {f"{axis}_deg": values for axis in stability.AXES}
-    return pd.DataFrame({"time_s": time, "number": time + 1, "strip": list(strips), **axes})
-
-
-def test_a_drift_is_found_with_its_size_and_noise_is_none(rng):
-    noise = rng.normal(0, 0.005, 40)
-    drifting = stability.drifts(made_up(noise + np.linspace(0, 0.02, 40), "1" * 20 + "2" * 20))[0]
-    still = stability.drifts(made_up(noise, "12" * 20))[0]
-    assert drifting.p < 1e-3
-    assert drifting.p_strips < 1e-3
-    assert still.p > 0.05
-    assert still.p_strips > 0.05
-    exact = stability.drifts(made_up(np.linspace(0.01, 0.04, 7), "1" * 7))[0]
-    assert_allclose(exact.change_deg, 0.03)
-    assert np.isnan(exact.p_strips)
-    assert stability.drifts(made_up(np.zeros(3), "111")) == []
-
-
-def test_a_line_is_that_of_scipy(rng):
-    x, y = rng.uniform(0, 900, 30), rng.normal(0, 0.005, 30)
-    line, expected = stability.straight_line(x, y), stats.linregress(x, y)
-    assert_allclose(line.at_zero, expected.intercept, rtol=1e-12)
-    assert_allclose(line.slope, expected.slope, rtol=1e-12)
-    assert_allclose(line.sigma_slope, expected.stderr, rtol=1e-12)
-    assert_allclose(line.p, expected.pvalue, rtol=1e-12)
-
-
-def test_a_line_through_two_points_has_no_scatter():
-    line = stability.straight_line(np.array([1.0, 3.0]), np.array([2.0, 6.0]))
-    assert (line.at_zero, line.slope) == (0.0, 2.0)
-    assert np.isnan([line.sigma_slope, line.p]).all()
-
-
-def test_means_are_compared_as_in_scipy(rng):
-    groups = [rng.normal(0, 1, n) for n in (5, 9, 2)]
-    assert_allclose(stability.equal_means_p(groups), stats.f_oneway(*groups).pvalue, rtol=1e-12)
+def test_the_tests_of_the_certified_adjustment_are_read_back(folder):
+    told = {
+        "names": ["1", "2"],
+        "turns_deg": [[0.0, 0.01, -0.002], [0.0, -0.01, 0.002]],
+        "sigma_deg": [[0.004, 0.002, None], [0.004, 0.002, 0.004]],
+        "f": 4.5,
+        "dof": 3,
+        "redundancy": 61.5,
+        "p": 0.0063,
+    }
+    edit_summary(folder, SINGLE, boresight_stability={"strips": told, "drift": None})
+    (test,) = stability.turns_of(read(folder))
+    assert (test.title, test.dof, test.p) == ("differences between strips", 3, 0.0063)
+    assert test.sentence.endswith("+0.0100° ± 0.0020° about y of strip 1")
+    edit_summary(folder, SINGLE, boresight_stability={"strips": None, "drift": None})
+    assert stability.turns_of(read(folder)) == []

@@ -2,17 +2,40 @@
 
 import json
 
+import pytest
+from numpy.testing import assert_allclose
+from scipy import stats
+
 from acx4book.report.adjustment import groups
 from acx4book.report.material import read
+from acx4book.report.verdict import adjusted
+from acx4book.report.verdict.verdict import findings
 from support.run_results import SINGLE, edit, edit_summary, state
 
 
-def test_a_variance_of_unit_weight_far_from_one_fails(folder):
-    edit_summary(folder, SINGLE, chi_square_p=0.0009, sigma0_squared=1.07)
+def made_of(folder, question):
+    return next(f.tests for f in findings(read(folder)) if f.question == question)
+
+
+@pytest.mark.parametrize(("sigma0_sq", "word"), [(1.27, "larger"), (0.018, "smaller")])
+def test_a_variance_of_unit_weight_far_from_one_fails(folder, sigma0_sq, word):
+    edit_summary(folder, SINGLE, chi_square_p=1e-5, sigma0_squared=sigma0_sq)
+    state_, answer = state(folder, "Global χ² test")
+    assert state_ == "fails"
+    assert f"single-step (σ₀² = {sigma0_sq:.2f}): residuals are {word} than" in answer
+    edit_summary(folder, SINGLE, chi_square_p=0.03)
+    assert state(folder, "Global χ² test")[0] == "holds"  # one of many tests
+
+
+def test_an_adjustment_of_which_nothing_is_estimated_is_tested_too(folder):
+    for name in ("parameters", "covariance"):
+        file = folder / f"{name}.csv"
+        file.write_text(file.read_text().partition("\n")[0] + "\n")
+    edit_summary(folder, SINGLE, chi_square_p=1e-6, sigma0_squared=3.1)
+    assert read(folder).calibration == ""
     assert state(folder, "Global χ² test")[0] == "fails"
-    assert "single-step (σ₀² = 1.07)" in state(folder, "Global χ² test")[1]
-    edit_summary(folder, SINGLE, chi_square_p=0.0011)
-    assert state(folder, "Global χ² test")[0] == "holds"
+    assert state(folder, "A priori standard deviations")[0] == "holds"
+    assert made_of(folder, "Gross errors")
 
 
 def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
@@ -24,8 +47,17 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
         table.loc[rows, "sigma"] = table.loc[rows, "sigma"].astype(float) * ratio / 2.5
 
     edit(folder, "residuals", optimistic)
-    said = state(folder, "A priori standard deviations")
-    assert said == ("fails", "GNSS, height of single-step: σ is 2.5 times too small.")
+    said = "Significant: GNSS, height of single-step: σ is 2.5 times too small."
+    assert state(folder, "A priori standard deviations") == ("fails", said)
+
+
+def test_what_another_method_leaves_open_is_a_note(folder):
+    line = "mounting/two_step: CAM lever_z_m is not determined (sigma 2.1 m)"
+    edit_summary(folder, "mounting/two_step", not_determined=[line])
+    assert state(folder, "All parameters determined")[0] == "holds"
+    found, answer = state(folder, "Other methods")
+    assert found == "note"
+    assert answer.startswith(line)
 
 
 def test_what_is_not_determined_fails_with_the_runs_own_words(folder):
@@ -51,22 +83,63 @@ def test_a_flight_changed_between_stages_fails(folder):
     assert "after mounting had run" in answer[1]
 
 
-def test_many_rejected_observations_are_no_single_errors(folder):
-    n = read(folder).found.summary[SINGLE]["n_observations"]
-    edit_summary(folder, SINGLE, n_rejected=int(0.01 * n))
-    assert state(folder, "Gross errors")[0] == "holds"
-    edit_summary(folder, SINGLE, n_rejected=int(0.01 * n) + 1)
-    assert state(folder, "Gross errors")[0] == "fails"
+def reject(folder, n, w):
+    """Put n rejected tie points of the single step in the results, the largest with w."""
+    name = read(folder).flight.calibration.images.names[0]
+
+    def rejected(table):
+        for i in range(n):
+            what = ["image_point", name, f"P{i}", w if i == 0 else 4.0, "w exceeds 3.9"]
+            table.loc[1000 + i] = ["mounting", "single_step", *what]
+
+    edit(folder, "rejected", rejected)
+    edit_summary(folder, SINGLE, n_rejected=n, expected_rejections=0.2)
 
 
-def test_the_number_that_chance_rejects_stands_beside_the_number_found(folder):
-    entry = read(folder).found.summary[SINGLE]
-    answer = state(folder, "Gross errors")[1]
-    assert f"chance alone takes out {entry['expected_rejections']:.1f}" in answer
-    edit_summary(folder, SINGLE, n_rejected=4, expected_rejections=0.84)
-    said = "Four observations" if "Four" in answer else "4 observations of "
-    assert state(folder, "Gross errors")[1].startswith(said)
-    assert "takes out 0.8;" in state(folder, "Gross errors")[1]
+@pytest.mark.parametrize(
+    ("n", "w", "expected"),
+    [(0, 0.0, "holds"), (1, 4.1, "holds"), (1, 377.0, "fails"), (7, 4.2, "fails")],
+)
+def test_gross_errors_are_more_or_larger_than_chance_makes_them(folder, n, w, expected):
+    reject(folder, n, w)
+    found, answer = state(folder, "Gross errors")
+    assert found == expected
+    assert "where chance alone takes out 0.2" in answer
+    assert ("the largest is w = 377.0" in answer) == (w == 377.0)
+    assert ("7 observations rejected" in answer) == (n == 7)
+
+
+def test_the_probabilities_of_rejections_are_those_of_scipy():
+    for n, chance in ((0, 0.3), (1, 0.3), (4, 1.7)):
+        assert_allclose(adjusted.poisson_sf(n, chance), stats.poisson.sf(n - 1, chance))
+    n_tested = 0.5 / (2 * stats.norm.sf(3.9))
+    expected = 1 - stats.norm.cdf(4.5) ** (2 * n_tested)  # of n_tested two-sided values
+    assert_allclose(adjusted.largest_p(4.5, 0.5), expected, rtol=1e-4)
+    assert adjusted.largest_p(0.0, 0.5) == 1.0
+
+
+def test_results_that_do_not_say_what_chance_rejects_are_not_tested(folder):
+    edit_summary(folder, SINGLE, expected_rejections=None)
+    assert state(folder, "Gross errors")[0] == "note"
+
+
+@pytest.mark.parametrize(("p", "expected"), [(1e-4, "fails"), (0.04, "holds")])
+def test_a_boresight_that_steps_between_strips_fails(folder, p, expected):
+    told = read(folder).found.summary[SINGLE]["boresight_stability"]
+    edit_summary(folder, SINGLE, boresight_stability={**told, "strips": {**told["strips"], "p": p}})
+    found, answer = state(folder, "Boresight stable over time")
+    assert found == expected
+    assert ("differences between strips, most of all" in answer) == (expected == "fails")
+
+
+def test_a_boresight_that_was_not_tested_is_a_note(folder):
+    question = "Boresight stable over time"
+    edit_summary(folder, SINGLE, boresight_stability={"strips": None, "drift": None})
+    assert state(folder, question)[0] == "note"
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary[SINGLE]["boresight_stability"]  # as in results of earlier versions
+    (folder / "summary.json").write_text(json.dumps(summary))
+    assert "run again" in state(folder, question)[1]
 
 
 def test_a_group_that_contradicts_the_others_fails(folder):

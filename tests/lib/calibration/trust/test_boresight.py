@@ -1,0 +1,150 @@
+"""Steps and drifts of the boresight: dense least squares, planted turns, and the level."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import stats
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.calibration.trust import boresight
+from acx4lib.geometry.frames import Pose, exp
+from support import blocks
+
+FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+
+
+def adjusted(block):
+    return adjust(mounted_orientation(block, free=FREE))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    block = blocks.simulate(
+        blocks.fly(per_strip=5), ties=blocks.terrain(25), control=blocks.crosses()[::2]
+    )
+    return blocks.in_strips(block, 5)
+
+
+@pytest.fixture(scope="module")
+def noisy(exact):
+    return adjusted(blocks.noisy(exact, np.random.default_rng(3)))
+
+
+def turned(block, by_deg, names="C"):
+    """Return the block with the body's recorded attitude as if the camera had turned."""
+    T, strips = block.trajectory.T_m_b, np.array(block.images.strips)
+    own = np.isin(strips, list(names))[:, None]
+    back = exp(-np.where(own, np.radians(by_deg), 0.0))
+    return replace(block, trajectory=replace(block.trajectory, T_m_b=Pose(R=T.R @ back, r=T.r)))
+
+
+def dense(bundle, C):
+    """Return F of turns C, their number, and what redundancy the attitudes have beside them."""
+    network = bundle.network
+    n, n_points = network.n_columns, network.n_points
+    rows, right, is_attitude, extra = [], [], [], []
+    for e in network.equations(bundle.state):
+        for i, j in np.argwhere(np.isfinite(e.sigma)):
+            row = np.zeros(n + 3 * n_points)
+            columns = e.columns[e.unit[i]] if e.A.shape[2] else np.zeros(0, dtype=int)
+            np.add.at(row, columns[columns >= 0], e.A[i, j][columns >= 0])
+            if e.B is not None:
+                row[n + 3 * e.point[i] : n + 3 * e.point[i] + 3] = e.B[i, j]
+            own = e.kind == "attitude"
+            rows.append(row / e.sigma[i, j])
+            extra.append((C[i, j] if own else np.zeros(C.shape[2])) / e.sigma[i, j])
+            right.append(e.v[i, j] / e.sigma[i, j])
+            is_attitude.append(own)
+    A, b, own = np.array(rows), np.array(right), np.array(is_attitude)
+    A = A[:, np.any(A != 0, axis=0)]
+    Q, singular, _ = np.linalg.svd(A / np.linalg.norm(A, axis=0), full_matrices=False)
+    Q = Q[:, singular > 1e-10 * singular[0]]
+    X = np.array(extra) / np.linalg.norm(extra, axis=0)
+    U, shown, _ = np.linalg.svd(X - Q @ (Q.T @ X), full_matrices=False)
+    U = U[:, shown > 0.03]  # what all strips share is the boresight
+    before = b - Q @ (Q.T @ b)
+    after = before - U @ (U.T @ before)
+    redundancy = np.sum(own) - np.sum(Q[own] ** 2) - np.sum(U[own] ** 2)
+    dof = U.shape[1]
+    explained = before @ before - after @ after
+    return explained / dof / (after[own] @ after[own] / redundancy), dof, redundancy
+
+
+def test_steps_are_tested_as_by_dense_least_squares_with_turns_as_unknowns(noisy):
+    strips = np.array(noisy.network.block.images.strips)
+    one_hot = (strips[:, None] == np.array(list("ABCD"))).astype(float)
+    C = np.einsum("mn,ab->manb", one_hot, np.eye(3)).reshape(-1, 3, 12)
+    f, dof, redundancy = dense(noisy, C)
+    found = boresight.between_strips(noisy)
+    assert found.names == ("A", "B", "C", "D")
+    assert found.dof == dof == 9
+    assert_allclose(found.redundancy, redundancy, rtol=1e-4)
+    assert_allclose(found.f, f, rtol=1e-3)
+    assert found.p == pytest.approx(stats.f.sf(f, dof, redundancy), rel=0.01)
+
+
+def test_a_drift_is_tested_as_by_dense_least_squares(noisy):
+    time = noisy.network.block.trajectory.time_s
+    C = ((time - time.mean()) / np.ptp(time))[:, None, None] * np.eye(3)
+    f, dof, redundancy = dense(noisy, C)
+    found = boresight.over_time(noisy)
+    assert found.dof == dof == 3
+    assert_allclose([found.f, found.redundancy], [f, redundancy], rtol=1e-3)
+
+
+def test_a_strip_whose_camera_turned_is_found_with_its_size(exact):
+    by_deg = np.array([0.02, -0.03, 0.05])
+    found = boresight.between_strips(
+        adjusted(turned(blocks.noisy(exact, np.random.default_rng(5)), by_deg))
+    )
+    assert found.p < 1e-4
+    expected = np.radians(np.array([-1, -1, 3, -1])[:, None] * by_deg / 4)
+    assert np.all(np.abs(found.turns - expected) < 3.5 * found.sigma)
+    assert np.all(np.abs(found.turns[2]) > 3 * found.sigma[2])
+
+
+def test_a_camera_that_turns_the_same_everywhere_is_no_step(exact):
+    found = boresight.between_strips(adjusted(turned(exact, np.full(3, 0.3), "ABCD")))
+    assert_allclose(found.turns, 0.0, atol=1e-9)
+
+
+def test_a_drift_is_found_with_its_size(exact):
+    time = exact.trajectory.time_s
+    share = (time - time.mean()) / np.ptp(time)
+    T, turn = exact.trajectory.T_m_b, share[:, None] * np.radians([0.04, 0.0, -0.06])
+    drifting = replace(exact.trajectory, T_m_b=Pose(R=T.R @ exp(-turn), r=T.r))
+    block = blocks.noisy(replace(exact, trajectory=drifting), np.random.default_rng(6))
+    found = boresight.over_time(adjusted(block))
+    assert found.p < 1e-4
+    off = np.abs(found.turns[0] - np.radians([0.04, 0.0, -0.06])) / found.sigma[0]
+    assert np.all(off < 3.5)
+
+
+def test_right_boresights_fail_as_often_as_is_said(exact):
+    """80 flights: p is uniform, Kolmogorov-Smirnov at 0.1 %."""
+    bundles = [adjusted(blocks.noisy(exact, np.random.default_rng(seed))) for seed in range(80)]
+    for test in (boresight.between_strips, boresight.over_time):
+        assert stats.kstest([test(bundle).p for bundle in bundles], "uniform").pvalue > 0.001
+
+
+def test_attitudes_with_too_small_sigma_are_no_steps(exact):
+    """Their scatter is estimated. With known sigma, a third of the true ones, T is 9 times 9."""
+    p = []
+    for seed in range(20):
+        block = blocks.noisy(exact, np.random.default_rng(100 + seed))
+        sigma = block.trajectory.sigma_attitude / 3
+        block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
+        p.append(boresight.between_strips(adjusted(block)).p)
+    assert min(p) > 1e-3
+
+
+def test_without_strips_times_or_attitudes_nothing_is_tested(exact, noisy):
+    assert boresight.between_strips(adjusted(blocks.in_strips(exact, 20))) is None
+    alike = replace(exact.trajectory, time_s=np.full(20, 7.0))
+    assert boresight.over_time(adjusted(replace(exact, trajectory=alike))) is None
+    free = adjust(free_orientation(noisy.network.block, free=FREE))
+    assert boresight.between_strips(free) is None
+    assert boresight.as_json(free) == {"strips": None, "drift": None}
