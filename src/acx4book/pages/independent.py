@@ -126,6 +126,8 @@ def leave_out(book: Path, pages: Collection[str]) -> None:
     contents = yaml.safe_load((book / "_toc.yml").read_text("utf-8"))
     for part in contents.get("parts", [contents]):
         part["chapters"] = [*_without(pages, part["chapters"])]
+    if "parts" in contents:  # an empty one is malformed
+        contents["parts"] = [part for part in contents["parts"] if part["chapters"]]
     generated = book / "_generated"
     (generated / "_toc.yml").write_text(yaml.safe_dump(contents), encoding="utf-8")
     titles = {page: _title(page) for page in pages}

@@ -85,3 +85,14 @@ def test_every_chapter_is_in_the_contents_and_reads_files_that_are_there(monkeyp
         assert f"_executed/{name}\n" in contents
         for pattern in patterns:
             assert pattern == "measured" or list(ROOT.glob(pattern))
+
+
+def test_a_part_of_which_no_page_is_left_is_not_there(tmp_path):
+    (tmp_path / "_generated").mkdir()
+    (tmp_path / "_toc.yml").write_text((ROOT / "book" / "_toc.yml").read_text("utf-8"))
+    independent.leave_out(tmp_path, [f"_executed/{name}" for name in independent.CHAPTERS])
+    left = yaml.safe_load((tmp_path / "_generated" / "_toc.yml").read_text("utf-8"))
+    assert all(part["chapters"] for part in left["parts"])
+    captions = [part["caption"] for part in left["parts"]]
+    assert "Foundations" not in captions
+    assert "The paper" in captions
