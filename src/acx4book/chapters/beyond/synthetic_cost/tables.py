@@ -11,6 +11,7 @@ from acx4book.chapters.beyond.synthetic_cost import heights, study
 from acx4book.chapters.beyond.synthetic_cost.study import RIG, SYNTHETIC, Study
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+from acx4book.typesetting.plain_text import Markup
 
 ACCURACY_FORMATS = {
     f"{what}, {way}": ".3f" for what in ("RMS (m)", "Predicted (m)") for way in (SYNTHETIC, RIG)
@@ -135,24 +136,32 @@ def shifts(found: Study) -> pd.DataFrame:
 
 def shift_table(found: Study) -> pd.DataFrame:
     """Return `shifts` for readers, with the paper's in the last row."""
-    rows = [
+    titles = {name: Markup(f"${symbol}$ (mm)") for name, symbol in SHIFTED.items()}
+    places = [
         {
-            "Lens centres": _place(row["side_m"], row["lowered_m"]),
-            "Lever arm z (m)": f"{row['lever_z_m']:+.3f}",
-        }
-        | {
-            f"${symbol}$ (mm)": f"{row[name]:+.4f} ({row[f'expected_{name}']:+.4f})"
-            for name, symbol in SHIFTED.items()
+            PLACES: _place(row["side_m"], row["lowered_m"]),
+            LEVER_Z: _signed(row["lever_z_m"], 3),
+            **{
+                title: f"{_signed(row[name], 4)} ({_signed(row[f'expected_{name}'], 4)})"
+                for name, title in titles.items()
+            },
         }
         for row in shifts(found).to_dict("records")
     ]
-    of_paper = {
-        "Lens centres": "paper",
-        "Lever arm z (m)": printed.shown(3, "lever_z_m", "single_step").partition(" ")[0],
+    own: dict[str, str] = {t: _signed(print_shift(n), 4) for n, t in titles.items()}
+    of_paper: dict[str, str] = {
+        PLACES: "paper",
+        LEVER_Z: _signed(print_of("lever_z_m")[0], 3),
+        **own,
     }
-    for name, symbol in SHIFTED.items():
-        of_paper[f"${symbol}$ (mm)"] = f"{print_shift(name):+.4f}"
-    return pd.DataFrame([*rows, of_paper])
+    return pd.DataFrame([*places, of_paper])
+
+
+PLACES, LEVER_Z = "Lens centres", Markup("Lever arm $z$ (m)")
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{value:+.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def print_shift(name: str) -> float:

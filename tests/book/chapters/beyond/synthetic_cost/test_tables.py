@@ -49,4 +49,4 @@ def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):
 def test_the_papers_shifts_stand_in_the_last_row(found):
     last = tables.shift_table(found).iloc[-1]
     assert last["$f$ (mm)"] == "+0.0107"
-    assert last["Lever arm z (m)"] == "-0.201"
+    assert last["Lever arm $z$ (m)"] == "\N{MINUS SIGN}0.201"
