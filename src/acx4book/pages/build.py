@@ -76,11 +76,17 @@ OF_IDEAL = ("mounting", "validation")
 """Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
 
 IDEAL = (
-    ":::{note}\nThis page is computed from the design `acx4-ideal`: the flight of the other pages, "
-    "but with synthetic images that one ideal camera took. What the images that are made of four "
-    "heads give instead stands beside the printed numbers in {doc}`12-synthetic-cost`.\n:::"
+    ":::{note}\nThis page is computed from the simulated flight `acx4-ideal`: that of the other "
+    "pages, but with synthetic images that one ideal camera took. What the images that are made of "
+    "four heads give instead stands beside the printed numbers in {doc}`12-synthetic-cost`.\n:::"
 )
 """What such a page says under its introduction."""
+
+SIMULATED = (
+    ":::{note}\nThe flight of this page is simulated. {doc}`/reproducibility` has what it was "
+    "given.\n:::"
+)
+"""What other pages of a simulated flight say there."""
 
 
 def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | None = None) -> None:
@@ -147,12 +153,13 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
 
     Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
     """
+    simulated = SIMULATED if _run(results_path)[1].simulated else ""
     for stage, name in runner.NOTEBOOKS.items():
         of_ideal = ideal_path is not None and stage in OF_IDEAL
         run = ideal_path if ideal_path is not None and of_ideal else results_path
         done = run / "notebooks" / f"{name}.ipynb"
         if done.is_file():
-            fold(done, executed / done.name, note=IDEAL if of_ideal else "")
+            fold(done, executed / done.name, note=IDEAL if of_ideal else simulated)
         else:
             heading = title(runner.NOTEBOOKS_PATH / done.name)
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
