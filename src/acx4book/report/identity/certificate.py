@@ -65,12 +65,17 @@ def _items(material: Material) -> Iterator[tuple[str, str]]:
         "Calibrated by": stated.laboratory,
         "Flown by": stated.operator,
         "Flown on": session.date.isoformat() if session.date else "",
+        "Temperature": _degrees(session.temperature_c),
         "IMU": imu,
         "GNSS antenna": _antenna(stated.antenna_lever_m),
         "GNSS base, datum": "; ".join(filter(None, (stated.gnss_base, stated.datum_epoch))),
         "Valid until": stated.valid_until.isoformat() if stated.valid_until else "",
     }
     yield from ((label, text) for label, text in texts.items() if text)
+
+
+def _degrees(celsius: float) -> str:
+    return f"{celsius:g} °C" if np.isfinite(celsius) else ""
 
 
 def _antenna(lever: tuple[float, ...]) -> str:

@@ -82,7 +82,10 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "state": finding.state,
         "p": finding.p,
         "p_joint": finding.p_joint,
-        "tests": [{"name": t.name, "p": t.p, "p_joint": t.p_joint} for t in finding.tests],
+        "tests": [
+            {"name": t.name, "p": t.p, "p_joint": t.p_joint, "fails": t.fails}
+            for t in finding.tests
+        ],
     }
 
 

@@ -23,7 +23,11 @@ SIGNIFICANCE = 0.05
 """Error probability of every test of the report, two-sided; divided among combined tests."""
 
 FROM_DECLARED = ("f", *MOUNT)
-"""Parameters for which zero has no meaning: they are tested against their declared values."""
+"""Parameters for which zero has no meaning: they stand beside their declared values.
+
+Without sigma these are approximations, and a difference from them is no mistake; with sigma the
+verdict tests them.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +61,10 @@ class Estimate:
     rho: float
 
     @property
-    def significant(self) -> bool:
-        """Whether it differs from the reference by more than chance explains."""
-        return abs(self.t) > self.critical
+    def significant(self) -> bool | None:
+        """Whether it differs from zero by more than chance explains; None beside a declared one."""
+        declared = any(REPORTED[key][0] == self.parameter for key in FROM_DECLARED)
+        return None if declared else abs(self.t) > self.critical
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,15 +141,16 @@ def _redundancy(material: Material, stage_method: str) -> int:
 
 
 def joint_tests(material: Material, stage_method: str) -> list[GroupTest]:
-    """Return the tests of a method's parameters by groups, against the values of `estimates`."""
+    """Return the tests of a method's parameters by groups, against zero."""
     names = folder.cameras(material.found, stage_method)
     cameras = [material.flight.cameras[name] for name in names]
     calibration = read_calibration(material.found, stage_method, cameras)
-    return group_tests(
+    found = group_tests(
         calibration,
         [undistorted(camera) for camera in cameras],
         redundancy=_redundancy(material, stage_method),
     )
+    return [test for test in found if not set(test.keys) <= set(FROM_DECLARED)]
 
 
 def _strongest(related: pd.DataFrame, label: str) -> tuple[str, float]:

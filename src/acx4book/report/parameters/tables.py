@@ -47,6 +47,10 @@ ROWS = "parameters.csv: estimates and standard deviations, those times σ₀ of 
 FROM_COVARIANCE = "covariance.csv: the covariance matrix of the calibration"
 
 
+SIGNIFICANT = {True: "yes", False: "no", None: "–"}
+"""Of a parameter beside a declared value nothing is said here: the verdict does."""
+
+
 def correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
     """Return the full correlation matrix of every camera's parameters, by the camera's name."""
     if not material.calibration:
@@ -91,7 +95,7 @@ def parameter_table(material: Material) -> pd.DataFrame:
             "Value and σ": value_and_sigma(p.value, p.sigma),
             "Against": f"{p.reference:g}",
             "t": p.t,
-            "Significant": "yes" if p.significant else "no",
+            "Significant": SIGNIFICANT[p.significant],
             "Strongest correlation": _strongest(p),
         }
         for p in found

@@ -11,7 +11,7 @@ from acx4book.report.adjustment.groups import CONTROLLED, decisive_qualities
 from acx4book.report.material import Material, sentences
 from acx4book.report.mounting.stability import turns_of
 from acx4book.report.parameters.estimates import STRONG, strong_pairs
-from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding
+from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding, matters
 from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.gross_errors.limits import NAMES, too_many
@@ -136,6 +136,7 @@ def global_test(material: Material) -> Iterator[Finding]:
                 said=f"{adjustment_title(name)} (σ₀² = {_sigma0(entry):.2f}): residuals are "
                 f"{'larger' if _sigma0(entry) > 1 else 'smaller'} than the a priori standard "
                 "deviations promise",
+                relevant=matters(np.sqrt(_sigma0(entry))),
             )
             for name, entry in entries.items()
         ),
@@ -154,6 +155,7 @@ def weights(material: Material) -> Iterator[Finding]:
             name=f"{g.group} of {adjustment_title(g.adjustment)}",
             p=g.p,
             said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)}",
+            relevant=matters(g.ratio),
         )
         for g in groups
     ]

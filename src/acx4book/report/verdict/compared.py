@@ -16,7 +16,7 @@ from acx4book.report.material import (
     sentences,
     validated,
 )
-from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding
+from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding, matters
 from acx4book.report.words import begun, plural
 from acx4lib.calibration.estimates import LIMIT_SCALE
 from acx4lib.expected import Array
@@ -222,6 +222,7 @@ def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
             p=entry["chi_square_p"],
             said=f"rays meet {'more' if closer else 'less'} closely than predicted "
             f"(σ₀² = {entry['sigma0_squared']:.2f})",
+            relevant=matters(np.sqrt(entry["sigma0_squared"])),
         )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acx4lib.bundle.variance_components import WORTH_SAYING
 from acx4lib.least_squares.statistical.many_tests import holm
 
 HOLDS, FAILS, NOTE = "holds", "fails", "note"
@@ -27,6 +28,9 @@ class ChanceTest:
         Probability of such a value, or a more extreme one, where everything is right.
     said : str
         What is said where it is significant.
+    relevant : bool
+        Whether what is found is large enough to matter. Of many observations, a σ that is wrong by
+        a hundredth is significant.
     p_joint : float
         Of the same among all tests of the report, by Holm; comparable with `LEVEL`. NaN before
         all tests are known.
@@ -35,12 +39,18 @@ class ChanceTest:
     name: str
     p: float
     said: str
+    relevant: bool = True
     p_joint: float = np.nan
 
     @property
     def significant(self) -> bool:
-        """Whether it fails among all tests of the report."""
+        """Whether it is more than chance among all tests of the report."""
         return self.p_joint < LEVEL
+
+    @property
+    def fails(self) -> bool:
+        """Whether it is more than chance, and matters."""
+        return self.significant and self.relevant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,10 +108,20 @@ def _answered(finding: Finding) -> Finding:
     """Return the finding with what its tests say."""
     if not finding.tests:
         return finding
-    said = [test.said for test in finding.tests if test.significant]
-    more = f"Significant: {'; '.join(said)}." if said else finding.passed
-    answer = type(finding.answer)(" ".join(part for part in (finding.answer, more) if part))
+    said = [test.said for test in finding.tests if test.fails]
+    little = [test.said for test in finding.tests if test.significant and not test.relevant]
+    parts = (
+        finding.answer,
+        f"Significant: {'; '.join(said)}." if said else finding.passed,
+        f"Significant, but too little to matter: {'; '.join(little)}." if little else "",
+    )
+    answer = type(finding.answer)(" ".join(filter(None, parts)))
     return replace(finding, state=FAILS if said else finding.state, answer=answer)
+
+
+def matters(ratio: float) -> bool:
+    """Tell whether errors over their σ are so far from one that it matters: by a tenth."""
+    return not 1 / WORTH_SAYING < ratio < WORTH_SAYING
 
 
 def all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:

@@ -86,11 +86,11 @@ def _consequence(question: str) -> str:
 def level(found: Sequence[Finding]) -> str:
     """Say how many tests were made, and with which probability right results fail any."""
     tests = all_tests(found)
-    n = sum(test.significant for test in tests)
+    n = sum(test.fails for test in tests)
     if not tests:
         return "No statistical test was made."
     return (
-        f"{n or 'None'} of {plural(len(tests), 'test')} {'is' if n < 2 else 'are'} significant. "
+        f"{n or 'None'} of {plural(len(tests), 'test')} {'fails' if n < 2 else 'fail'}. "
         f"The tests share an error probability of {100 * LEVEL:g} % (Holm): of right results with "
         f"right standard deviations, at most {100 * LEVEL:g} % fail any of them."
     )

@@ -24,7 +24,7 @@ def stated(run):
         valid_until=dt.date(2028, 11, 22),
         cameras={"CAM": Device(maker="Maker", model="M1", serial="08", lens_serial="77")},
     )
-    flown = Session(date=dt.date(2026, 11, 20))
+    flown = Session(date=dt.date(2026, 11, 20), temperature_c=-3.5)
     return replace(run, flight=replace(run.flight, certificate=said, session=flown))
 
 
@@ -37,6 +37,7 @@ def test_only_what_is_stated_stands_there(stated):
         table["GNSS antenna"] == "+0.120, -0.030, +1.284 m from the IMU, along the body's x, y, z"
     )
     assert table["Flown on"] == "2026-11-20"
+    assert table["Temperature"] == "-3.5 °C"
     assert table["Valid until"] == "2028-11-22"
     assert "Flown by" not in table.index
     assert certificate.missing_sentence(stated) == ""

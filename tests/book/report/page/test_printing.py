@@ -1,6 +1,7 @@
 """Printing by Chromium: a PDF beside the report, or one line on what to install."""
 
 import os
+from pathlib import Path
 
 import pytest
 from pypdf import PdfReader
@@ -43,3 +44,17 @@ def test_a_report_is_printed_beside_it_and_printed_again(report):
     assert PdfReader(made).pages[0].extract_text().strip() == "one"
     page.write_pdf(report)
     assert {path.name for path in report.parent.iterdir()} == {"report.html", "report.pdf"}
+
+
+def test_a_report_with_a_relative_path_is_printed(report, monkeypatch):
+    """A browser that only says what it was asked for; it is started in another folder."""
+    browser = report.parent / "chromium"
+    browser.write_text(
+        "#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) pdf=${a#*=};; file://*) page=$a;; esac;"
+        ' done\nprintf %s "$page" > "$pdf"\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
+    monkeypatch.chdir(report.parent.parent)
+    made = page.write_pdf(Path(report.parent.name) / report.name)
+    assert made.read_text().startswith(f"file://{report.parent}/")

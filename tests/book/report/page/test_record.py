@@ -38,6 +38,13 @@ def test_the_statement_is_that_of_the_page(run, told):
     found = verdict.findings(run)
     assert [f["question"] for f in told["statement"]["findings"]] == [f.question for f in found]
     assert told["statement"]["holds"] is True
+    assert (told["statement"]["level"], told["statement"]["procedure"]) == (0.05, "Holm")
+    by_question = {f["question"]: f for f in told["statement"]["findings"]}
+    assert by_question["Convergence"]["p"] is None
+    tested = by_question["Boresight stable over time"]
+    assert tested["p"] == min(test["p"] for test in tested["tests"])
+    assert tested["p"] < tested["p_joint"] <= 1
+    assert not any(test["fails"] for test in tested["tests"])
     assert any("MTF" in one for one in told["statement"]["not_examined"])
     assert (
         told["check_points"]["n_points"] == run.found.summary["validation/single_step"]["n_points"]

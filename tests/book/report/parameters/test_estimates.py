@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.report.material import read
 from acx4book.report.parameters import estimates
-from acx4book.report.parameters.tables import correlation_sentence, joint_table
+from acx4book.report.parameters.tables import correlation_sentence, joint_table, parameter_table
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
@@ -22,10 +22,20 @@ def test_significance_is_against_zero_or_what_was_declared(run):
     assert found["xp_mm"].reference == found["lever_z_m"].reference == 0.0
     f = found["f_mm"]
     assert_allclose(f.t, (f.value - camera.interior.f) / f.sigma)
-    assert f.significant
-    assert not replace(f, t=f.critical * 0.999).significant
-    assert replace(f, t=-f.critical * 1.001).significant
+    p2 = found["p2"]
+    assert not replace(p2, t=p2.critical * 0.999).significant
+    assert replace(p2, t=-p2.critical * 1.001).significant
     assert_allclose(f.critical, 1.96, atol=0.01)  # thousands of degrees of freedom
+
+
+def test_of_what_is_declared_the_verdict_alone_says_whether_it_differs(run):
+    """Beside "confirmed" stood "t = -6.5, significant"."""
+    found = {p.parameter: p.significant for p in estimates.estimates(run, SINGLE)}
+    declared = {name for name, significant in found.items() if significant is None}
+    assert declared == {n for n in found if n.startswith(("f_", "lever", "boresight"))}
+    shown = parameter_table(run).set_index("Parameter")["Significant"]
+    assert (shown == "–").sum() == len(declared)
+    assert not any("boresight" in str(name) for name in joint_table(run)["Parameters"])
 
 
 def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
@@ -79,4 +89,4 @@ def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):
         z = rows[list(keys)].to_numpy() / sigma
         assert_allclose(found[keys].f_ratio, z @ np.linalg.solve(related, z) / len(z), rtol=1e-6)
         assert_allclose(found[keys].largest, max(abs(listed[key].t) for key in keys), rtol=1e-9)
-    assert len(joint_table(run)) == len(found) == 4
+    assert len(joint_table(run)) == len(found) == 2

@@ -8,7 +8,15 @@ from numpy.testing import assert_allclose
 
 from acx4book.report.material import read
 from acx4book.report.verdict.consequences import CONSEQUENCES
-from acx4book.report.verdict.finding import FAILS, LEVEL, ChanceTest, Finding, all_tests, judged
+from acx4book.report.verdict.finding import (
+    FAILS,
+    LEVEL,
+    ChanceTest,
+    Finding,
+    all_tests,
+    judged,
+    matters,
+)
 from acx4book.report.verdict.verdict import findings, statement, verdict_table
 
 
@@ -24,7 +32,7 @@ def test_a_good_run_holds(run):
     assert [f.question for f in found if f.state == FAILS] == []
     n = len(all_tests(found))
     said = statement(found)
-    assert said.startswith(f"**The results hold.** None of {n} tests is significant.")
+    assert said.startswith(f"**The results hold.** None of {n} tests fails.")
     assert "error probability of 5 % (Holm)" in said
     assert n >= 15
     assert {f.question for f in found if f.tests} <= set(CONSEQUENCES)
@@ -64,7 +72,7 @@ def test_a_report_that_does_not_hold_says_first_what_fails_what_it_means_and_wha
     assert "can be used" in first
     assert "look at the largest" in first
     assert second.startswith("- “All parameters determined” fails: ")
-    assert last.startswith("1 of 2 tests is significant.")
+    assert last.startswith("1 of 2 tests fails.")
 
 
 def test_what_fails_stands_first_in_the_table_with_its_probabilities():
@@ -82,3 +90,11 @@ def test_where_nothing_was_adjusted_the_report_says_that_nothing_was_tested(fold
     found = findings(read(folder))
     assert all_tests(found) == []
     assert statement(found).startswith("**Nothing was tested.**")
+
+
+def test_what_is_significant_and_too_small_to_matter_is_said_and_holds():
+    test = ChanceTest(name="σ₀²", p=1e-12, said="σ is 1.03 times too small", relevant=False)
+    (found,) = judged([Finding(question="Q", state="holds", answer="A.", tests=(test,))])
+    assert found.state == "holds"
+    assert found.answer == "A. Significant, but too little to matter: σ is 1.03 times too small."
+    assert [matters(ratio) for ratio in (0.9, 0.92, 1.09, 1.11)] == [True, False, False, True]
