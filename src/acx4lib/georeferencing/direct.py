@@ -181,6 +181,8 @@ class Intersections:
         d(v) / d(point).
     by_body : ndarray, shape (n, 2, 6)
         d(v) / d(body pose).
+    by_parameters : ndarray, shape (n, 2, k)
+        d(v) / d(columns of the calibration).
     """
 
     x_m: Array
@@ -190,6 +192,7 @@ class Intersections:
     cov_v: Array
     by_point: Array
     by_body: Array
+    by_parameters: Array
 
 
 def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Measurement:
@@ -253,8 +256,9 @@ def intersect_rays(
         if not np.any(np.abs(step) > 1e-9):
             break
     gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
+    by_parameters = by_columns(block, georeferenced, selected, by_interior, by_pose)
     sources = error_sources(
-        block, georeferenced, selected, gain, by_interior=by_interior, by_pose=by_pose
+        block, georeferenced, selected, gain, by_parameters=by_parameters, by_pose=by_pose
     )
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
     by_body = by_pose @ georeferenced.by_body[selected.image_idx]
@@ -268,7 +272,25 @@ def intersect_rays(
         cov_v=cov_v,
         by_point=B,
         by_body=by_body,
+        by_parameters=by_parameters,
     )
+
+
+def by_columns(
+    block: Block,
+    georeferenced: Georeferenced,
+    selected: Rays,
+    by_interior: Array,
+    by_pose: Array,
+) -> Array:
+    """Return d(v) / d(columns of the calibration): those of the pose, and of its own camera."""
+    g, image_idx = georeferenced, selected.image_idx
+    by_column = by_pose @ g.by_parameters[image_idx]
+    columns = g.layout.interior[block.images.camera_idx[image_idx]]
+    padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
+    at = np.broadcast_to(columns[:, None, :], by_interior.shape)
+    np.put_along_axis(padded, at, by_interior, axis=2)
+    return padded[:, :, :-1]
 
 
 def _summed(values: Array, selected: Rays) -> Array:
@@ -283,7 +305,7 @@ def error_sources(
     selected: Rays,
     gain: Array,
     *,
-    by_interior: Array,
+    by_parameters: Array,
     by_pose: Array,
 ) -> ErrorSources:
     """Carry image noise, trajectory and calibration through the gains d(point) / d(v)."""
@@ -296,18 +318,13 @@ def error_sources(
     )
     by_body = np.zeros((len(keys), 3, 6))
     np.add.at(by_body, shared.ravel(), gain @ by_pose @ g.by_body[image_idx])
-    by_column = by_pose @ g.by_parameters[image_idx]
-    columns = g.layout.interior[block.images.camera_idx[image_idx]]
-    padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
-    at = np.broadcast_to(columns[:, None, :], by_interior.shape)
-    np.put_along_axis(padded, at, by_interior, axis=2)
     return ErrorSources(
         image=_summed(from_image, selected),
         survey=np.zeros((selected.n_groups, 3, 3)),
         point=keys[:, 0],
         exposure=keys[:, 1],
         by_body=by_body,
-        by_parameters=_summed(gain @ padded[:, :, :-1], selected),
+        by_parameters=_summed(gain @ by_parameters, selected),
         cov_body=g.cov_body,
         cov_parameters=g.cov_parameters,
         shared=g.shared,

@@ -181,19 +181,32 @@ def axis_covariances(sources: ErrorSources) -> Array:
 def _without_parameters(sources: ErrorSources) -> sparse.csc_array:
     """Return the joint covariance from image points, survey and trajectory, shape (3 n, 3 n)."""
     n, n_exposures = len(sources), len(sources.cov_body)
-    own = _blocks(sources.own, np.arange(n), np.arange(n), (n, n))
+    own = block_matrix(sources.own, np.arange(n), np.arange(n), (n, n))
     by_body = sources.by_body @ half(sources.cov_body)[sources.exposure]
-    shared = _blocks(by_body, sources.point, sources.exposure, (n, n_exposures))
+    shared = block_matrix(by_body, sources.point, sources.exposure, (n, n_exposures))
     joint = own + shared @ shared.T
     if sources.shared is not None:
-        J = _blocks(sources.by_body, sources.point, sources.exposure, (n, n_exposures)).toarray()
+        J = block_matrix(
+            sources.by_body, sources.point, sources.exposure, (n, n_exposures)
+        ).toarray()
         by_exposure = np.moveaxis(J.reshape(3 * n, n_exposures, 6), 1, 0)
         joint = joint + sparse.csr_array(sources.shared.among(by_exposure))
     return joint.tocsc()
 
 
-def _blocks(values: Array, row: Index, column: Index, shape: tuple[int, int]) -> sparse.csr_array:
-    """Return a sparse matrix of dense blocks at the given rows and columns of blocks."""
+def block_matrix(
+    values: Array, row: Index, column: Index, shape: tuple[int, int]
+) -> sparse.csr_array:
+    """Return a sparse matrix of dense blocks at the given rows and columns of blocks.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k, height, width)
+        Blocks at one place are added.
+    row, column : ndarray, shape (k,)
+    shape : tuple of int
+        Number of blocks.
+    """
     _, height, width = values.shape
     i = height * row[:, None, None] + np.arange(height)[:, None] + np.zeros(width, dtype=np.intp)
     j = width * column[:, None, None] + np.arange(width) + np.zeros((height, 1), dtype=np.intp)

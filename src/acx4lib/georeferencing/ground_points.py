@@ -12,7 +12,13 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import directions, image_derivatives
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.refraction import as_seen
-from acx4lib.georeferencing.direct import Georeferenced, Rays, error_sources, measured
+from acx4lib.georeferencing.direct import (
+    Georeferenced,
+    Rays,
+    by_columns,
+    error_sources,
+    measured,
+)
 from acx4lib.georeferencing.error_sources import ErrorSources, turned
 
 STEPS, CLOSE_M = 20, 1e-6
@@ -106,7 +112,7 @@ def ground_points(
         georeferenced,
         pixels,
         -by_residuals[:, :, :2],
-        by_interior=by_interior,
+        by_parameters=by_columns(block, georeferenced, pixels, by_interior, by_pose),
         by_pose=by_pose,
     )
     along = by_residuals[:, :, 2:] * sigma_h[:, None, None]

@@ -141,7 +141,7 @@ def validate(
         stopped=stopped,
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=ray_tests.of(block, georeferenced, points[0], refraction=refraction).cost,
+        cost=ray_tests.cost(block, georeferenced, points[0], refraction=refraction),
         redundancy=points[0].colrow.size - 3 * points[0].n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
@@ -204,7 +204,7 @@ def _fitting(
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
         own = selected.select(testable, group)
-        w = ray_tests.of(block, georeferenced, own, refraction=refraction).w
+        w = ray_tests.of(block, georeferenced, own, refraction=refraction)
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)

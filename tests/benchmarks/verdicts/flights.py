@@ -6,8 +6,9 @@ fault, how often that is found. Every flight is written to disk, run as by ``acx
 every flight; a flight that has one is not flown again. Plans and faults take turns, so that the
 flights that are there at any time are spread evenly over them. Needs PYTHONPATH=tests.
 
-The size of a fault is predicted before: a few flights with other seeds, the pilots, tell at which
-one 80 % should be found. At that size the 60 are flown.
+The size of a fault is predicted before: a few flights with other seeds, the pilots, tell how
+significant it is at a guessed size, and so at which one 80 % should be found. At that size the 60
+are flown. Sizes of gross errors are those that ``acx4 plan`` predicts.
 """
 
 from __future__ import annotations
@@ -38,25 +39,22 @@ from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
 from acx4sim.files.writer import write_files
 from benchmarks import machine, stored
-from benchmarks.verdicts.faults import FAULTS, PLANS, Planted, fly
+from benchmarks.verdicts.faults import FAULTS, PLANS, Fault, Planted, fly
 
 OUT = machine.ROOT / "data" / "benchmarks"
 NAME = "verdicts"
-N_CLEAN, N_SPOILT, N_PILOT = 200, 60, 20
+N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 6
 SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500}
 """Before the first seed of a plan's flights; every plan has a thousand of its own."""
 
 THIRD = 1.5
 """True sigma over a sigma that is stated a third too small."""
 
-LADDER = (0.5, 0.8, 1.25, 2.0)
-"""Sizes of the pilots, over the guess."""
-
 FOUND = 0.8
 """Share of the flights with a fault that are to be found at the size that is predicted."""
 
-CRITICAL = 2.9
-"""Of a normal test whose level is Holm's share of 5 %, for about a dozen tests, two-sided."""
+LEVEL = 0.05
+"""Of a report as a whole."""
 
 HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
@@ -105,9 +103,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="flights at a time")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
-    rows = fly_all(pilots(options.pilots), options.out, options.jobs)
-    orders = in_turns([*clean(options.clean), *spoilt(sizes(rows), options.spoilt)])
-    fly_all(orders, options.out, options.jobs)
+    rows = fly_all(in_turns([*pilots(options.pilots)]), options.out, options.jobs)
+    kinds = [*clean(options.clean), *spoilt(sizes(rows), options.spoilt)]
+    fly_all(in_turns(kinds), options.out, options.jobs)
 
 
 # --- what is flown ---------------------------------------------------------------------------
@@ -119,17 +117,11 @@ def clean(n: int) -> Iterator[list[Order]]:
         yield of_kind("clean", plan, "", 0.0, n)
 
 
-def pilots(n: int) -> list[Order]:
-    """Return the flights that predict the sizes: every fault in some sizes about its guess."""
-    kinds = []
+def pilots(n: int) -> Iterator[list[Order]]:
+    """Yield the flights that predict the sizes: every plan with every fault of the guessed size."""
     for fault, of in FAULTS.items():
         for plan in of.plans:
-            beyond = of.begin(plan) - of.least
-            by_size = [
-                of_kind("pilot", plan, fault, of.least + step * beyond, n) for step in LADDER
-            ]
-            kinds.append([by_size[k % len(LADDER)][k] for k in range(n)])
-    return in_turns(kinds)
+            yield of_kind("pilot", plan, fault, of.begin(plan), n)
 
 
 def spoilt(sizes: Mapping[tuple[str, str], float], n: int) -> Iterator[list[Order]]:
@@ -138,7 +130,7 @@ def spoilt(sizes: Mapping[tuple[str, str], float], n: int) -> Iterator[list[Orde
         yield of_kind("spoilt", plan, fault, size, n)
     for plan in PLANS:
         for fault in (name for name in FAULTS if name.startswith("sigma")):
-            yield of_kind("third", plan, fault, THIRD, n)
+            yield of_kind("third", plan, fault, THIRD, min(n, N_THIRD))
 
 
 def of_kind(purpose: str, plan: str, fault: str, size: float, n: int) -> list[Order]:
@@ -166,8 +158,9 @@ def judged(order: Order) -> Row:
     -------
     dict
         The order; ``source``, a digest of the code; ``status`` as of ``acx4 run``; ``error`` of a
-        flight without results; ``taken_out``, the share of planted gross errors that were rejected;
-        ``n_rejected``; the state of every question of the report, and ``p`` of those that have one.
+        flight without results; ``holds``, the smallest ``p_joint``, the number ``n_tests``, and the
+        state of every question of the report; of clean flights p of every test; ``n_rejected``, and
+        of planted gross errors, by their kind, whether they are rejected.
     """
     row: Row = {**asdict(order), "source": source(), "status": 0, "error": ""}
     simulated, planted = fly(order.plan, order.seed, order.fault, order.size)
@@ -179,7 +172,7 @@ def judged(order: Order) -> Row:
         except Acx4Error as error:
             return row | {"status": 2, "error": str(error).splitlines()[0].replace(scratch, "")}
         row["status"] = int(bool(outcome.not_determined))
-        return row | said(found) | taken_out(found, planted)
+        return row | said(found, tests=not order.fault) | taken_out(found, planted)
 
 
 def memory() -> str | None:
@@ -187,25 +180,27 @@ def memory() -> str | None:
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-def said(found: Path) -> Row:
-    """Return the state of every question of a report, and its p, from the report's record."""
+def said(found: Path, *, tests: bool) -> Row:
+    """Return what the record of a report says, on request with every test."""
     whole = material.read(found)
     statement = record.record(whole, verdict.findings(whole))["statement"]
-    out: Row = {"holds": int(statement["holds"])}
-    for finding in statement["findings"]:
-        out[finding["question"]] = finding["state"]
-        if finding.get("p") is not None:
-            out[f"p: {finding['question']}"] = finding["p"]
-    return out
+    findings = statement["findings"]
+    each = [(f["question"], test) for f in findings for test in f["tests"]]
+    return {
+        "holds": int(statement["holds"]),
+        "n_tests": len(each),
+        "p_joint": min((test["p_joint"] for _, test in each), default=np.nan),
+        **{finding["question"]: finding["state"] for finding in findings},
+        **({f"p: {question}: {t['name']}": t["p"] for question, t in each} if tests else {}),
+    }
 
 
 def taken_out(found: Path, planted: Sequence[Planted]) -> Row:
-    """Return how many observations the calibration rejected, and the share of the planted ones."""
+    """Return how many observations the calibration rejected, and which of the planted ones."""
     own = results.rows(results.read(found), "rejected", "mounting/single_step")
     names = ("kind", "image_or_exposure", "point")
     keys = set(zip(*(own[name].fillna("").astype(str) for name in names), strict=True))
-    share = np.mean([mistake in keys for mistake in planted]) if planted else np.nan
-    return {"n_rejected": len(own), "taken_out": float(share)}
+    return {"n_rejected": len(own), **{f"found: {m[0]}": int(m in keys) for m in planted}}
 
 
 @cache
@@ -266,39 +261,36 @@ def sizes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
     """Return for every plan and fault the size of which 80 % should be found, by the pilots."""
     own = rows[rows["purpose"] == "pilot"]
     return {
-        (plan, fault): predicted(of, FAULTS[fault].least, FAULTS[fault].begin(plan))
+        (plan, fault): predicted(of, FAULTS[fault])
         for (plan, fault), of in own.groupby(["plan", "fault"], sort=False)
     }
 
 
-def is_found(rows: pd.DataFrame) -> pd.Series:
-    """Tell in which flights the fault was found: taken out if it can be, or the report fails."""
-    return (rows["holds"] != 1) | (rows["taken_out"] == 1)
+def predicted(pilots: pd.DataFrame, fault: Fault) -> float:
+    """Return the size of which 80 % should be found; the guess if no pilot found it.
 
-
-def predicted(pilots: pd.DataFrame, least: float, guess: float) -> float:
-    """Return the size of which 80 % should be found; the guess if it was never found.
+    Parameters
+    ----------
+    pilots : DataFrame
+        Flights with one size of a fault.
+    fault : Fault
 
     Notes
     -----
-    The probability to find a size s is taken as that of a normal test, Phi(a s - c), with the
-    critical value c; a is the likeliest for the pilots. With several degrees of freedom it rises
-    much alike.
+    The most significant test of a report is taken for a normal one. Its quantile z grows in
+    proportion to the size, and is found beyond that of Holm's share of the level. Where a report
+    cannot be tested, or gross errors are taken out one by one, the guess stands.
     """
-    size, found = pilots["size"].to_numpy() - least, is_found(pilots).to_numpy()
-    if not found.any():
-        return guess
-
-    def cost(log_a: float) -> float:
-        power = stats.norm.cdf(np.exp(log_a) * size - CRITICAL)
-        share = np.clip(np.where(found, power, 1 - power), 1e-3, None)
-        return -float(np.sum(np.log(share)))
-
-    near = np.log(CRITICAL / (guess - least))
-    grid = near + np.linspace(-2.5, 2.5, 501)
-    log_a = grid[int(np.argmin([cost(at) for at in grid]))]
-    beyond = float(f"{(CRITICAL + stats.norm.ppf(FOUND)) / np.exp(log_a):.2g}")
-    return least + beyond
+    (size,) = pilots["size"].unique()
+    tested = pilots[pilots["p_joint"].notna()]
+    if not (tested["p_joint"] < LEVEL).any() or fault.is_taken_out:
+        return float(size)
+    # Holm's p of the smallest is p times the number of tests
+    each = np.clip(tested[["p_joint"]].to_numpy() / tested[["n_tests"]].to_numpy(), 1e-300, 1.0)
+    z = stats.norm.isf(each / 2)
+    critical = stats.norm.isf(LEVEL / tested["n_tests"].mean() / 2)
+    beyond = (size - fault.least) * (critical + stats.norm.ppf(FOUND)) / z.mean()
+    return float(fault.least + float(f"{beyond:.2g}"))
 
 
 if __name__ == "__main__":

@@ -40,10 +40,10 @@ def test_a_row_has_the_state_of_every_question_of_the_report():
 
 @pytest.mark.slow
 def test_a_step_of_the_boresight_is_found_and_a_gross_error_is_taken_out():
-    step = flights.judged(order("two-heights-crossing", "step", 0.1))
+    step = flights.judged(order("two-heights-crossing", "step", 0.03))
     assert step["Boresight stable over time"] == "fails"
-    gross = flights.judged(order("two-heights-crossing", "a GNSS height", 0.5))
-    assert gross["taken_out"] == 1.0
+    gross = flights.judged(order("two-heights-crossing", "gross errors", 3.0))
+    assert [gross[f"found: {kind}"] for kind in ("image_point", "gnss", "control_point")] == [1] * 3
 
 
 def test_a_flight_that_cannot_be_calibrated_has_a_row():
@@ -56,21 +56,20 @@ def test_a_flight_that_cannot_be_calibrated_has_a_row():
 # --- faults ----------------------------------------------------------------------------------
 
 
+BOTH = {faults.TRAJECTORY, "validation/trajectory.csv"}
 CHANGED = {
     "step": {faults.TRAJECTORY},
-    "an image point": {faults.POINTS},
-    "a GNSS height": {faults.TRAJECTORY},
-    "a control point": {"control_points.csv"},
-    "many image points": {faults.POINTS},
+    "sigma of image points": {faults.POINTS, "validation/image_points.csv"},
+    "sigma of GNSS": BOTH,
+    "sigma of attitudes": BOTH,
+    "gross errors": {faults.TRAJECTORY, faults.POINTS, "control_points.csv"},
     "delay": {faults.TRAJECTORY},
-    "delay, also in the validation": {faults.TRAJECTORY, "validation/trajectory.csv"},
+    "delay in both": BOTH,
     "lever arm": set(),
     "datum in plan": set(faults.SURVEYED),
     "datum in height": set(faults.SURVEYED),
-    "sigma of image points": {faults.POINTS, "validation/image_points.csv"},
-    "sigma of GNSS": {faults.TRAJECTORY, "validation/trajectory.csv"},
-    "sigma of attitudes": {faults.TRAJECTORY, "validation/trajectory.csv"},
 }
+"""Tables that are not as in a clean flight."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -100,19 +99,32 @@ def test_sigma_is_stated_too_small_and_not_changed_with_the_noise():
     assert "sigma_height_m" not in spoilt.tables[faults.TRAJECTORY]
 
 
-def test_a_gross_error_has_its_size_and_is_named():
-    clean, (spoilt, planted) = tables("flat"), faults.fly("flat", 1, "an image point", 7.0)
-    moved = (
-        spoilt.tables[faults.POINTS][["col_px", "row_px"]]
-        - clean[faults.POINTS][["col_px", "row_px"]]
-    )
-    (row,) = np.flatnonzero(moved.abs().sum(axis=1) > 0)
-    assert np.hypot(*moved.iloc[row]) == pytest.approx(7.0)
-    kind, image, point = planted[0]
-    assert (kind, image, point) == (
-        "image_point",
-        *clean[faults.POINTS].loc[row, ["image", "point"]],
-    )
+def test_gross_errors_have_their_size_and_are_named():
+    clean, (spoilt, planted) = tables("flat"), faults.fly("flat", 1, "gross errors", 2.0)
+    names = {
+        faults.POINTS: ["col_px", "row_px"],
+        faults.TRAJECTORY: ["height_m"],
+        "control_points.csv": ["height_m"],
+    }
+    keys = {
+        faults.POINTS: ["image", "point"],
+        faults.TRAJECTORY: ["exposure"],
+        "control_points.csv": ["point"],
+    }
+    found = {}
+    for path, columns in names.items():
+        moved = (spoilt.tables[path][columns] - clean[path][columns]).abs().sum(axis=1)
+        (row,) = np.flatnonzero(moved > 1e-9)
+        found[path] = moved[row], [*clean[path].loc[row, keys[path]]]
+    assert [size for size, _ in found.values()] == pytest.approx([4.0, 0.32, 0.32])
+    assert [[part for part in one[1:] if part] for one in planted] == [
+        key for _, key in found.values()
+    ]
+
+
+def test_where_there_is_no_control_no_control_point_is_wrong():
+    kinds = [kind for kind, *_ in faults.fly("no-control", 1, "gross errors", 2.0)[1]]
+    assert kinds == ["image_point", "gnss"]
 
 
 def test_declared_mountings_are_off_by_what_their_sigma_promises():
@@ -170,11 +182,23 @@ def test_a_flight_that_has_a_row_is_not_flown_again(tmp_path):
     assert flights.fly_all(orders, tmp_path, 1)["source"].tolist() == both["source"].tolist()
 
 
+def pilots(z, *, size=2.0, n_tests=20):
+    """Return flights whose most significant test has these normal quantiles."""
+    joint = np.minimum(1.0, n_tests * 2 * stats.norm.sf(z))
+    return pd.DataFrame({"size": size, "p_joint": joint, "n_tests": n_tests})
+
+
 def test_the_predicted_size_is_that_which_a_normal_test_finds_in_80_percent():
-    rng = np.random.default_rng(1)
-    size = np.tile([0.5, 0.8, 1.25, 2.0], 500)
-    found = rng.random(2000) < stats.norm.cdf(3.0 * size - flights.CRITICAL)
-    pilots = pd.DataFrame({"size": 1 + size, "holds": 1 - found, "taken_out": np.nan})
-    expected = 1 + (flights.CRITICAL + 0.8416) / 3.0
-    assert flights.predicted(pilots, 1.0, 2.0) == pytest.approx(expected, rel=0.03)
-    assert flights.predicted(pilots.assign(holds=1), 1.0, 2.0) == 2.0
+    fault = FAULTS["sigma of GNSS"]  # a factor: without a fault it is one
+    found = pilots(np.array([5.0, 6.0, 7.0]))
+    expected = 1 + (stats.norm.isf(0.05 / 20 / 2) + 0.8416) / 6.0
+    assert flights.predicted(found, fault) == pytest.approx(expected, rel=0.02)
+
+
+def test_the_guess_stands_where_no_pilot_finds_the_fault_or_it_is_taken_out():
+    assert flights.predicted(pilots(np.array([1.0, 2.0])), FAULTS["delay"]) == 2.0
+    assert flights.predicted(pilots(np.array([9.0, 9.0])), FAULTS["gross errors"]) == 2.0
+
+
+def test_a_report_that_tests_nothing_predicts_nothing():
+    assert flights.predicted(pilots(np.array([np.nan])), FAULTS["delay"]) == 2.0

@@ -38,27 +38,41 @@ def rays(block):
     )
 
 
-def found(block, cameras):
+def w_of(block, cameras):
     return ray_tests.of(block, direct.georeference(block, cameras), rays(block))
+
+
+def cost(block, cameras):
+    return ray_tests.cost(block, direct.georeference(block, cameras), rays(block))
 
 
 def test_slow_errors_of_no_share_are_independent_ones(many_rays, cameras):
     noisy = blocks.noisy(many_rays, np.random.default_rng(3))
-    white, hardly = found(noisy, cameras), found(slow(noisy, 1e-6), cameras)
-    assert_allclose(hardly.w, white.w, rtol=1e-4)
-    assert hardly.cost == pytest.approx(white.cost, rel=1e-4)
+    hardly = slow(noisy, 1e-6)
+    assert_allclose(w_of(hardly, cameras), w_of(noisy, cameras), rtol=1e-4)
+    assert cost(hardly, cameras) == pytest.approx(cost(noisy, cameras), rel=1e-4)
+
+
+def agreement(flights, cameras, share):
+    """Return the p of chi-square for the costs of flights whose errors change slowly, or not."""
+    costs = [cost(slow(flight, share), cameras) for flight in flights]
+    dof = 2 * len(flights[0].image_points) - 3 * CHECK
+    return stats.kstest(costs, stats.chi2(dof).cdf).pvalue
 
 
 def test_cost_has_its_chi_square_where_errors_change_slowly(many_rays, cameras):
-    """60 flights: within bounds of 99 % if their correlation is known, outside if it is not."""
-    knowing, unknowing, dof = 0.0, 0.0, 0
-    for seed in range(60):
-        noisy = blocks.noisy(slow(many_rays, 0.98), np.random.default_rng(seed))
-        knowing += found(noisy, cameras).cost
-        unknowing += found(slow(noisy, 0.0), cameras).cost
-        dof += 2 * len(noisy.image_points) - 3 * CHECK
-    assert 0.005 < stats.chi2.cdf(knowing, dof) < 0.995
-    assert stats.chi2.cdf(unknowing, dof) > 0.995
+    """If their correlation is known: otherwise not."""
+    flights = [
+        blocks.noisy(slow(many_rays, 0.98), np.random.default_rng(seed)) for seed in range(60)
+    ]
+    assert agreement(flights, cameras, 0.98) > 0.01
+    assert agreement(flights, cameras, 0.0) < 0.01
+
+
+def test_costs_spread_as_chi_square_where_rays_share_exposures(many_rays, cameras):
+    """Each image shows several points: taken for independent, costs spread too widely."""
+    flights = [blocks.noisy(many_rays, np.random.default_rng(seed)) for seed in range(100)]
+    assert agreement(flights, cameras, 0.0) > 0.01
 
 
 def test_a_wrong_ray_is_found_sooner_by_its_neighbours_slow_errors(many_rays, cameras):
@@ -67,6 +81,36 @@ def test_a_wrong_ray_is_found_sooner_by_its_neighbours_slow_errors(many_rays, ca
     by[row] = [3.0, 0.0]
     wrong = blocks.changed(many_rays, "image_point", by)
     order = np.lexsort((points.image_idx, points.point_idx))
-    for w in (found(wrong, cameras).w, found(slow(wrong, 0.98), cameras).w):
+    for w in (w_of(wrong, cameras), w_of(slow(wrong, 0.98), cameras)):
         assert order[np.argmax(w)] == row
-    assert found(slow(wrong, 0.98), cameras).w.max() > 1.1 * found(wrong, cameras).w.max()
+    assert w_of(slow(wrong, 0.98), cameras).max() > 1.1 * w_of(wrong, cameras).max()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9])
+def test_cost_is_that_of_the_joint_covariance_of_all_rays(rig, calibration, share):
+    """Against dense matrices: rays share the errors of their exposures and of the calibration."""
+    timed = blocks.in_strips(rig, 2) if share else rig
+    block = slow(blocks.noisy(timed, np.random.default_rng(4)), share)
+    posed = direct.georeference(block, calibration)
+    posed = replace(posed, cov_parameters=25.0 * posed.cov_parameters)
+    selected = rays(block)
+    at = direct.intersect_rays(block, posed, selected)
+    n, exposure = len(selected.group), block.images.exposure_idx[selected.image_idx]
+    cov = np.diag(np.repeat(selected.sigma_px**2, 2))
+    points = np.zeros((2 * n, 3 * selected.n_groups))
+    for i in range(n):
+        points[2 * i : 2 * i + 2, 3 * selected.group[i] :][:, :3] = at.by_point[i]
+        for j in range(n):
+            body = posed.cov_body[exposure[i]] * (exposure[i] == exposure[j])
+            if share and exposure[i] != exposure[j]:
+                body = posed.shared.between(exposure[[i]], exposure[[j]])[0]
+            D = [at.by_parameters[k] for k in (i, j)]
+            both = at.by_body[i] @ body @ at.by_body[j].T + D[0] @ posed.cov_parameters @ D[1].T
+            cov[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] += both
+    root = np.linalg.inv(np.linalg.cholesky(cov))
+    right, left = root @ at.v.ravel(), root @ points
+    solved = np.linalg.lstsq(left, right, rcond=None)[0]
+    least = np.sum((right - left @ solved) ** 2)
+    assert ray_tests.cost(block, posed, selected) == pytest.approx(least, rel=1e-6)
+    held = replace(posed, cov_parameters=0.0 * posed.cov_parameters)
+    assert least < 0.999 * ray_tests.cost(block, held, selected)
