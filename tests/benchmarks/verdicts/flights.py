@@ -43,7 +43,10 @@ from benchmarks.verdicts.faults import FAULTS, PLANS, Fault, Planted, fly
 
 OUT = machine.ROOT / "data" / "benchmarks"
 NAME = "verdicts"
-N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 6
+N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 4
+N_FIRST = 60
+"""Clean flights of a plan that are flown before any spoilt one."""
+
 SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500}
 """Before the first seed of a plan's flights; every plan has a thousand of its own."""
 
@@ -104,8 +107,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
     rows = fly_all(in_turns([*pilots(options.pilots)]), options.out, options.jobs)
-    kinds = [*clean(options.clean), *spoilt(sizes(rows), options.spoilt)]
-    fly_all(in_turns(kinds), options.out, options.jobs)
+    good, spoiled = [*clean(options.clean)], [*spoilt(sizes(rows), options.spoilt)]
+    first = in_turns([kind[:N_FIRST] for kind in good])
+    rest = in_turns([*(kind[N_FIRST:] for kind in good), *spoiled])
+    fly_all([*first, *rest], options.out, options.jobs)
 
 
 # --- what is flown ---------------------------------------------------------------------------
