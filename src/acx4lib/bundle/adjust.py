@@ -9,7 +9,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.limits import Stopped
-from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.bundle.gross_errors.rejections import Exchange, Rejection
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations.points import whole
 from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
@@ -43,6 +43,8 @@ class Bundle:
     rejected : tuple of Rejection
     stopped : tuple of Stopped
         Groups of which too much would have been rejected, and so nothing was.
+    exchanged : tuple of Exchange
+        Rejected pairs that fit where their names are exchanged.
     """
 
     network: Network
@@ -50,6 +52,7 @@ class Bundle:
     solution: Solution
     rejected: tuple[Rejection, ...] = ()
     stopped: tuple[Stopped, ...] = ()
+    exchanged: tuple[Exchange, ...] = ()
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

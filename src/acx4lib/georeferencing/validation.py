@@ -8,8 +8,9 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
+from acx4lib.bundle.gross_errors.exchanged import pairs_of
 from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
-from acx4lib.bundle.gross_errors.rejections import CRITICAL, Rejection
+from acx4lib.bundle.gross_errors.rejections import CRITICAL, Exchange, Rejection
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
@@ -38,6 +39,8 @@ class Validation:
         In these, a ``control_point`` is one of the block's check points.
     stopped : tuple of Stopped
         Groups of which too much would have been rejected, and so nothing was.
+    exchanged : tuple of Exchange
+        Check points that fit where their names are exchanged.
     n_failed : int
         Pairs whose rays meet at less than the block's smallest angle, or behind the cameras.
     n_left_out : int
@@ -58,6 +61,7 @@ class Validation:
     points: Differences
     rejected: tuple[Rejection, ...]
     stopped: tuple[Stopped, ...]
+    exchanged: tuple[Exchange, ...]
     n_failed: int
     n_left_out: int
     cost: float
@@ -125,6 +129,7 @@ def validate(
         raise ValueError(msg)
     georeferenced = direct.georeference(block, calibration)
     selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
+    whole = selected
     selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
     pairs, n_failed = _pairs(block, georeferenced, selected)
     met = np.zeros(len(block.check), dtype=bool)
@@ -139,6 +144,7 @@ def validate(
         points=at_points,
         rejected=misfits + nowhere,
         stopped=stopped,
+        exchanged=_exchanged(block, georeferenced, whole, at_points, absurd, refraction),
         n_failed=n_failed,
         n_left_out=int(np.sum(~met & ~absurd)),
         cost=ray_tests.cost(block, georeferenced, points[0], refraction=refraction),
@@ -228,6 +234,43 @@ def _surveyed_nowhere(
     return tuple(
         Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
         for i, statistic in zip(idx, w, strict=True)
+    )
+
+
+def _exchanged(
+    block: Block,
+    georeferenced: direct.Georeferenced,
+    selected: direct.Rays,
+    at_points: Differences,
+    absurd: Mask,
+    refraction: str,
+) -> tuple[Exchange, ...]:
+    """Return the check points that are where others were surveyed, and the reverse.
+
+    Both differ by more than chance, and by what chance allows where their names are exchanged.
+    """
+    found = [at_points]
+    if absurd.any():
+        found.append(
+            differences_at(block, georeferenced, *_renumbered(selected, absurd), refraction)
+        )
+    idx = np.concatenate([one.point_idx for one in found])
+    d, sigma = (np.concatenate([getattr(one, key) for one in found]) for key in ("d", "sigma"))
+    w = np.max(np.abs(d) / sigma, axis=1)
+    odd = np.flatnonzero(w > CRITICAL)
+    check, idx, d, sigma, w = block.check, idx[odd], d[odd], sigma[odd], w[odd]
+    surveyed = block.frame.to_grid(check.x_m[idx])
+    by_other = (surveyed + d)[:, None] - surveyed[None]
+    apart = np.max(np.abs(by_other) / sigma[:, None], axis=2)
+    return tuple(
+        Exchange(
+            kind="check_point",
+            names=(block.points[check.point_idx[idx[i]]], block.points[check.point_idx[idx[j]]]),
+            rows=(int(idx[i]), int(idx[j])),
+            statistic=float(max(w[i], w[j])),
+        )
+        for i, j in pairs_of(w, apart)
+        if max(apart[i, j], apart[j, i]) <= CRITICAL
     )
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import Stopped, sentence
+from acx4lib.bundle.gross_errors.rejections import Exchange
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
 from acx4lib.bundle.variance_components import as_json, components, sentences
 from acx4lib.calibration import trajectory_errors
@@ -136,6 +137,7 @@ def of_bundle(
         "n_rejected": len(bundle.rejected),
         "expected_rejections": expected_failures(bundle),
         **stopped_entries(key, bundle.stopped),
+        **exchanged_entries(key, bundle.exchanged),
         "n_left_out": sum(bundle.network.left_out.values()),
         "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, said),
@@ -160,6 +162,14 @@ def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     return {
         "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
+    }
+
+
+def exchanged_entries(key: str, exchanged: Sequence[Exchange]) -> dict[str, object]:
+    """Return the entries of summary.json on exposures and surveyed points that were exchanged."""
+    return {
+        "exchanged": [f"{key}: {one.sentence}" for one in exchanged],
+        "exchanged_names": [[one.kind, *one.names] for one in exchanged],
     }
 
 

@@ -15,7 +15,7 @@ from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.results.adjustments import Record, of_left_out, stopped_entries
+from acx4lib.results.adjustments import Record, exchanged_entries, of_left_out, stopped_entries
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
 
@@ -97,6 +97,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "converged": True,
         "n_rejected": len(validation.rejected),
         **stopped_entries(f"validation/{validation.method}", validation.stopped),
+        **exchanged_entries(f"validation/{validation.method}", validation.exchanged),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,

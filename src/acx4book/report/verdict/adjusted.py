@@ -201,17 +201,21 @@ def gross_errors(material: Material) -> Iterator[Finding]:
     n_rejected = sum(int(str(entry["n_rejected"])) for entry in entries)
     n = sum(int(str(entry["n_observations"])) for entry in entries)
     answer = begun(f"{plural(n_rejected, 'observation')} of {n:,} taken out as gross errors")
+    mixed = dict.fromkeys(s.partition(": ")[2] for s in sentences(material, "exchanged"))
+    if mixed:
+        answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
+    state = FAILS if mixed else HOLDS
     where = "; they are listed below or in rejected.csv." if n_rejected else "."
     if any(entry.get("expected_rejections") is None for entry in entries):
         answer += f"{where} These results do not say how many chance takes out; run again."
-        yield Finding(question="Gross errors", state=NOTE, answer=answer)
+        yield Finding(question="Gross errors", state=FAILS if mixed else NOTE, answer=answer)
         return
     chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
     largest, n_apart = _rejected(material)
     many = f"{plural(n_rejected, 'observation')} rejected, where chance takes out {chance:.1f}"
     yield Finding(
         question="Gross errors",
-        state=HOLDS,
+        state=state,
         answer=f"{answer}, where chance alone takes out {chance:.1f}{where}",
         tests=(
             ChanceTest(name="number of rejections", p=poisson_sf(n_apart, chance), said=many),

@@ -15,6 +15,7 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.absurd_control import tested, without_absurd_control
+from acx4lib.bundle.gross_errors.exchanged import exchanges
 from acx4lib.bundle.gross_errors.limits import Stopped, sentence, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, KINDS, Rejection, without
 from acx4lib.bundle.gross_errors.single_tests import (
@@ -107,10 +108,20 @@ def adjust_rejecting(
         bundle, search = _following(network, bundle.state, search, following)
         verdict = test(bundle, search.out)
     found = (*tested(block, bundle, absurd), *_rejections(search, observed, verdict))
-    kept, stopped = within_limits(block, network.rows, found)
     if not found:
         return bundle
-    return replace(_without(block, set_up, bundle, kept, stopped), rejected=kept, stopped=stopped)
+    kept, stopped = within_limits(block, network.rows, found)
+    mixed = exchanges(block, set_up, bundle, found, partial(_failed, test))
+    best = _without(block, set_up, bundle, kept, stopped)
+    return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
+
+
+def _failed(test: Callable[[Bundle, Mask], Verdict], bundle: Bundle) -> set[tuple[str, int]]:
+    """Return kinds and rows of the observations that fail their tests, with none rejected."""
+    observed = observations(bundle.network)
+    failed = test(bundle, np.zeros(len(observed.kind), dtype=bool)).failed
+    kinds = (KINDS[k] for k in observed.kind[failed])
+    return set(zip(kinds, observed.row[failed].tolist(), strict=True))
 
 
 def _first(

@@ -47,6 +47,10 @@ def _groups(value: object) -> bool:
     )
 
 
+def _named_pairs(value: Any) -> bool:
+    return isinstance(value, list) and all(_sentences(one) and len(one) == 3 for one in value)
+
+
 def _by_name(test: Test) -> Test:
     return lambda value: isinstance(value, dict) and all(map(test, value.values()))
 
@@ -138,10 +142,14 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(
-        ("left_out", "not_determined", "stopped", "not_confirmed", "approximations", "notes"),
+        (
+            *("left_out", "not_determined", "stopped", "exchanged", "not_confirmed"),
+            *("approximations", "notes"),
+        ),
         (_sentences, "a list of sentences"),
     ),
     "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
+    "exchanged_names": (_named_pairs, "a list of a kind and two names each"),
     "boresight_stability": (
         _by_name(_or_null(_turns)),
         "strips and drift, each null or with names, turns_deg, sigma_deg, f, dof, redundancy and p",
