@@ -128,6 +128,7 @@ bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside 
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.measured_flights
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.verdicts.flights
 
 chain: .venv/.stamp-test ## adjust simulated flights with and without a synthetic image, for data/benchmarks

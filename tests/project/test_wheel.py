@@ -127,6 +127,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected.add("acx4book/report/page/report.css")
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (
+        ("acx4book/chapters/beyond/from_pictures/stored", "data/benchmarks/measured_flights*"),
         ("acx4book/chapters/beyond/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
         (
             "acx4book/chapters/beyond/distortion_models/stored",

@@ -32,7 +32,9 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "10-synthetic-quality": ("data/paper/*.csv",),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
-    "19-from-pictures": (),  # takes half a minute, so it is not the last
+    "19-from-pictures": (
+        "data/benchmarks/measured_flights*",
+    ),  # takes half a minute, so it is not the last
     "13-bad-starts": (),
     "14-failure-clinic": (),
     "15-which-flight": (),

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 
 from acx4book.chapters.beyond.from_pictures.exact import Errors
 from acx4book.chapters.beyond.from_pictures.whole import REDUCE, Whole
 from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Mask
+
+STORED = Path(str(resources.files("acx4book.chapters.beyond.from_pictures") / "stored"))
+"""Folder of the measured flights that the project brings."""
 
 
 def said(whole: Whole, *, most: int = 6) -> str:
@@ -50,6 +57,36 @@ def _none_or(count: int) -> str:
     return {0: "none is", 1: "one is"}.get(count, f"{count} are")
 
 
+def over_flights(folder: Path = STORED) -> str:
+    """Say how far the parameters of several measured flights are from the truth.
+
+    Parameters
+    ----------
+    folder : Path
+        With what ``make coverage`` left of measured flights.
+    """
+    found = pd.read_csv(folder / "measured_flights.csv")
+    z = (found["error"] / found["sigma"]).abs()
+    factor = found.groupby("seed")["sigma0_squared"].first()
+    n, beyond = len(z), int((z > 2).sum())
+    return (
+        f"One flight is one draw. Over {len(factor)} flights, {beyond} of {n} errors exceed two "
+        f"standard deviations, where {0.0455 * n:.0f} would be expected, and the largest is "
+        f"{z.max():.1f} standard deviations. The variance of unit weight is {factor.min():.2f} to "
+        f"{factor.max():.2f}." + (BETTER_MATCHES if factor.max() < SMALL_FACTOR else "")
+    )
+
+
+SMALL_FACTOR = 0.9
+"""Variance of unit weight below which matches are called better than their sigma."""
+
+BETTER_MATCHES = (
+    " The matches are better than their standard deviations say. A posteriori that factor makes "
+    "the standard deviations of GNSS and IMU smaller too, which are right, and with them those of "
+    "the parameters."
+)
+
+
 def answer(whole: Whole, errors: Errors) -> str:
     """Answer the question of the chapter."""
     off = [(one.value - whole.truth[one.name]) / one.sigma for one in whole.parameters]
@@ -61,7 +98,7 @@ def answer(whole: Whole, errors: Errors) -> str:
         f"{whole.block.image_points.sigma_px.size} measurements were taken without anybody "
         f"pointing at anything, good to {errors.rms:.2f} px of these pictures, "
         f"{errors.rms * REDUCE:.2f} px of the full size. With the trajectory and the control "
-        f"points they give all {len(off)} parameters of the camera within "
+        f"points they give all {len(off)} parameters of the camera on this flight within "
         f"{np.ceil(10 * abs(off[k])) / 10:.1f} standard deviations of the truth, and the boresight "
         f"to {angles:.4f}° and better."
     )

@@ -1,0 +1,57 @@
+"""Measure simulated pictures of several flights, and note every error beside its sigma.
+
+The flights are those of the chapter on pictures, seeds from 1 on; ``make coverage`` runs this.
+Needs PYTHONPATH=tests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from acx4book.chapters.beyond.from_pictures import whole
+from benchmarks import machine, stored
+
+OUT = machine.ROOT / "data" / "benchmarks"
+SEEDS = 6
+DIGITS = 6
+"""Of the numbers written down."""
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--flights", type=int, default=SEEDS, help=f"seeds 1 to this ({SEEDS})")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    for seed in range(1, options.flights + 1):
+        rows += of_seed(seed)
+        sys.stderr.write(f"\r{seed} of {options.flights} flights")
+    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about |= {"reduce": whole.REDUCE, "pictures": len(whole.EXPOSURES)}
+    stored.write(options.out, "measured_flights", {"": pd.DataFrame(rows)}, about, digits=DIGITS)
+
+
+def of_seed(seed: int) -> list[dict[str, Any]]:
+    """Return error and sigma of every parameter of a flight that is measured in its pictures."""
+    found = whole.measured(seed)
+    factor = found.mounting.bundle.solution.sigma0_sq
+    return [
+        {
+            "seed": seed,
+            "parameter": p.name,
+            "error": p.value - found.truth[p.name],
+            "sigma": p.sigma,
+            "sigma0_squared": factor,
+        }
+        for p in found.parameters
+    ]
+
+
+if __name__ == "__main__":
+    main()
