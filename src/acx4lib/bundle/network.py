@@ -170,7 +170,7 @@ class Network:
             free_points=self.free_points,
             also=self.observed_points,
             pose_of_image=self.pose_idx,
-            n_poses=len(self.pose_names),
+            positions=self.observed.T_m_b.r,
             linked=self.observed.linked,
         )
 

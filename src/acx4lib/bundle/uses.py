@@ -38,6 +38,7 @@ def free_orientation(
     free: Sequence[str],
     positions: PoseObservations | None = None,
     refraction: str = "none",
+    start: State | None = None,
 ) -> Network:
     """Set up a self-calibrating bundle: every image's exterior orientation is free.
 
@@ -52,6 +53,10 @@ def free_orientation(
         Observed camera poses, one per image.
     refraction : str
         ``"none"`` or ``"standard"``.
+    start : State, optional
+        Where to begin, by another adjustment of the block: interior orientations, the poses of the
+        images' cameras, and points, NaN where it has none. The trajectory still decides which
+        points are used, unless it is far off and this is not.
 
     Raises
     ------
@@ -74,6 +79,7 @@ def free_orientation(
         observed=positions or unobserved(T_m_c),
         T_b_c=identity,
         refraction=refraction,
+        better=replace(start, T_b_c=identity) if start else None,
     )
 
 
@@ -211,6 +217,7 @@ def _network(
     observed: PoseObservations,
     T_b_c: Pose,
     refraction: str,
+    better: State | None = None,
 ) -> Network:
     """Return the network of a block; recover approximate values that are far off."""
     expected.one_of("refraction", refraction, REFRACTION)
@@ -240,10 +247,23 @@ def _network(
         refraction=refraction,
     )
     network = _chosen(given, given.start)
-    if not far_off(network, network.start).any():
+    is_far_off = far_off(network, network.start).any()
+    if better is not None:
+        near = _beginning_near(_chosen(given, better) if is_far_off else network, better)
+        if not far_off(near, near.start).any():
+            return near
+    if not is_far_off:
         return network
     network = _chosen(given, recovered(network))
     return _chosen(given, _robust(network, network.start))
+
+
+def _beginning_near(network: Network, better: State) -> Network:
+    """Return the network with other start values; points that these lack keep theirs."""
+    x_m = np.where(np.isfinite(better.x_m), better.x_m, network.start.x_m)
+    return network.beginning_at(
+        replace(network.start, interiors=better.interiors, T_m_b=better.T_m_b, x_m=x_m)
+    )
 
 
 def robust_start(network: Network) -> State:

@@ -12,7 +12,7 @@ from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.observations.trajectory import PoseObservations, slow_errors
-from acx4lib.bundle.unknowns import free_mount
+from acx4lib.bundle.unknowns import State, free_mount
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.averaged_mountings import averaged
 from acx4lib.calibration.estimates import METHODS, Calibration, from_bundle
@@ -79,7 +79,9 @@ def calibrate(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> Mountings:
-    """Calibrate by all methods; the two-step ones use the rejections of the single step.
+    """Calibrate by all methods; the two-step ones begin with what the single step found.
+
+    They take over its rejections, and its estimates as start values.
 
     Parameters
     ----------
@@ -95,18 +97,24 @@ def calibrate(
     """
     methods: dict[str, Mounting] = {}
     failures: dict[str, str] = {}
-    rejected: tuple[Rejection, ...] = ()
+    found: Bundle | None = None
     try:
         methods["single_step"] = single_step(
             block, free=free, fix=fix, refraction=refraction, gnss=gnss
         )
-        rejected = methods["single_step"].bundle.rejected
+        found = methods["single_step"].bundle
     except AdjustmentError as error:
         failures["single_step"] = str(error)
+    rejected = found.rejected if found else ()
     for name, method in (("two_step", two_step), ("two_step_gnss", two_step_gnss)):
         try:
             methods[name] = method(
-                block, free=free, fix=fix, rejected=rejected, refraction=refraction
+                block,
+                free=free,
+                fix=fix,
+                rejected=rejected,
+                refraction=refraction,
+                start=_of_cameras(found),
             )
         except AdjustmentError as error:
             failures[name] = str(error)
@@ -114,6 +122,13 @@ def calibrate(
         raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
     methods = {name: methods[name] for name in METHODS if name in methods}
     return Mountings(methods=methods, failures=failures)
+
+
+def _of_cameras(found: Bundle | None) -> State | None:
+    """Return a state whose poses are those of the images' cameras; None where they do not fit."""
+    if found is None or found.stopped:
+        return None
+    return replace(found.state, T_m_b=found.T_m_c)
 
 
 def single_step(
@@ -160,6 +175,7 @@ def two_step(
     fix: Sequence[str] = (),
     rejected: Sequence[Rejection] = (),
     refraction: str = "none",
+    start: State | None = None,
 ) -> Mounting:
     """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
 
@@ -170,6 +186,8 @@ def two_step(
         As in `single_step`.
     rejected : sequence of Rejection
         Gross errors found by another method; none are searched for here.
+    start : State, optional
+        Where to begin, as in `uses.free_orientation`.
 
     Raises
     ------
@@ -178,7 +196,7 @@ def two_step(
     """
     estimated = free_mount(fix)
     cleaned = without(block, rejected)
-    network = free_orientation(cleaned, free=free, refraction=refraction)
+    network = free_orientation(cleaned, free=free, refraction=refraction, start=start)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=tuple(rejected))
     return _two_step("two_step", bundle, free=free, estimated=estimated)
@@ -191,6 +209,7 @@ def two_step_gnss(
     fix: Sequence[str] = (),
     rejected: Sequence[Rejection] = (),
     refraction: str = "none",
+    start: State | None = None,
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
@@ -199,7 +218,7 @@ def two_step_gnss(
 
     Parameters
     ----------
-    block, free, fix, rejected, refraction
+    block, free, fix, rejected, refraction, start
         As in `two_step`.
 
     Raises
@@ -218,7 +237,9 @@ def two_step_gnss(
         sigma_attitude=np.full((len(T_m_b), 3), np.inf),
         slow_positions=slow_errors(cleaned.trajectory, "position", exposure),
     )
-    network = free_orientation(cleaned, free=free, positions=positions, refraction=refraction)
+    network = free_orientation(
+        cleaned, free=free, positions=positions, refraction=refraction, start=start
+    )
     bundle = replace(adjust(network), rejected=tuple(rejected))
     return _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
 

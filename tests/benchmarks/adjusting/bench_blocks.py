@@ -151,12 +151,25 @@ def make(design: Design, *, seed: int = 1) -> Made:
     return fly(LAYOUTS[design.layout], design.ties, control=CONTROL[design.layout], seed=seed)
 
 
-def fly(strips: Sequence[Strip], ties: int, *, control: tuple[int, int], seed: int) -> Made:
-    """Return a block of strips with a number of tie points, and rows and columns of control."""
+def fly(
+    strips: Sequence[Strip],
+    ties: int,
+    *,
+    control: tuple[int, int],
+    seed: int,
+    turned_deg: float = 0.0,
+) -> Made:
+    """Return a block of strips with a number of tie points, and rows and columns of control.
+
+    The strips are turned against the x axis, counter-clockwise.
+    """
     rng = np.random.default_rng(seed)
     T_m_b = _fly(strips, rng)
     surveyed = _control(strips, control, rng)
     x_m = np.concatenate([surveyed, _strew(strips, 2 * ties + 100, rng)])
+    if turned_deg:
+        R = rotation_from_opk(np.array([0.0, 0.0, np.radians(turned_deg)]))
+        T_m_b, x_m = Pose(R=R @ T_m_b.R, r=T_m_b.r @ R.T), x_m @ R.T
     image_idx, point_idx, colrow = _look(T_m_b, x_m)
     rays = np.bincount(point_idx, minlength=len(x_m))
     kept = rays >= 2

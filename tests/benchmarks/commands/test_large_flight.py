@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.calibration import mounting
 from acx4lib.flight import reader
 from acx4lib.geometry.camera import inside
 from benchmarks.adjusting import bench_blocks
@@ -46,3 +47,12 @@ def by_name(block):
     images = (block.images.names[i] for i in points.image_idx)
     names = zip(images, (block.points[i] for i in points.point_idx), strict=True)
     return dict(zip(names, points.colrow, strict=True))
+
+
+def test_a_flight_less_in_order_is_calibrated_in_as_few_steps(tmp_path):
+    large_flight.write_turned(tmp_path / "flight", 80)
+    flight = reader.read(tmp_path / "flight")
+    found = mounting.calibrate(flight.calibration, free=flight.estimate_mounting)
+    for method in found.methods.values():
+        assert method.bundle.solution.iterations <= 3
+        assert abs(method.bundle.solution.sigma0_sq - 1) < 0.05

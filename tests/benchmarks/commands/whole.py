@@ -72,6 +72,12 @@ KINDS = {
             repeat=1,
         ),
         Kind(
+            name="1 000 images, turned",
+            make=lambda folder: large_flight.write_turned(folder, 1000),
+            commands=("check", NUMBERS),
+            repeat=1,
+        ),
+        Kind(
             name="4 000 images",
             make=lambda folder: large_flight.write(folder, 4000),
             commands=("check", NUMBERS),
@@ -108,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def measured(kind: Kind, folder: Path) -> Iterator[dict[str, Any]]:
     """Yield a row for every run of every command, and for the imports alone."""
-    flight = folder / kind.name.replace(" ", "-")
+    flight = folder / kind.name.replace(",", "").replace(" ", "-")
     if not (flight / "flight.toml").is_file():
         kind.make(flight)
     sizes = {"flight": kind.name, "images": _rows(flight, "images")}

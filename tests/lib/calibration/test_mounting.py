@@ -10,6 +10,7 @@ from scipy import stats
 from acx4book.paper import printed as paper
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import parameters
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
@@ -35,6 +36,26 @@ def assert_mounted(found, true, *, lever_m=1e-9, angle=1e-12):
 
 
 # --- recovery --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("off_deg", [0.5, 20.0])  # approximate values to begin with, or to recover
+def test_two_step_methods_begin_with_the_single_step_and_end_where_they_would_alone(
+    noisy_block, off_deg
+):
+    block = blocks.approximate(noisy_block, boresight_deg=off_deg)
+    together = mounting.calibrate(block, free=FREE)
+    for name, method in (
+        ("two_step", mounting.two_step),
+        ("two_step_gnss", mounting.two_step_gnss),
+    ):
+        found, alone = together[name], method(block, free=FREE)
+        assert found.bundle.solution.iterations <= 4 - (name == "two_step")
+        assert found.bundle.network.left_out == alone.bundle.network.left_out
+        assert_allclose(found.calibration.cov, alone.calibration.cov, rtol=1e-4, atol=1e-18)
+        for one, other in zip(
+            parameters(found.calibration), parameters(alone.calibration), strict=True
+        ):
+            assert one.value == pytest.approx(other.value, abs=1e-4 * other.sigma), one.name
 
 
 def test_single_step_recovers_the_mounting_of_exact_data(exact_block):

@@ -22,6 +22,9 @@ MOST_PARTS = 4
 WIDE = 40_000
 """Pairs of images in the band above which only two parts are made: each part has its own sums."""
 
+DIRECTIONS = 12
+"""Lines across the block along which poses may be ordered."""
+
 DENSE_COLUMNS, DENSE_SHARE = 1500, 0.3
 """A system is dense if it has fewer unknowns, or if its band is a larger share of them."""
 
@@ -111,7 +114,7 @@ def pack(
     free_points: Mask,
     also: Index,
     pose_of_image: Index,
-    n_poses: int,
+    positions: Array,
     linked: Index,
 ) -> Packed:
     """Return the measurements in the order in which they are processed.
@@ -126,14 +129,16 @@ def pack(
     also : ndarray, shape (k,)
         Points that have other observations too.
     pose_of_image : ndarray, shape (n_images,)
-    n_poses : int
+    positions : ndarray, shape (n_poses, 3)
+        About where the poses are, m.
     linked : ndarray, shape (k, 2)
         Pairs of poses that other observations link.
     """
+    n_poses = len(positions)
     pose: Index = np.arange(n_poses)
     dense = 6 * n_poses <= DENSE_COLUMNS
     if not dense:
-        pose = ordered(rows.point, pose_of_image.astype(np.int32)[rows.image], n_poses, linked)
+        pose = ordered(rows.point, pose_of_image.astype(np.int32)[rows.image], positions, linked)
     place = np.empty(n_poses, dtype=np.int64)
     place[pose] = np.arange(n_poses)
     images = np.argsort(place[pose_of_image], kind="stable")
@@ -228,18 +233,41 @@ def _sort(
     return int(n_measured)
 
 
-def ordered(point: Index, pose: Index, n_poses: int, also: Index) -> Index:
-    """Return the poses in reverse Cuthill-McKee order; poses that share points are linked.
+def ordered(point: Index, pose: Index, positions: Array, also: Index) -> Index:
+    """Return the poses in an order that keeps those close that share points.
 
-    So are the pairs in `also`, shape (k, 2).
+    Of the reverse Cuthill-McKee order and those along lines across the block, each in another
+    direction, it is the one of the smallest band. In a block of parallel strips that is mostly
+    the line along them: levels of Cuthill-McKee begin in a corner, and grow with its diagonal.
+
+    Parameters
+    ----------
+    point, pose : ndarray, shape (n,)
+        Of each measurement.
+    positions : ndarray, shape (n_poses, 3)
+        About where the poses are, m.
+    also : ndarray, shape (k, 2)
+        Pairs of poses that are linked besides.
     """
+    n_poses = len(positions)
     starts = np.append(0, np.cumsum(np.bincount(point)))
     linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
     _link(starts, pose[np.argsort(point, kind="stable")], linked)
     linked[also[:, 0], also[:, 1]] = True
     graph = scipy.sparse.csr_matrix(linked)
-    new = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
-    return new.astype(np.int64)
+    levels = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
+    angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    along = positions[:, :2] @ np.stack([np.cos(angles), np.sin(angles)])
+    orders = [levels.astype(np.int64), *np.argsort(along, axis=0, kind="stable").T]
+    a, b = graph.nonzero()
+    return min(orders, key=lambda order: _reach(order, a, b))
+
+
+def _reach(order: Index, a: Index, b: Index) -> int:
+    """Return the largest distance of linked poses in an order."""
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    return int(np.max(np.abs(place[a] - place[b]), initial=0))
 
 
 @uncounted

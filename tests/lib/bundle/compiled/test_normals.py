@@ -241,9 +241,26 @@ def test_poses_along_a_strip_make_a_narrow_band(rng):
     along = rng.permutation(20)
     point = np.repeat(np.arange(19), 2)
     pose = along[np.stack([np.arange(19), np.arange(1, 20)], axis=1).ravel()]
-    order = packing.ordered(point, pose.astype(np.int32), 20, np.zeros((0, 2), dtype=int))
+    anywhere = rng.uniform(size=(20, 3))
+    order = packing.ordered(point, pose.astype(np.int32), anywhere, np.zeros((0, 2), dtype=int))
     place = np.argsort(order)
     assert np.abs(np.diff(place[along])).max() == 1
+
+
+def test_strips_in_any_order_and_direction_make_a_band_of_few_columns_across_them(rng):
+    """Eight strips of thirty poses, turned by 20 degrees, each pose linked to its neighbours."""
+    row, column = (a.ravel() for a in np.meshgrid(np.arange(8), np.arange(30), indexing="ij"))
+    near = np.abs(row - row[:, None]) <= 1
+    near &= np.abs(column - column[:, None]) <= 3
+    name = rng.permutation(240)
+    pairs = np.argwhere(near)
+    R = np.array([[np.cos(0.35), np.sin(0.35)], [-np.sin(0.35), np.cos(0.35)]])
+    positions = np.zeros((240, 3))
+    positions[name, :2] = np.column_stack([column, 3.0 * row]) @ R
+    point, pose = np.repeat(np.arange(len(pairs)), 2), name[pairs].ravel().astype(np.int32)
+    place = np.argsort(packing.ordered(point, pose, positions, np.zeros((0, 2), dtype=int)))
+    band = np.abs(np.diff(place[name[pairs]], axis=1)).max()
+    assert band <= 8 * 3 + 8  # three columns of eight poses, and less than one more
 
 
 def test_the_order_of_the_measurements_changes_nothing(flight, rng, parts):
