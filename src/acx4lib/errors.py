@@ -40,6 +40,23 @@ class AdjustmentError(Acx4Error):
     """An adjustment does not converge or is not determined by its data."""
 
 
+def unsolvable(reason: str, where: str = "") -> AdjustmentError:
+    """Return the error in the place of a failure of linear algebra, with what to look at.
+
+    Parameters
+    ----------
+    reason : str
+        What numpy or scipy says.
+    where : str
+        Of which numbers, if it is known, and which of them stand out.
+    """
+    said = " ".join(reason.split()).rstrip(".")
+    return AdjustmentError(
+        f"{where or 'the equations'} cannot be solved ({said}): one number is so far from the "
+        "others that nothing can be computed with both; look at coordinates, angles and sigma"
+    )
+
+
 def visible(text: str) -> str:
     r"""Return text as one line; what is no text in it is escaped as in Python: ``\x1b``."""
     return UNSEEN.sub(lambda found: _escape(found[0]), text)

@@ -17,7 +17,7 @@ from pathlib import Path
 import typer
 
 from acx4book.command.terminal import NOBODY_READS, abandon, say
-from acx4lib.errors import Acx4Error, FlightError, OutputError
+from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable
 
 TERMINATED = 128 + signal.SIGTERM
 INTERRUPTED = 128 + signal.SIGINT
@@ -74,6 +74,9 @@ def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
     if isinstance(error, MemoryError | RecursionError):
         what = "memory" if isinstance(error, MemoryError) else "stack"
         say(f"not enough {what} for this input ({_one_line(error)})")
+        return 1
+    if type(error).__name__ == "LinAlgError":  # of numpy, which most commands need not load
+        say(str(unsolvable(_one_line(error))))
         return 1
     return _unforeseen(error, arguments)
 

@@ -31,7 +31,7 @@ others are marked, and the status is 2.
 
 \b
 Example:
-  acx4 grade handed_in --key key.txt --out marks.csv
+  acx4 grade handed_in --key key.txt --out marks.csv --totals totals.csv
 """
 
 Key = Annotated[
@@ -81,6 +81,10 @@ def grade(
         Path | None,
         typer.Option(metavar="TABLE.csv", show_default=False, help="A row for every answer."),
     ] = None,
+    totals: Annotated[
+        Path | None,
+        typer.Option(metavar="TABLE.csv", show_default=False, help="A row for every student."),
+    ] = None,
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, students  # noqa: PLC0415 quick help
@@ -90,11 +94,18 @@ def grade(
     if out is not None:
         mark = ",".join(class_table.COLUMNS).encode()
         places.check_file(out, mark=mark, what="a table of acx4 grade")
+    if totals is not None:
+        mark = ",".join(class_table.TOTALS[1:]).encode()
+        places.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
     found = class_table.grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )
     if out is not None:
         out.write_text(class_table.text(found), encoding="utf-8")
+    if totals is not None:
+        totals.write_text(class_table.totals_text(found), encoding="utf-8")
+    for line in class_table.total_lines(found):
+        terminal.show(line)
     terminal.say(*found.unread)
     if found.unread or not found.marks:
         nothing = "nothing was graded: no answers.csv and no results of acx4 run were found"

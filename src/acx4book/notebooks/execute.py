@@ -13,7 +13,7 @@ import nbformat
 import papermill
 
 from acx4book.notebooks import interpreter
-from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, unsolvable
 
 
 class NotebookError(Acx4Error):
@@ -89,7 +89,7 @@ def execute(
     Raises
     ------
     FlightError, AdjustmentError
-        If the notebook raised them.
+        If the notebook raised them; the latter for a failure of linear algebra, too.
     NotebookError
         For any other error.
     """
@@ -159,6 +159,8 @@ def _translated(notebook: str, cell: int, name: str, message: str) -> Acx4Error:
         return FlightError(message.splitlines())
     if name == AdjustmentError.__name__:
         return AdjustmentError(message)
+    if name == "LinAlgError":
+        return unsolvable(message, f"the equations of notebook {notebook}, cell {cell},")
     plain = re.sub(r"\(<ipython-input-\S+>, (line \d+)\)", r"(\1)", message)
     last = plain.strip().splitlines()[-1:]
     return NotebookError(notebook, cell, ": ".join(part for part in (name, *last) if part))

@@ -64,6 +64,8 @@ class Right:
 def computed(value: float, digits: int, *, share: float = 0.0) -> Right:
     """Return an answer that follows from given numbers: the last digit may differ by one.
 
+    It is counted from the rounded value.
+
     Parameters
     ----------
     value : float
@@ -73,7 +75,7 @@ def computed(value: float, digits: int, *, share: float = 0.0) -> Right:
         Part of the value that it may differ by, where this is more.
     """
     bound = max(1.01 * 10.0**-digits, share * abs(value))
-    return Right(value=value, truth=value, bound=bound)
+    return Right(value=value, truth=round(value, digits), bound=bound)
 
 
 def estimated(value: float, sigma: float, truth: float) -> Right:

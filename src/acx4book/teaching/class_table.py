@@ -1,4 +1,4 @@
-"""The marks of a class: a table for the screen, and a row for every answer as CSV."""
+"""The marks of a class: a table for the screen, a row for every answer as CSV, and totals."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
-from acx4book.teaching import flights, handed_in
+from acx4book.teaching import flights, handed_in, students
+from acx4book.teaching.case import Rights
 from acx4book.teaching.grading import Verdict, graded
 from acx4book.teaching.sheets.every import sheet_of
 from acx4lib.errors import Acx4Error
@@ -18,6 +20,9 @@ COLUMNS = (
     *("right_value", "right_sigma", "points", "of", "verdict"),
 )
 """Of the table as CSV."""
+
+TOTALS = ("student", "points", "of")
+"""Of the table of totals; between the first two a column for every sheet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,26 +80,97 @@ def grade(
         Called with the marks of each student as soon as they are known.
     """
     marks, unread = [], []
-    paths = handed_in.found(paths)
-    for path in paths:
+    given: list[handed_in.HandedIn] = []
+    for path in handed_in.found(paths):
         try:
-            marks.append(marked(handed_in.read(path), key))
+            one = handed_in.read(path)
+            sheet_of(one.sheet)
+            given.append(one)
+        except (Acx4Error, OSError, ValueError) as error:
+            unread.append(_not_graded(path, error))
+
+    @cache
+    def right(sheet_name: str, student: str) -> Rights:
+        sheet = sheet_of(sheet_name)
+        return sheet.solve(flights.case_of(flights.flight_of(sheet, student, key)))
+
+    def others(one: handed_in.HandedIn) -> dict[str, Rights]:
+        own = students.same_name(one.student)
+        named = {o.student for o in given if o.sheet == one.sheet}
+        return {n: right(one.sheet, n) for n in sorted(named) if students.same_name(n) != own}
+
+    for one in given:
+        try:
+            marks.append(marked(one, key, partial(others, one)))
             shown(marks[-1])
-        except Acx4Error as error:
-            first, *more = str(error).splitlines()
-            also = f" (and {len(more)} more)" if more else ""
-            unread.append(f"{path}: not graded: {first.removeprefix(f'{path}: ')}{also}")
-        except (OSError, ValueError) as error:
-            unread.append(f"{path}: not graded: {' '.join(str(error).split())}")
+        except (Acx4Error, OSError, ValueError) as error:
+            unread.append(_not_graded(one.path, error))
     return Class(marks=tuple(marks), unread=tuple(unread))
 
 
-def marked(given: handed_in.HandedIn, key: bytes) -> Marks:
-    """Return the marks of one student on one sheet; the flight is made again."""
+def _not_graded(path: Path, error: Exception) -> str:
+    if not isinstance(error, Acx4Error):
+        return f"{path}: not graded: {' '.join(str(error).split())}"
+    first, *more = str(error).splitlines()
+    also = f" (and {len(more)} more)" if more else ""
+    return f"{path}: not graded: {first.removeprefix(f'{path}: ')}{also}"
+
+
+def marked(
+    given: handed_in.HandedIn, key: bytes, others: Callable[[], dict[str, Rights]] = dict
+) -> Marks:
+    """Return the marks of one student on one sheet; the flight is made again.
+
+    Parameters
+    ----------
+    given : HandedIn
+    key : bytes
+    others : callable, optional
+        Returns the right answers of other students to the sheet, by their names.
+    """
     sheet = sheet_of(given.sheet)
     case = flights.case_of(flights.flight_of(sheet, given.student, key))
-    verdicts = tuple(graded(sheet, case, given.answers))
+    verdicts = tuple(graded(sheet, case, given.answers, others))
     return Marks(student=given.student, sheet=sheet.name, verdicts=verdicts)
+
+
+# --- totals ----------------------------------------------------------------------------------
+
+
+def totals(found: Class) -> dict[str, dict[str, Marks]]:
+    """Return the marks that count of every student, by sheet: of several on one the best."""
+    by_student: dict[str, dict[str, Marks]] = {}
+    shown: dict[str, str] = {}
+    for marks in found.marks:
+        name = shown.setdefault(students.same_name(marks.student), marks.student)
+        best = by_student.setdefault(name, {})
+        if marks.sheet not in best or marks.points > best[marks.sheet].points:
+            best[marks.sheet] = marks
+    return {name: by_student[name] for name in sorted(by_student)}
+
+
+def total_lines(found: Class) -> Iterator[str]:
+    """Yield the points of every student on all sheets together; none where all have one."""
+    of = totals(found)
+    if all(len(best) == 1 for best in of.values()):
+        return
+    for name, best in of.items():
+        points, most = (sum(getattr(m, what) for m in best.values()) for what in ("points", "of"))
+        yield f"{name}  {len(best)} sheets  {points} of {most}"
+
+
+def totals_text(found: Class) -> str:
+    """Return the totals as CSV: a row for every student, a column for every sheet."""
+    of = totals(found)
+    sheets = sorted({sheet for best in of.values() for sheet in best})
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([TOTALS[0], *sheets, *TOTALS[1:]])
+    for name, best in of.items():
+        each = [best[sheet].points if sheet in best else "" for sheet in sheets]
+        sums = [sum(m.points for m in best.values()), sum(m.of for m in best.values())]
+        writer.writerow([name, *each, *sums])
+    return out.getvalue()
 
 
 def lines(marks: Marks) -> Iterator[str]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet
 from acx4book.teaching.handed_in import Answer
+from acx4lib.errors import visible
+from acx4lib.flight.problems import quoted
 
 SIGMA_FACTOR = 1.3
 """A standard deviation is right up to this factor: methods and redundancies differ."""
@@ -17,6 +19,20 @@ ALIKE = 1.08
 """Up to this factor a wrong standard deviation is the one that a mistake gives."""
 
 UNEXPLAINED = "no common mistake gives this value"
+
+UNITS = {
+    "m": {"mm": 1e3, "cm": 1e2, "km": 1e-3},
+    "mm": {"µm": 1e3, "m": 1e-3},
+    "um": {"mm": 1e-3, "nm": 1e3},
+    "deg": {"seconds of arc": 3600.0, "minutes of arc": 60.0, "radians": float(np.pi / 180.0)},
+}
+"""Other units in which an answer may be given, and the factors by which its number differs."""
+
+COPIED = 3
+"""Answers for another student's flight that are enough to say so; fewer are enough if all are."""
+
+DIGITS = 500.0
+"""An answer tells flights apart if it has as many units of its last digit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +59,12 @@ class Verdict:
     says: str
 
 
-def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verdict]:
+def graded(
+    sheet: Sheet,
+    case: Case,
+    answers: Mapping[str, Answer],
+    others: Callable[[], Mapping[str, Rights]] = dict,
+) -> list[Verdict]:
     """Return a verdict on every question of a sheet.
 
     Parameters
@@ -53,6 +74,8 @@ def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verd
         The student's flight with its truth.
     answers : mapping of str to Answer
         By question; what is not asked for is not looked at.
+    others : callable, optional
+        Returns the right answers of other students, by their names; called if something is wrong.
     """
     right = sheet.solve(case)
     values = {
@@ -68,8 +91,14 @@ def graded(sheet: Sheet, case: Case, answers: Mapping[str, Answer]) -> list[Verd
     }
     wrong_sigma = {n: s for n, s in sigmas.items() if not _sigma_is_right(s, right[n])}
     mistakes = [*sheet.mistakes(case, right)] if wrong or wrong_sigma else []
-    why = explained(wrong, right, mistakes)
-    why_sigma = explained_sigma(wrong_sigma, right, mistakes)
+    copied = [*copies(sheet, wrong, others())] if wrong else []
+    units = {q.name: q.unit for q in sheet.questions}
+    in_units = in_other_units(wrong, right, units)
+    why = {
+        name: in_units.get(name, says) if says == UNEXPLAINED else says
+        for name, says in explained(wrong, right, [*copied, *mistakes]).items()
+    }
+    why_sigma = explained_sigma(wrong_sigma, right, [*copied, *mistakes], units)
     return [
         _verdict(q, answers.get(q.name), right[q.name], why, why_sigma) for q in sheet.questions
     ]
@@ -99,8 +128,9 @@ def _verdict(
     """Return what is said of one answer whose mistakes are known."""
     of = 2 if question.with_sigma else 1
     says, points = [], 0
+    unread = [visible(quoted(cell)) for cell in answer.no_number] if answer else []
     if answer is None or answer.value is None:
-        says.append("not answered")
+        says.append(f"{unread[0]} is no number" if unread else "not answered")
     elif not _unit(question, answer):
         says.append(f"unit {answer.unit}; asked for in {question.unit}")
     else:
@@ -108,6 +138,7 @@ def _verdict(
         points += question.name not in why
         if question.with_sigma:
             missing = "" if answer.sigma is not None else "σ is missing"
+            missing = f"σ: {unread[0]} is no number" if unread else missing
             said = why_sigma.get(question.name, missing)
             says += [said] if said else []
             points += not said
@@ -146,6 +177,52 @@ def explained(
     return {name: said.get(name, UNEXPLAINED) for name in wrong}
 
 
+def in_other_units(
+    wrong: Mapping[str, float], right: Rights, units: Mapping[str, str]
+) -> dict[str, str]:
+    """Return for every wrong answer that is right in another unit which one this is."""
+    said = {}
+    for name, value in wrong.items():
+        truth, bound = right[name].truth, right[name].bound
+        for unit, factor in UNITS.get(units[name], {}).items():
+            if abs(truth) > bound and abs(value / factor - truth) <= bound:
+                said[name] = f"given in {unit}; asked for in {units[name]}"
+    return said
+
+
+def copies(
+    sheet: Sheet, wrong: Mapping[str, float], others: Mapping[str, Rights]
+) -> Iterator[Mistake]:
+    """Yield the answers for another student's flight, where wrong ones are these.
+
+    That it is no chance, at least `COPIED` of them agree to the last digit, or all, if they are
+    two, and most of all. Numbers of few digits tell nothing.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    wrong : mapping of str to float
+        Wrong answers by question.
+    others : mapping of str to mapping
+        Right answers by student.
+    """
+    digits = {q.name: q.digits for q in sheet.questions}
+    last = {name: 10.0 ** -digits[name] for name in wrong}
+    for student, right in others.items():
+        telling = [n for n in wrong if abs(right[n].value) >= DIGITS * last[n]]
+        same = [n for n in telling if apart(n, wrong[n], right[n].value) <= 1.01 * last[n]]
+        if (
+            len(same) >= 2
+            and 2 * len(same) > len(telling)
+            and (len(same) >= COPIED or len(same) == len(wrong))
+        ):
+            yield Mistake(
+                says=f"this is the answer for the flight of {student}",
+                gives={name: right[name].value for name in same},
+                gives_sigma={n: r.sigma for n, r in right.items() if r.sigma is not None},
+            )
+
+
 def _fit(left: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[str, float]:
     """Return the answers that a mistake explains, and how far they are from what it gives."""
     fits = {}
@@ -164,7 +241,10 @@ def _rank(fit: Mapping[str, float]) -> tuple[int, float]:
 
 
 def explained_sigma(
-    wrong: Mapping[str, float], right: Rights, mistakes: Iterable[Mistake]
+    wrong: Mapping[str, float],
+    right: Rights,
+    mistakes: Iterable[Mistake],
+    units: Mapping[str, str],
 ) -> dict[str, str]:
     """Return for every wrong standard deviation which mistake it is, or by what factor it is off.
 
@@ -174,8 +254,10 @@ def explained_sigma(
         Wrong standard deviations by question.
     right : mapping of str to Right
     mistakes : iterable of Mistake
+    units : mapping of str to str
+        In which they are asked for.
     """
-    said = {name: _factor(sigma, right[name]) for name, sigma in wrong.items()}
+    said = {name: _factor(sigma, right[name], units[name]) for name, sigma in wrong.items()}
     nearest = dict.fromkeys(wrong, ALIKE)
     for mistake in mistakes:
         for name in wrong.keys() & mistake.gives_sigma.keys():
@@ -190,10 +272,13 @@ def _ratio(a: float, b: float) -> float:
     return max(a / b, b / a) if a > 0 and b > 0 else np.inf
 
 
-def _factor(sigma: float, right: Right) -> str:
+def _factor(sigma: float, right: Right, unit: str) -> str:
     if not sigma > 0:
         return "σ must be positive"
     known = right.sigma or np.nan
+    for other, factor in UNITS.get(unit, {}).items():
+        if _ratio(sigma, factor * known) <= SIGMA_FACTOR:
+            return f"σ is given in {other}; asked for in {unit}"
     if sigma < known:
         return f"σ is too small by a factor of {known / sigma:.1f}"
     return f"σ is too large by a factor of {sigma / known:.1f}"

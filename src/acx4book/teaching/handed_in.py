@@ -1,18 +1,22 @@
 """What students hand in, read as data: answers.csv, or the results folder of a run.
 
-Nothing of it is executed, and whatever cannot be read is one sentence.
+Nothing of it is executed, and whatever cannot be read is one sentence. Spreadsheets of countries
+with a decimal comma write it, and semicolons between cells: both are read.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from acx4book.teaching import students
 from acx4lib.errors import FlightError
-from acx4lib.flight.problems import Range, lines_of, quoted
+from acx4lib.flight.problems import Range, lines_of
 from acx4lib.flight.text.cells import numbers_of
 from acx4lib.flight.text.document import read_toml
 from acx4lib.flight.text.names import NUMBER
@@ -28,6 +32,9 @@ COLUMNS = ("student", "sheet", "question", "value", "sigma", "unit")
 
 LARGEST = 1_000_000
 """Bytes of a file that is read; one with all answers has a few thousand."""
+
+LARGEST_NUMBER = 1e300
+"""No answer is as large."""
 
 OF_RUN = ("parameters.csv", "flight/flight.toml")
 """What is read of a results folder."""
@@ -53,13 +60,16 @@ class Answer:
     Attributes
     ----------
     value, sigma : float or None
-        None where the cell is empty.
+        None where the cell is empty, or no number.
     unit : str
+    no_number : tuple of str
+        Cells of the two that are no number, as they were written.
     """
 
     value: float | None
     sigma: float | None
     unit: str
+    no_number: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,15 +128,7 @@ def read(path: Path) -> HandedIn:
 
 
 def _of_answers(path: Path) -> HandedIn:
-    table = _table(path, _ANSWERS)
-    bad = [
-        table.problem(row, column, quoted(cell), "must be a number, decimal point, or empty")
-        for column in ("value", "sigma")
-        for row, cell in enumerate(table.text[column])
-        if cell.strip() and not NUMBER.fullmatch(cell)
-    ]
-    if bad:
-        raise FlightError(lines_of(bad))
+    table = _table(path, _ANSWERS, as_written=_with_points)
     named = {(students_name(s), sheet) for s, sheet in zip(*_columns(table, 2), strict=True)}
     if len(named) != 1:
         raise FlightError([f"{path}: must be the answers of one student to one sheet"])
@@ -139,18 +141,64 @@ def _columns(table: Table, n: int) -> list[Sequence[str]]:
 
 
 def _answers(table: Table) -> dict[str, Answer]:
-    value, sigma = (numbers_of(table.text[name]) for name in ("value", "sigma"))
+    cells = zip(*(table.text[name] for name in COLUMNS[2:]), strict=True)
     return {
-        name: Answer(value=_known(value[k]), sigma=_known(sigma[k]), unit=unit.strip())
-        for k, (name, unit) in enumerate(
-            zip(table.text["question"], table.text["unit"], strict=True)
+        name: Answer(
+            value=_number(value),
+            sigma=_number(sigma),
+            unit=unit.strip(),
+            no_number=tuple(
+                cell.strip() for cell in (value, sigma) if cell.strip() and _number(cell) is None
+            ),
         )
+        for name, value, sigma, unit in cells
     }
 
 
-def _known(value: float) -> float | None:
-    """Return a number, None for NaN and for one that is too large to be one."""
-    return float(value) if abs(value) < 1e300 else None
+def _number(cell: str) -> float | None:
+    """Return the number in a cell; None where there is none, or one that no result can be."""
+    value = float(numbers_of([cell])[0])
+    return value if abs(value) < LARGEST_NUMBER else None
+
+
+# --- as spreadsheets write -------------------------------------------------------------------
+
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?|[+-]?\d+,", re.ASCII)
+_GROUPED = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+", re.ASCII)
+_MINUS = str.maketrans("\u2212", "-")
+
+
+def _with_points(text: str) -> str:
+    """Return a table with commas between cells and decimal points; a line stays a line."""
+    header = text.partition("\n")[0]
+    between = ";" if ";" in header and "," not in header else ","
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=between, strict=True))
+    except csv.Error:  # the reader of tables says what is wrong
+        return text
+    header_cells = [name.strip() for name in rows[0]] if rows else []
+    numbers = [k for k, name in enumerate(header_cells) if name in ("value", "sigma")]
+    plain = [
+        [_with_point(cell) if k in numbers else cell for k, cell in enumerate(row)] for row in rows
+    ]
+    if between == "," and plain == rows:
+        return text
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(plain)
+    return out.getvalue()
+
+
+def _with_point(cell: str) -> str:
+    """Return a number with a decimal comma, or with another sign for minus, as it is read."""
+    number = cell.strip().translate(_MINUS)
+    if _GROUPED.fullmatch(number):
+        return number.replace(".", "").replace(",", ".")
+    if _COMMA.fullmatch(number):
+        return number.replace(",", ".")
+    if NUMBER.fullmatch(number):
+        return number
+    # what begins with a sign and is no number would be taken for a formula
+    return re.sub(r"^\s*-", "\u2212", cell)
 
 
 def students_name(text: str) -> str:
@@ -190,9 +238,11 @@ def _estimates(table: Table) -> dict[str, Answer]:
     }
 
 
-def _table(path: Path, schema: Schema) -> Table:
+def _table(path: Path, schema: Schema, *, as_written: Callable[[str], str] = str) -> Table:
     """Return a table in which no problem was found."""
-    table = read_columns(path, str(path), schema, needed_by="a mark", most=LARGEST)
+    table = read_columns(
+        path, str(path), schema, needed_by="a mark", most=LARGEST, as_written=as_written
+    )
     if table.problems:
         raise FlightError(lines_of(table.problems))
     return table

@@ -165,14 +165,15 @@ def components(
     expected.names_of("applied", applied or {}, group_names(bundle.network.block))
     groups = [g for g in _groups(bundle) if len(g["sigma"])]
     shares = _shares(bundle, groups)
-    inverse = np.linalg.pinv(shares, rcond=1e-8, hermitian=True)
+    known = bool(np.isfinite(shares).all())  # not where a point has no coordinates in numbers
+    inverse = np.linalg.pinv(shares if known else np.eye(len(groups)), rcond=1e-8, hermitian=True)
     variance = inverse @ np.array([np.sum(g["squares"]) for g in groups])
     effective = 1 / np.maximum(np.diag(inverse), 1e-12)
     out = []
     for k, g in enumerate(groups):
         before = (applied or {}).get(g.name, 1.0)
         redundancy = float(np.sum(g["redundancy"]))
-        told = redundancy > 1e-6
+        told = known and redundancy > 1e-6
         out.append(
             Component(
                 group=g.name,

@@ -148,6 +148,11 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
     d : ndarray, shape (n, 3)
         Errors of the points, m.
 
+    Raises
+    ------
+    LinAlgError
+        Where the covariance is singular in numbers.
+
     Notes
     -----
     C = S + K K^T, where S is sparse (a point shares exposures with its neighbours only, unless the
@@ -162,7 +167,12 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
         return 0.0
     K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(len(d), -1)
     with processors.on_one_thread():
-        S = splu(_without_parameters(sources), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+        try:
+            S = splu(
+                _without_parameters(sources), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0
+            )
+        except RuntimeError as error:  # SuperLU has no error of its own
+            raise np.linalg.LinAlgError(str(error)) from error
         by_S, K_by_S = S.solve(d), S.solve(K)
         shared = np.linalg.solve(np.eye(K.shape[1]) + K.T @ K_by_S, K.T @ by_S)
         return float(d @ by_S - (K_by_S.T @ d) @ shared)

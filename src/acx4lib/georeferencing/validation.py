@@ -131,24 +131,26 @@ def validate(
     selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
     whole = selected
     selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
-    pairs, n_failed = _pairs(block, georeferenced, selected)
+    (rays, idx), n_failed = _pairs(block, georeferenced, selected)
+    pairs, paired, _ = _compared(block, georeferenced, rays, idx, refraction)
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
-    points = _renumbered(selected, met)
-    at_points = differences_at(block, georeferenced, *points, refraction)
+    rays, idx = _renumbered(selected, met)
+    at_points, compared, rays = _compared(block, georeferenced, rays, idx, refraction)
+    met[idx[~compared]] = False
     return Validation(
         method=method,
         block=block,
         georeferenced=georeferenced,
-        pairs=differences_at(block, georeferenced, *pairs, refraction),
+        pairs=pairs,
         points=at_points,
         rejected=misfits + nowhere,
         stopped=stopped,
         exchanged=_exchanged(block, georeferenced, whole, at_points, absurd, refraction),
-        n_failed=n_failed,
+        n_failed=n_failed + int(np.sum(~paired)),
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=ray_tests.cost(block, georeferenced, points[0], refraction=refraction),
-        redundancy=points[0].colrow.size - 3 * points[0].n_groups,
+        cost=ray_tests.cost(block, georeferenced, rays, refraction=refraction),
+        redundancy=rays.colrow.size - 3 * rays.n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
     )
@@ -287,6 +289,26 @@ def _pairs(
     rows = np.column_stack([a[good], b[good]]).ravel()
     group = np.repeat(np.arange(int(good.sum())), 2)
     return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
+
+
+def _compared(
+    block: Block,
+    georeferenced: direct.Georeferenced,
+    rays: direct.Rays,
+    idx: Index,
+    refraction: str,
+) -> tuple[Differences, Mask, direct.Rays]:
+    """Return the differences of groups of rays, which groups have one, and the rays of these.
+
+    Rays that are almost parallel may meet where the map ends, or nowhere in numbers.
+    """
+    found = differences_at(block, georeferenced, rays, idx, refraction)
+    known: Mask = np.isfinite(np.hstack([found.d, found.sigma])).all(axis=1)
+    if known.all():
+        return found, known, rays
+    rows = np.flatnonzero(known[rays.group])
+    rays = rays.select(rows, (np.cumsum(known) - 1)[rays.group[rows]])
+    return differences_at(block, georeferenced, rays, idx[known], refraction), known, rays
 
 
 def _meet(seen: Measurement, selected: direct.Rays) -> Mask:

@@ -7,14 +7,15 @@ eliminates the points. A `problem.Problem` linearises its observations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.errors import AdjustmentError
+from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
@@ -178,7 +179,7 @@ def solve(
     """
     expected.whole("max_iterations", max_iterations)
     expected.positive_number("tolerance", tolerance)
-    with processors.on_one_thread():  # matrices are small or banded: more cost more than they bring
+    with _solving():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         precision = at_state.precision()
     return state, _solution(problem, at_state, precision, iterations)
@@ -204,11 +205,24 @@ def designed(problem: Problem[S], state: S) -> Solution:
     AdjustmentError
         Where observations are fewer than unknowns.
     """
-    with processors.on_one_thread():
+    with _solving():
         at_state = normals(problem, state)
         _degrees_of_freedom(problem, at_state)
         found = _solution(problem, at_state, at_state.precision(), 0)
     return replace(found, cost=float(found.redundancy))
+
+
+@contextmanager
+def _solving() -> Iterator[None]:
+    """Solve on one thread; what cannot be solved is an AdjustmentError.
+
+    Matrices are small or banded: more threads cost more than they bring.
+    """
+    try:
+        with processors.on_one_thread():
+            yield
+    except np.linalg.LinAlgError as error:
+        raise unsolvable(str(error)) from error
 
 
 def _solution(

@@ -174,9 +174,12 @@ class Banded:
         start = np.ones(n) / np.sqrt(n)
         operator, eigsh = scipy.sparse.linalg.LinearOperator, scipy.sparse.linalg.eigsh
         inverse = operator((n, n), matvec=self._solve_scaled, dtype=float)
-        largest_of_inverse, weakest = eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
         itself = operator((n, n), matvec=self._times_scaled, dtype=float)
-        largest = eigsh(itself, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
+        try:
+            largest_of_inverse, weakest = eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
+            largest = eigsh(itself, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
+        except scipy.sparse.linalg.ArpackError as error:
+            raise linalg.LinAlgError(str(error)) from error
         return float(largest[0] * largest_of_inverse[0]), weakest[:, 0]
 
     def _times_scaled(self, x: Array) -> Array:

@@ -100,7 +100,10 @@ class Dense:
     @cached_property
     def spectrum(self) -> tuple[Array, Array]:
         """Eigenvalues, ascending, and eigenvectors of the scaled matrix."""
-        values, vectors = scipy.linalg.eigh(self._scaled)
+        if not np.isfinite(self._scaled).all():
+            msg = "the normal equations hold numbers that are not finite"
+            raise np.linalg.LinAlgError(msg)
+        values, vectors = scipy.linalg.eigh(self._scaled, check_finite=False)
         return values, vectors
 
     def solve(self, g: Array) -> Array:

@@ -17,7 +17,7 @@ from acx4lib.calibration.heads import (
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
-from acx4lib.stages.explained import explained
+from acx4lib.stages.explained import explained, solving
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,8 +46,9 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
         With a block heads.
     results_path : path
     """
-    stage = orient(flight, calibrate(flight))
-    said = explained(records(stage), flight, "heads")
+    with solving(flight, "heads"):
+        stage = orient(flight, calibrate(flight))
+        said = explained(records(stage), flight, "heads")
     adjustments.write(results_path, "heads", said, flight=flight)
     return stage
 

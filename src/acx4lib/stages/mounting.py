@@ -14,7 +14,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments, provenance
 from acx4lib.results.carried import mounted_block
-from acx4lib.stages.explained import explained, explaining
+from acx4lib.stages.explained import explained, explaining, solving
 
 
 class Settings(TypedDict):
@@ -113,9 +113,10 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     if "calibration" in flight.carried:
         found = provenance.results_before(results_path, ["synthetic"], flight)
         block = mounted_block(flight, "calibration", found)
-    with explaining(flight, "calibration"):
-        stage = calibrate(flight, block)
-    records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
-    records = explained(records, flight, "calibration")
+    with solving(flight, "calibration"):
+        with explaining(flight, "calibration"):
+            stage = calibrate(flight, block)
+        records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
+        records = explained(records, flight, "calibration")
     adjustments.write(results_path, "mounting", records, flight=flight)
     return stage

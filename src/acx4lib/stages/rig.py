@@ -15,7 +15,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
-from acx4lib.stages.explained import explained
+from acx4lib.stages.explained import explained, solving
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,12 +55,15 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     RigStage
         Of the block heads.
     """
-    stages = [(calibrate(flight), "heads")]
-    if "calibration" in flight.carried:
-        stages.append((calibrate(flight, method="rig_calibration"), "calibration"))
-    for stage, block in stages:
-        said = explained(records(stage), flight, block)
-        write(results_path, f"mounting/{stage.method}", said, flight=flight)
+    stages = []
+    blocks = {"rig": "heads", "rig_calibration": "calibration"}
+    for method in blocks if "calibration" in flight.carried else ("rig",):
+        with solving(flight, blocks[method]):
+            stage = calibrate(flight, method=method)
+            found = explained(records(stage), flight, blocks[method])
+        stages.append((stage, found))
+    for stage, found in stages:
+        write(results_path, f"mounting/{stage.method}", found, flight=flight)
     return stages[0][0]
 
 

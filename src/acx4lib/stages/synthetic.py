@@ -15,6 +15,7 @@ from acx4lib.results import folder, provenance
 from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write
 from acx4lib.results.carried import of_carried
 from acx4lib.results.read_back import read_relative_orientation
+from acx4lib.stages.explained import solving
 from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
 from acx4lib.synthetic_image.carried import CarriedPoints, carry
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
@@ -147,12 +148,13 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
         raise ValueError(msg)
     orientation = read_heads(flight, results_path)
     pictures = read_pictures(flight, orientation, reduce=reduce)
-    found = find(pictures, orientation) if pictures else None
-    refinement = refine(flight, orientation, found)
-    carried = {
-        name: carry(flight.block(name), refinement.orientation, synthetic)
-        for name in flight.carried
-    }
+    with solving(flight, "heads"):
+        found = find(pictures, orientation) if pictures else None
+        refinement = refine(flight, orientation, found)
+        carried = {
+            name: carry(flight.block(name), refinement.orientation, synthetic)
+            for name in flight.carried
+        }
     points = [of_carried(flight, carried)] if carried else []
     write(results_path, "synthetic", [*records(refinement), *points], flight=flight)
     return SyntheticStage(

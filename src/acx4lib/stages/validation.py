@@ -13,7 +13,7 @@ from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, earlier, provenance, read_back
 from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
-from acx4lib.stages.explained import explained
+from acx4lib.stages.explained import explained, solving
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,6 +60,8 @@ def run(
     FlightError
         Where the results of stage mounting are missing or of another flight, or the cameras of
         the earlier one are others.
+    AdjustmentError
+        Where nothing can be computed with the numbers of the block.
     """
     if str(calibration_path):
         return _of_earlier(flight, results_path, earlier.read(calibration_path, flight))
@@ -93,7 +95,8 @@ def _of_earlier(
 
 def _records(flight: Flight, stage: ValidationStage) -> list[adjustments.Record]:
     validations = [*stage.validations, *stage.in_heads]
-    return explained(of_validations(validations), flight, "validation")
+    with solving(flight, "validation"):
+        return explained(of_validations(validations), flight, "validation")
 
 
 def _validated(
@@ -104,12 +107,13 @@ def _validated(
 ) -> ValidationStage:
     """Validate calibrations in a block, and rigs as it was measured in heads."""
     measured = flight.block("validation")
-    return ValidationStage(
-        block=block,
-        calibrations=calibrations,
-        validations=_validations(flight, block, calibrations),
-        in_heads=_validations(flight, measured, rigs),
-    )
+    with solving(flight, "validation"):
+        return ValidationStage(
+            block=block,
+            calibrations=calibrations,
+            validations=_validations(flight, block, calibrations),
+            in_heads=_validations(flight, measured, rigs),
+        )
 
 
 def _validations(

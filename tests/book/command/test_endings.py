@@ -37,6 +37,11 @@ def raising(error):
         ),
         (KeyboardInterrupt(), 130, "interrupted"),
         (SystemExit(143), 143, "terminated"),
+        (
+            np.linalg.LinAlgError("Singular matrix"),
+            1,
+            "the equations cannot be solved (Singular matrix): one number is so far from",
+        ),
         (SystemExit(3), 3, ""),
         (SystemExit(None), 0, ""),
     ],
@@ -52,7 +57,6 @@ def test_what_is_foreseen_has_its_sentence(capsys, error, status, said):
     "error",
     [
         cv2.error("OpenCV(5)\n(-215:Assertion failed) pixels <= MOST in function 'x'\n"),
-        np.linalg.LinAlgError("Singular matrix"),
         pyproj.exceptions.CRSError("Invalid projection"),
         pyproj.exceptions.ProjError("out of range"),
         pd.errors.EmptyDataError("No columns"),

@@ -29,7 +29,9 @@ def test_a_class_is_marked_and_what_cannot_be_read_stops_nothing(tmp_path, key, 
     )
     found = class_table.grade([folder], key)
     assert {m.student: m.points for m in found.marks}["Ada"] == len(good)
-    assert {m.student: m.points for m in found.marks}["Bob"] < len(good) / 2
+    (bob,) = (m for m in found.marks if m.student == "Bob")
+    assert bob.points < len(good) / 2
+    assert any(v.says == "this is the answer for the flight of Ada" for v in bob.verdicts)
     assert len(found.unread) == 3
     assert all("not graded" in line and "\n" not in line for line in found.unread)
     shown = list(class_table.lines(found.marks[0]))
@@ -44,3 +46,17 @@ def test_an_empty_answers_file_has_no_points(tmp_path, key):
     (marks,) = class_table.grade([tmp_path / "flight"], key).marks
     assert marks.points == 0
     assert {verdict.says for verdict in marks.verdicts} == {"not answered"}
+
+
+def test_totals_are_of_all_sheets_and_count_the_best_attempt(tmp_path, key, solved):
+    for sheet in ("lab-1", "lab-2"):
+        _, right = solved(sheet, "Ada")
+        good = {q.name: round(right[q.name].value, q.digits) for q in SHEETS[sheet].questions}
+        hand_in(tmp_path / sheet, "Ada", sheet, good)
+    hand_in(tmp_path / "again", "ada", "lab-1", {})
+    found = class_table.grade([tmp_path / n for n in ("lab-1", "lab-2", "again")], key)
+    one, two = (len(SHEETS[sheet].questions) for sheet in ("lab-1", "lab-2"))
+    assert list(class_table.total_lines(found)) == [f"Ada  2 sheets  {one + two} of {one + two}"]
+    assert class_table.totals_text(found) == (
+        f"student,lab-1,lab-2,points,of\nAda,{one},{two},{one + two},{one + two}\n"
+    )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from acx4book.teaching import grading
-from acx4book.teaching.case import Mistake, estimated
+from acx4book.teaching.case import Mistake, computed, estimated
 from acx4book.teaching.handed_in import Answer
 from acx4book.teaching.sheets.every import SHEETS
 from support.helpers import repeats
@@ -107,3 +107,82 @@ def test_another_unit_is_no_answer_and_whole_turns_do_not_count(solved):
     assert said(SHEETS["lab-2"], case, {name: turned})[name] == ""
     gon = Answer(value=1.0, sigma=None, unit="gon")
     assert said(SHEETS["lab-2"], case, {name: gon})[name] == "unit gon; asked for in deg"
+
+
+@pytest.mark.parametrize("value", [1.23449, 1.23451, -1.23449, -1.2350001])
+def test_the_last_digit_may_differ_by_one_in_both_directions(value):
+    right = computed(value, 3)
+    for off in (-0.001, 0.0, 0.001):
+        assert abs(round(value, 3) + off - right.truth) <= right.bound
+    for off in (-0.002, 0.002):
+        assert abs(round(value, 3) + off - right.truth) > right.bound
+
+
+def test_what_is_no_number_is_called_so_for_value_and_sigma(solved):
+    case, right = solved("lab-6", "Ada")
+    sheet = replace(SHEETS["lab-6"], solve=lambda _case: right)
+    nan = Answer(value=None, sigma=None, unit="m", no_number=("nan",))
+    assert said(sheet, case, {"lever_x_m": nan})["lever_x_m"] == "'nan' is no number"
+    value = right["lever_x_m"].value
+    sigma = Answer(value=value, sigma=None, unit="m", no_number=("1e999",))
+    assert said(sheet, case, {"lever_x_m": sigma})["lever_x_m"] == "σ: '1e999' is no number"
+
+
+def test_another_unit_is_named_of_values_and_of_standard_deviations(solved):
+    case, right = solved("lab-6", "Ada")
+    sheet = replace(SHEETS["lab-6"], solve=lambda _case: right, mistakes=lambda *_: [])
+    name, one = "boresight_phi_deg", right["boresight_phi_deg"]
+    seconds = Answer(value=3600 * one.value, sigma=3500 * one.sigma, unit="deg")
+    assert said(sheet, case, {name: seconds})[name] == (
+        "given in seconds of arc; asked for in deg; σ is given in seconds of arc; asked for in deg"
+    )
+    name, one = "two_step_lever_z_m", right["two_step_lever_z_m"]
+    in_mm = Answer(value=one.value, sigma=994.7 * one.sigma, unit="m")
+    assert said(sheet, case, {name: in_mm})[name] == "σ is given in mm; asked for in m"
+
+
+def test_values_of_the_other_method_are_named(solved):
+    case, right = solved("lab-6", "Ada")
+    mistakes = list(SHEETS["lab-6"].mistakes(case, right))
+    two_step = next(m for m in mistakes if "of the two-step method" in m.says)
+    sheet = replace(SHEETS["lab-6"], solve=lambda _case: right, mistakes=lambda *_: mistakes)
+    answers = {
+        name: Answer(value=value, sigma=two_step.gives_sigma[name], unit=sheet.question(name).unit)
+        for name, value in two_step.gives.items()
+    }
+    found = said(sheet, case, answers)
+    named = [name for name in answers if two_step.says in found[name]]
+    assert "lever_z_m" in named  # its sigma is many times larger
+    assert all(
+        found[name] in ("", two_step.says, f"{two_step.says}; {two_step.says}") for name in named
+    )
+
+
+def test_a_convergence_of_zero_is_named(solved):
+    case, _ = solved("lab-2", "Ada")
+    zero = Answer(value=0.0, sigma=None, unit="deg")
+    found = said(SHEETS["lab-2"], case, {"convergence_deg": zero})
+    assert "convergence is not zero" in found["convergence_deg"]
+
+
+def test_answers_for_another_students_flight_are_recognised_and_single_chances_are_not(solved):
+    case, right = solved("lab-6", "Ada")
+    _, other = solved("lab-6", "Bob")
+    sheet = replace(SHEETS["lab-6"], solve=lambda _case: right, mistakes=lambda *_: [])
+
+    def verdicts(of_other):
+        answers = {
+            q.name: Answer(
+                value=round((other if q.name in of_other else right)[q.name].value, q.digits),
+                sigma=None,
+                unit=q.unit,
+            )
+            for q in sheet.questions
+        }
+        graded = grading.graded(sheet, case, answers, lambda: {"Bob": other, "Cid": right})
+        return {v.question.name: v.says for v in graded}
+
+    lever = ("lever_x_m", "lever_y_m", "lever_z_m")
+    found = verdicts(lever)
+    assert all("this is the answer for the flight of Bob" in found[name] for name in lever)
+    assert "flight of" not in " ".join(verdicts(lever[:1]).values())

@@ -12,6 +12,7 @@ from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
+from acx4lib.georeferencing import error_sources
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.statistical.gauss_markov import WHITE, GaussMarkov
 from support import blocks
@@ -270,3 +271,16 @@ def test_a_pair_whose_rays_meet_behind_the_cameras_is_no_row(block, cameras):
     assert 0 not in found.pairs.point_idx
     lost = sum(angle < 2.0 for angle in pairs_of(block, 0).values())
     assert found.n_failed == before.n_failed - lost + 1
+
+
+def test_a_singular_joint_covariance_is_an_error_of_linear_algebra(block, cameras):
+    points = validate(block, cameras, method="given").points
+    without = replace(
+        points.sources,
+        image=0 * points.sources.image,
+        survey=0 * points.sources.survey,
+        by_body=0 * points.sources.by_body,
+        by_parameters=0 * points.sources.by_parameters,
+    )
+    with pytest.raises(np.linalg.LinAlgError):
+        error_sources.chi_square(without, points.d)

@@ -1,7 +1,9 @@
 """What stops or fails is explained by the reading of the flight that fits."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from acx4lib.conventions.search import Found
@@ -40,3 +42,19 @@ def test_an_error_that_ends_the_stage_does_as_well(best):
     with pytest.raises(AdjustmentError) as raised, explained.explaining(None, "calibration"):
         raise AdjustmentError("no start")
     assert str(raised.value) == expected
+
+
+def test_a_failure_of_linear_algebra_names_the_exposures_that_stand_out(exact_block):
+    trajectory = exact_block.trajectory
+    r = trajectory.T_m_b.r.copy()
+    r[2, 0] += 1e7
+    away = replace(trajectory, T_m_b=replace(trajectory.T_m_b, r=r))
+    block = replace(exact_block, trajectory=away)
+    flight = SimpleNamespace(block=lambda _name: block)
+    with pytest.raises(AdjustmentError) as raised, explained.solving(flight, "calibration"):
+        np.linalg.inv(np.zeros((2, 2)))
+    assert str(raised.value) == (
+        f"the equations of block 'calibration', in which exposure {trajectory.exposures[2]} stand "
+        "out, cannot be solved (Singular matrix): one number is so far from the others that "
+        "nothing can be computed with both; look at coordinates, angles and sigma"
+    )

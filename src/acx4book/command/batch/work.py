@@ -15,7 +15,7 @@ from acx4book.command.batch import standing, table
 from acx4book.command.batch.jobs import Job
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
+from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
 from acx4lib.results.own_folder import claims
 
@@ -147,6 +147,8 @@ def _said(error: Exception) -> tuple[int, list[str]]:
     if isinstance(error, OSError):
         named = f"{error.filename}: " if error.filename is not None else ""
         return 2, [f"{named}{error.strerror or error}"]
+    if type(error).__name__ == "LinAlgError":
+        return 1, [str(unsolvable(str(error)))]
     return 1, [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
 
 

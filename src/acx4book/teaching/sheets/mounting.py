@@ -75,10 +75,7 @@ def given(case: Case) -> Sequence[str]:
 def solve(case: Case) -> Rights:
     """Calibrate by both methods."""
     methods = calibrate(case.flight).mountings
-    single, two = (
-        parameters(methods[method].calibration, case.true_camera)
-        for method in ("single_step", "two_step")
-    )
+    single, two = _by_method(case, methods)
     one = named(OF_IMAGE, _reported(_of_image(methods)))
     digits = {question.name: question.digits for question in QUESTIONS}
     by_hand = {name: computed(value, digits[name]) for name, value in one.items()}
@@ -87,6 +84,15 @@ def solve(case: Case) -> Rights:
         TWO_STEP: two["lever_z_m"],
         **by_hand,
     }
+
+
+def _by_method(case: Case, methods: Mountings) -> tuple[Rights, Rights]:
+    """Return the parameters of the single-step and of the two-step method."""
+    single, two = (
+        parameters(methods[method].calibration, case.true_camera)
+        for method in ("single_step", "two_step")
+    )
+    return single, two
 
 
 def _of_image(methods: Mountings) -> Pose:
@@ -116,9 +122,25 @@ def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
         )
         yield scaled(right, lever, 1000.0, "given in mm; asked for in m")
     yield from _wrong_axes(case, right)
+    yield from _other_methods(case)
     yield variances(right)
     n = len(case.block.images)
     yield too_small(right, dict.fromkeys((*BORESIGHT, *LEVER, TWO_STEP), n), f"{n} images")
+
+
+def _other_methods(case: Case) -> Iterator[Mistake]:
+    """Yield the numbers of one method in the place of the other's."""
+    single, two = _by_method(case, calibrate(case.flight).mountings)
+    for says, found, names in (
+        ("this is of the two-step method; asked for the single step", two, (*BORESIGHT, *LEVER)),
+        ("this is of the single step; asked for the two-step method", single, (TWO_STEP,)),
+    ):
+        of = {name: found[name.removeprefix("two_step_")] for name in names}
+        yield Mistake(
+            says=says,
+            gives={name: right.value for name, right in of.items()},
+            gives_sigma={n: right.sigma for n, right in of.items() if right.sigma is not None},
+        )
 
 
 def _wrong_axes(case: Case, right: Rights) -> Iterator[Mistake]:

@@ -121,6 +121,10 @@ def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
         gives = {**named(BODY, _opk_deg(R_g_b)), **named(CAMERA, _opk_deg(R_g_b @ R_b_c))}
         yield Mistake(says=says, gives=gives)
     yield Mistake(
+        says="the convergence is not zero: it is zero on the central meridian of the map alone",
+        gives={GAMMA: 0.0},
+    )
+    yield Mistake(
         says="κ is the heading: that turns clockwise from north, κ counter-clockwise from east",
         gives={BODY[2]: float(np.degrees(_rph(case)[2]))},
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +35,13 @@ def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
 
 
 def read_columns(
-    path: Path, file: str, schema: Schema, *, needed_by: str, most: int | None = None
+    path: Path,
+    file: str,
+    schema: Schema,
+    *,
+    needed_by: str,
+    most: int | None = None,
+    as_written: Callable[[str], str] = str,
 ) -> Table:
     """Return a table with the columns of a schema; what is wrong is in its `problems`.
 
@@ -46,8 +52,12 @@ def read_columns(
     schema : Schema
     most : int, optional
         Largest size in bytes; by default what the free memory allows.
+    as_written : callable, optional
+        Takes the text of the file, and returns it as a table of commas and decimal points, line
+        by line.
     """
     whole, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
+    whole = as_written(whole)
     cells, problems = ([], problems) if problems else read_header(whole, file)
     header = [name.strip() for name in cells]
     problems = problems or _no_header(whole, header, file)
