@@ -17,6 +17,7 @@ import numpy as np
 import tifffile
 
 from acx4lib.errors import FlightError
+from acx4lib.exchange.safe import tiff_tags
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
 
@@ -113,9 +114,14 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     FlightError
         With a sentence that names the file.
     """
-    with _readable(path), tifffile.TiffFile(path) as tiff:
-        header = _header(tiff)
+    with _readable(path):
         size = path.stat().st_size
+        with path.open("rb") as file:
+            fault = tiff_tags.fault(file, size, pages=PAGES)
+        if fault:
+            raise FlightError([f"{path}: {fault}"])
+        with tiff_tags.opened(path) as tiff:
+            header = _header(tiff)
     k = _reduction(header, camera)
     problem = _kind_problem(header) or _size_problem(header, camera, k)
     problem = problem or _extent_problem(header, size)
@@ -303,7 +309,7 @@ def _mapped(path: Path, header: _Header) -> Raster:
 
 def _decoded(path: Path, header: _Header) -> Raster:
     """Return the decoded image, with the bands of a pixel together."""
-    with _readable(path), tifffile.TiffFile(path) as tiff:
+    with _readable(path), tiff_tags.opened(path) as tiff:
         image = tiff.pages.first.asarray(squeeze=False)
     planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of a plane
     together = planes.reshape(header.height, header.width, header.bands)

@@ -124,11 +124,11 @@ def read_calibration(
     reported_names = [name for name, _ in REPORTED.values()]
     mine = {f"{camera.name}/{name}" for camera in cameras for name in reported_names}
     names = [label for label in whole.index if label in mine]
+    row_of = {label: i for i, label in enumerate(names)}
     for k, camera in enumerate(cameras):
         for j, key in enumerate((*INTERIOR, *MOUNT)):
             label = f"{camera.name}/{REPORTED[key][0]}"
-            if label in names:
-                columns[k, j] = names.index(label)
+            columns[k, j] = row_of.get(label, -1)
     sigma0_sq = float(str(found.summary[stage_method]["sigma0_squared"]))
     reported = Calibration(
         cameras=estimated,

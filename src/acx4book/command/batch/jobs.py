@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,10 +75,10 @@ def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> lis
         A flight is given twice, or its folder has a name that cannot be used.
     """
     paths = [absolute(flight) for flight in flights]
-    for path in paths:
-        if paths.count(path) > 1:
-            msg = f"{path}: is given twice"
-            raise ValueError(msg)
+    again = [path for path, times in Counter(paths).items() if times > 1]
+    if again:
+        msg = f"{again[0]}: is given twice"
+        raise ValueError(msg)
     return [
         Job(name=name, flight=path, results=absolute(folder) / name, settings=settings)
         for name, path in zip(_told_apart(paths), paths, strict=True)
@@ -107,9 +108,9 @@ def of_seeds(
         for design in dict.fromkeys(designs)
         for seed in seeds
     ]
-    names = [job.name for job in jobs]
+    often = Counter(job.name for job in jobs)
     for job in jobs:
-        if fault := _fault(job.name, names, cure="rename the plan"):
+        if fault := _fault(job.name, often, cure="rename the plan"):
             msg = f"{job.design}: {fault}"
             raise ValueError(msg)
     return jobs
@@ -143,13 +144,14 @@ def _told_apart(paths: Sequence[Path]) -> list[str]:
     """Return names that differ, of as few folders as possible."""
     names = [_name(path, 1) for path in paths]
     for n in range(2, 1 + max(len(path.parts) for path in paths)):
-        alike = {name for name in names if names.count(name) > 1}
+        alike = {name for name, times in Counter(names).items() if times > 1}
         names = [
             _name(path, n) if name in alike else name
             for name, path in zip(names, paths, strict=True)
         ]
+    often = Counter(names)
     for name, path in zip(names, paths, strict=True):
-        if fault := _fault(name, names):
+        if fault := _fault(name, often):
             msg = f"{path}: {fault}"
             raise ValueError(msg)
     return names
@@ -160,11 +162,11 @@ def _name(path: Path, n: int) -> str:
     return "-".join(part for part in path.parts[-n:] if part != path.anchor)
 
 
-def _fault(name: str, names: Sequence[str], *, cure: str = "rename the flight's folder") -> str:
+def _fault(name: str, often: Counter[str], *, cure: str = "rename the flight's folder") -> str:
     """Return what is wrong with a name, and what to do; empty for a good one."""
     if not name or name.startswith(".") or name in RESERVED:
         return f"a folder of results cannot be called {name!r}; {cure}"
-    if names.count(name) > 1:
+    if often[name] > 1:
         return f"another flight would be called {name}, too; {cure}"
     fault = name_fault(name)
     return f"{fault[0]}; {cure}" if fault else ""

@@ -145,17 +145,17 @@ def _shots(taken: Sequence[Taken]) -> list[Shot]:
     groups = [tuple(g) for _, g in groupby(ordered, key=lambda one: exposure.key(one.tags))]
     for group in groups:
         names = [one.head.name for one in group]
-        again = next((name for name in names if names.count(name) > 1), "")
-        if again:
+        ((again, times),) = Counter(names).most_common(1)
+        if times > 1:
             first, second, *_ = [one.tags for one in group if one.head.name == again]
             found = f"{again} as in {first.path} of the same exposure"
             raise second.wrong(f"{rig.INDEX}, {rig.BAND}", found, "must be another head's")
     groups.sort(key=lambda group: (_when(group[0].tags), str(group[0].tags.path)))
     names = [exposure.name_of(group[0].tags) for group in groups]
-    times = Counter(names)
+    often = Counter(names)
     folders = [group[0].tags.path.parent.name for group in groups]
     unique = [
-        n if times[n] == 1 else f"{folder}/{n}" for n, folder in zip(names, folders, strict=True)
+        n if often[n] == 1 else f"{folder}/{n}" for n, folder in zip(names, folders, strict=True)
     ]
     if len(set(unique)) < len(unique):
         unique = [f"{k}/{name}" for k, name in enumerate(names, start=1)]
@@ -169,11 +169,12 @@ def _when(tags: Tags) -> float:
 
 def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
     """Return the exposures that have a position, and what is said of the others."""
-    placed = [shot for shot in shots if exposure.place_of(shot.taken[0].tags) is not None]
+    known = [exposure.place_of(shot.taken[0].tags) is not None for shot in shots]
+    placed = [shot for shot, there in zip(shots, known, strict=True) if there]
     if not placed:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
         raise tags.wrong("GPSLatitude, GPSLongitude, GPSAltitude", "missing", expected)
-    without = [shot.name for shot in shots if shot not in placed]
+    without = [shot.name for shot, there in zip(shots, known, strict=True) if not there]
     said = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
     return placed, [said] if without else []
 

@@ -16,8 +16,20 @@ import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.pictures import xmp
-from acx4lib.exchange.safe import opened
+from acx4lib.exchange.safe import opened, tiff_tags
 from acx4lib.flight.problems import quoted
+
+READ = frozenset(
+    (
+        *("Make", "Model", "BlackLevel"),
+        *("DateTime", "DateTimeOriginal", "SubsecTime", "SubsecTimeOriginal"),
+        *("FocalLength", "FocalLengthIn35mmFilm"),
+        *("FocalPlaneXResolution", "FocalPlaneResolutionUnit"),
+        *("GPSLatitude", "GPSLongitude", "GPSAltitude"),
+        *("GPSLatitudeRef", "GPSLongitudeRef", "GPSAltitudeRef"),
+    )
+)
+"""Tags that are read: thousands of pictures have others as large as 60 kB each."""
 
 _XMP_TAG = 700
 _EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
@@ -36,7 +48,7 @@ class Tags:
         Of the picture, for messages.
     width_px, height_px, samples, bits : int
     exif : mapping
-        Tags of the picture, of EXIF and of GPS, by their names.
+        Tags of `READ`, of the picture, of EXIF and of GPS, by their names.
     xmp : mapping of str to tuple of str
         As `xmp.properties` has them.
     sha256 : str
@@ -163,7 +175,7 @@ def _in_silence() -> Iterator[None]:
 
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
-    with tifffile.TiffFile(io.BytesIO(data)) as tiff:
+    with _opened(data) as tiff:
         page = tiff.pages.first
         tags = {tag.code: tag for tag in page.tags.values()}
         packet = tags[_XMP_TAG].value if _XMP_TAG in tags else b""
@@ -172,11 +184,20 @@ def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
         return (int(size[0]), int(size[1]), int(size[2]), int(size[3])), _flat(page), packet
 
 
+def _opened(data: bytes) -> tifffile.TiffFile:
+    """Return a TIFF, or the EXIF of a JPEG, whose tags take no more memory than it has bytes."""
+    fault = tiff_tags.fault(io.BytesIO(data), len(data), below=True)
+    if fault:
+        raise ValueError(fault)
+    return tiff_tags.opened(io.BytesIO(data))
+
+
 def _flat(page: Any) -> dict[str, Any]:
-    """Return the tags of a picture, of EXIF and of GPS by their names."""
-    own = {tag.name: tag.value for tag in page.tags.values() if tag.code != _XMP_TAG}
+    """Return the tags of `READ` of a picture, of its EXIF and of GPS by their names."""
+    own = {t.name: t.value for t in page.tags.values() if t.name in (*READ, "ExifTag", "GPSTag")}
     parts = [part for part in (own.pop("ExifTag", 0), own.pop("GPSTag", 0)) if part]
-    return {**own, **{name: part[name] for part in parts for name in part}}
+    below = {name: part[name] for part in parts for name in part if name in READ}
+    return {**own, **below}
 
 
 def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
@@ -188,7 +209,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
-            with tifffile.TiffFile(io.BytesIO(part[len(_EXIF_HEADER) :])) as tiff:
+            with _opened(part[len(_EXIF_HEADER) :]) as tiff:
                 exif = _flat(tiff.pages.first)
         elif marker == _APP1 and part.startswith(_XMP_HEADER) and not packet:
             packet = part[len(_XMP_HEADER) :]

@@ -9,15 +9,19 @@ import zipfile
 import zlib
 
 from acx4lib.exchange.safe.opened import Opened
+from acx4lib.flight.text import files
 
 MOST_MEMBERS = 10_000
 """Largest number of members of an archive."""
 
-MOST_BYTES = 1_000_000_000
-"""Largest size of a member, bytes."""
+MOST_BYTES = 300_000_000
+"""Largest size of a member, bytes; the XML of 100 000 images has that."""
 
 LARGEST_RATIO = 200
 """Of a member's size to what it takes in the archive; text has about 10, a bomb 1000."""
+
+AT_A_TIME = 1_000_000
+"""Bytes that are unpacked between two looks at this ratio."""
 
 UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
@@ -42,7 +46,8 @@ def member(source: Opened, name: str) -> Opened:
         Where it is no archive, has no such member, or one that is too large or encrypted.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(source.data)) as archive:
+        packed = io.BytesIO(source.data)
+        with zipfile.ZipFile(packed) as archive:
             entries = {entry.filename: entry for entry in archive.infolist()[: MOST_MEMBERS + 1]}
             if len(entries) > MOST_MEMBERS:
                 expected = f"must have at most {MOST_MEMBERS}"
@@ -50,15 +55,28 @@ def member(source: Opened, name: str) -> Opened:
             if name not in entries:
                 raise source.wrong("archive", f"has no member {name!r}", "required")
             entry = entries[name]
-            most = min(MOST_BYTES, LARGEST_RATIO * max(entry.compress_size, 1))
-            if entry.file_size > most or entry.flag_bits & 1:
-                found = f"{name!r} has {entry.file_size} bytes packed into {entry.compress_size}"
-                expected = f"must have at most {LARGEST_RATIO} times as many, and no password"
-                raise source.wrong("archive", found, expected)
+            _require_size(source, entry, entry.file_size, entry.compress_size)
             with archive.open(entry) as opened:
-                data = opened.read(most + 1)
+                data, begin = bytearray(), packed.tell()
+                while part := opened.read(AT_A_TIME):
+                    data += part
+                    # What the header says may be wrong, what was read is not.
+                    taken = max(packed.tell() - begin, AT_A_TIME // LARGEST_RATIO)
+                    _require_size(source, entry, len(data), taken)
     except UNREADABLE as error:
         reason = str(error).split("\n")[0] or type(error).__name__
         found = f"is no ZIP archive that can be read ({reason})"
         raise source.wrong("archive", found, "must be a whole ZIP archive") from None
-    return Opened(file=f"{source.file}/{name}", data=data)
+    return Opened(file=f"{source.file}/{name}", data=bytes(data))
+
+
+def _require_size(source: Opened, entry: zipfile.ZipInfo, size: int, packed: int) -> None:
+    """Raise the error of a member that has too many bytes for those that it is packed into."""
+    most = min(MOST_BYTES, LARGEST_RATIO * max(packed, 1))
+    if size > most or not files.fits(size) or entry.flag_bits & 1:
+        found = f"{entry.filename!r} has {size} bytes packed into {packed}"
+        expected = (
+            f"must have at most {LARGEST_RATIO} times as many, fit into memory with "
+            f"{MOST_BYTES} at most, and have no password"
+        )
+        raise source.wrong("archive", found, expected)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from acx4lib.errors import FlightError
@@ -103,6 +104,40 @@ def read(path: Path, *, most: int | None = None) -> Opened:
     if not data:
         raise refusal(str(path), 1, "file", "is empty", "must have content")
     return Opened(file=str(path), data=data)
+
+
+@dataclass(kw_only=True)
+class Together:
+    """The files that one import reads: each of them once, and their sum is bounded as one file is.
+
+    A file that names others may name one of them a thousand times, by a thousand links.
+
+    Attributes
+    ----------
+    size : int
+        Bytes that were read so far, unpacked ones among them.
+    """
+
+    size: int = 0
+    _known: dict[tuple[int, int], Path] = field(default_factory=dict)
+
+    def read(self, path: Path) -> Opened:
+        """Return the content of a file, as `read` does; FlightError where it was read before."""
+        with suppress(OSError, ValueError):  # `read` says what is wrong with it
+            status = path.stat()
+            before = self._known.setdefault((status.st_dev, status.st_ino), path)
+            if before is not path:
+                found = f"is the same file as {before}"
+                raise refusal(str(path), 1, "file", found, "must be a file of its own")
+        return self.add(read(path))
+
+    def add(self, one: Opened) -> Opened:
+        """Return a file after its size was counted, such as a member of an archive."""
+        self.size += len(one.data)
+        if not files.fits(self.size):
+            found = f"makes {self.size} bytes of files and what is packed in them"
+            raise one.wrong("file", found, "must fit into free memory together")
+        return one
 
 
 def checksums(sources: Iterable[Opened]) -> dict[str, str]:

@@ -23,7 +23,7 @@ _CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
 _SPACES = re.compile(r"\s*+")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Line:
     """A line of a text file.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from xml.parsers import expat
 
 from acx4lib.errors import FlightError
@@ -19,8 +20,11 @@ DEEPEST = 100
 MOST = 5_000_000
 """Largest number of elements of a file."""
 
+NONE: Mapping[str, str] = MappingProxyType({})
+"""Attributes of an element that has none: a file may have millions of them."""
 
-@dataclass(kw_only=True, eq=False)
+
+@dataclass(kw_only=True, eq=False, slots=True)
 class Element:
     """An element of an XML file.
 
@@ -30,18 +34,18 @@ class Element:
     line : int
     tag : str
         Its name; with a name space, that and a space before it.
-    attributes : dict of str to str
+    attributes : mapping of str to str
     text : str
         Its own text, without spaces around it.
-    below : list of Element
+    below : sequence of Element
     """
 
     file: str
     line: int
     tag: str
-    attributes: dict[str, str] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=lambda: NONE)
     text: str = ""
-    below: list[Element] = field(default_factory=list)
+    below: Sequence[Element] = ()
 
     def wrong(self, found: str, expected: str, *, attribute: str = "") -> FlightError:
         """Return the error that says what is wrong with this element, or an attribute of it."""
@@ -152,6 +156,7 @@ class _Builder:
     source: Opened
     parser: expat.XMLParserType
     open: list[Element] = field(default_factory=list)
+    below: list[list[Element]] = field(default_factory=list)
     said: list[list[str]] = field(default_factory=list)
     count: int = 0
 
@@ -169,16 +174,20 @@ class _Builder:
         if self.count > MOST or len(self.open) >= DEEPEST:
             found = f"more than {MOST} elements, or {DEEPEST} inside each other"
             raise self.source.wrong("file", found, "must have fewer", line=line)
-        element = Element(file=self.source.file, line=line, tag=tag, attributes=attributes)
+        file = self.source.file
+        element = Element(file=file, line=line, tag=tag, attributes=attributes or NONE)
         if self.open:
-            self.open[-1].below.append(element)
+            self.below[-1].append(element)
         else:
             self.root = element
         self.open.append(element)
+        self.below.append([])
         self.said.append([])
 
     def say(self, text: str) -> None:
         self.said[-1].append(text)
 
     def end(self, _: str) -> None:
-        self.open.pop().text = "".join(self.said.pop()).strip()
+        element = self.open.pop()
+        element.text = "".join(self.said.pop()).strip()
+        element.below = self.below.pop() or ()  # an empty list would need memory

@@ -116,19 +116,19 @@ def read(path: Path, meaning: Meaning, options: orientation_table.TableOptions) 
 def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
     """Return the heading and its columns, a column of every name once."""
     for number, text in enumerate(source.text().split("\n"), start=1):
-        upper = " ".join(text.upper().replace("\t", " \t ").split(" "))
-        found = list(WORDS.finditer(re.sub(r"[ \t]+", " ", upper)))
+        upper = re.sub(r"[ \t]+", " ", text.upper())
+        if not ("KAPPA" in upper or "HEADING" in upper):
+            continue
+        found = list(WORDS.finditer(upper))
         names = [list(PHRASES.values())[int(str(one.lastgroup)[1:])] for one in found]
         if any(form <= set(names) for form in NEEDED) and not text.lstrip().startswith("("):
             line = Line(file=source.file, number=number, cells=(text,))
-            rest = WORDS.sub("", re.sub(r"[ \t]+", " ", upper))
-            unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", rest)
+            unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", WORDS.sub("", upper))
             if unknown:
                 raise line.wrong("heading", f"{quoted(unknown[0])} is not known", "use 'table'")
-            seen: list[str] = []
-            for name in names:
-                seen.append(SKIP if name in seen else name)
-            return line, tuple(Column(name=name) for name in seen)
+            first = {name: k for k, name in reversed([*enumerate(names)])}
+            once = (name if first[name] == k else SKIP for k, name in enumerate(names))
+            return line, tuple(Column(name=name) for name in once)
     expected = (
         "must have a line with EASTING, NORTHING, … OMEGA, PHI, KAPPA or ROLL, PITCH, HEADING"
     )

@@ -158,9 +158,12 @@ def uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Iterat
         return
     calibrated = images["calibration"].text.get("camera", ())
     validated, known = images["validation"].text.get("camera", ()), set(calibrated)
-    for name in dict.fromkeys(validated) if calibrated else ():
+    first: dict[str, int] = {}
+    for row, name in enumerate(validated if calibrated else ()):
+        first.setdefault(name, row)
+    for name, row in first.items():
         if name not in known:
-            row, found = validated.index(name), f"{name!r} is not calibrated"
+            found = f"{name!r} is not calibrated"
             expected = f"must be a camera with images in {images['calibration'].file}"
             yield images["validation"].problem(row, "camera", found, expected)
 

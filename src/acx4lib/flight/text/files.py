@@ -119,9 +119,14 @@ def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
         if not stat.S_ISREG(status.st_mode):
             raise OSError(0, "no regular file")
         size = status.st_size
-        if size > (SMALL if most is None else most) and (most or size * EXPANSION > free_memory()):
+        if size > most if most else not fits(size):
             return size, None
         return size, opened.read(size + 1) if size else b""  # reading one of /proc may never end
+
+
+def fits(size: int) -> bool:
+    """Tell whether files of so many bytes together can be read and checked in the free memory."""
+    return size <= SMALL or size * EXPANSION <= free_memory()
 
 
 def free_memory() -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from acx4lib.exchange.programs.micmac import lens
 from acx4lib.exchange.programs.shared import cameras
 from acx4lib.exchange.safe import opened, xml_tree
-from acx4lib.exchange.safe.opened import Opened
+from acx4lib.exchange.safe.opened import Opened, Together
 from acx4lib.exchange.safe.xml_tree import Element
 from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, Range, quoted
@@ -52,6 +52,8 @@ class Files:
         ``SetOfMesureAppuisFlottants`` and ``DicoAppuisFlottant``.
     others : int
         XML files of another content.
+    files : Together
+        All that were read.
     """
 
     read: list[Opened] = field(default_factory=list)
@@ -61,11 +63,12 @@ class Files:
     measures: list[Element] = field(default_factory=list)
     surveyed: list[Element] = field(default_factory=list)
     others: int = 0
+    files: Together = field(default_factory=Together)
     _by_content: dict[Content, str] = field(default_factory=dict)
 
     def add(self, path: Path) -> None:
         """Read a file, and put what is in it where it belongs."""
-        source = opened.read(path)
+        source = self.files.read(path)
         root = xml_tree.tree(source)
         known = [
             self._is_known(one, path) for one in (root.below if root.tag in AROUND else [root])

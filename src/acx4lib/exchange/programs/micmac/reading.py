@@ -215,7 +215,8 @@ def _left_out(
     found: Files, images: Oriented, control: dict[str, tuple[Array, Array]], orientations: str
 ) -> tuple[str, ...]:
     unknown = [name for name in images.points if name not in control] if control else []
-    unmeasured = [name for name in control if name not in images.points]
+    measured = set(images.points)
+    unmeasured = [name for name in control if name not in measured]
     said = Counter(
         {
             f"{found.others} other XML files": found.others,

@@ -281,7 +281,10 @@ def _with_trajectory(
     if place is None:
         found = "has no measured position: the adjusted orientations are nowhere on the Earth"
         raise root.one("shots").wrong(found, "must have gps_position, with reference_lla")
-    first = np.array([images.exposure_of.index(one) for one in dict.fromkeys(images.exposure_of)])
+    first_of: dict[str, int] = {}
+    for i, one in enumerate(images.exposure_of):
+        first_of.setdefault(one, i)
+    first = np.array([*first_of.values()], dtype=int)
     mounts = [images.cameras[images.camera_of[i]].T_b_c for i in first]
     T_b_c = Pose(R=np.array([one.R for one in mounts]), r=np.array([one.r for one in mounts]))
     T_m_b = place.in_frame(images.T_w_c[first]) @ T_b_c.inverse

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from acx4lib.exchange.safe import json_tree, opened
+from acx4lib.exchange.safe import json_tree
 from acx4lib.exchange.safe.json_tree import Node
-from acx4lib.exchange.safe.opened import Opened, refusal
+from acx4lib.exchange.safe.opened import Opened, Together, refusal
 from acx4lib.flight.problems import quoted
 
 BEGIN, END = "application/opf-", "+json"
@@ -51,6 +51,8 @@ class Project:
     tracks : Node or None
         The glTF file of the calibration's tie points.
     sources : tuple of Opened
+    files : Together
+        All that were read.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Project:
     others: list[str] = field(default_factory=list)
     tracks: Node | None = None
     sources: tuple[Opened, ...] = ()
+    files: Together = field(default_factory=Together)
 
 
 def project_of(source: Path) -> Project:
@@ -82,36 +85,41 @@ def project_of(source: Path) -> Project:
         if not listed:
             return _gathered(source)
         source = listed[0]
-    root = json_tree.tree(opened.read(source))
+    files = Together()
+    root = json_tree.tree(files.read(source))
     if _format(root) != PROJECT:
-        return _documents(source.stem, "OPF", [root])
-    return _of_items(source, root)
+        return _documents(source.stem, "OPF", [root], files)
+    return _of_items(source, root, files)
 
 
 def _gathered(folder: Path) -> Project:
     """Return the documents of a folder without a project."""
-    roots = [json_tree.tree(opened.read(path)) for path in sorted(folder.glob("*.json"))]
+    files = Together()
+    roots = [json_tree.tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
     roots = [root for root in roots if _format(root, must=False)]
     if not roots:
         found, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
         raise refusal(str(folder), 1, "folder", found, expected)
-    return _documents(folder.resolve().name, "OPF", roots)
+    return _documents(folder.resolve().name, "OPF", roots, files)
 
 
-def _of_items(path: Path, root: Node) -> Project:
+def _of_items(path: Path, root: Node, files: Together) -> Project:
     _require_version(root)
-    roots, others, tracks = [], [], None
+    roots: dict[Path, Node] = {}
+    others, tracks = [], None
     for kind, resource in _resources(root):
         name = resource.one("format").text()
         if kind == CALIBRATION and name == GLTF and tracks is None:
             place = inside(resource.one("uri"), path.parent)
             if place.exists():
-                tracks = json_tree.tree(opened.read(place))
+                tracks = json_tree.tree(files.read(place))
                 continue
         if name.removeprefix(BEGIN).removesuffix(END) not in READ:
             others.append(name)
             continue
-        roots.append(json_tree.tree(opened.read(inside(resource.one("uri"), path.parent))))
+        place = inside(resource.one("uri"), path.parent)
+        if place not in roots:
+            roots[place] = json_tree.tree(files.read(place))
     generator = root.maybe("generator")
     program = "OPF"
     if generator is not None:
@@ -121,7 +129,8 @@ def _of_items(path: Path, root: Node) -> Project:
     if not roots:
         known = ", ".join(READ)
         raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
-    found = _documents(path.stem if title is None else title.text(), program, roots)
+    name = path.stem if title is None else title.text()
+    found = _documents(name, program, [*roots.values()], files)
     found.others += others
     found.tracks = tracks
     found.sources = (root.source, *found.sources, *(() if tracks is None else (tracks.source,)))
@@ -135,7 +144,7 @@ def _resources(root: Node) -> Iterator[tuple[str, Node]]:
             yield item.one("type").text(), resource
 
 
-def _documents(name: str, program: str, roots: list[Node]) -> Project:
+def _documents(name: str, program: str, roots: list[Node], files: Together) -> Project:
     documents: dict[str, Node] = {}
     others = []
     for root in roots:
@@ -154,6 +163,7 @@ def _documents(name: str, program: str, roots: list[Node]) -> Project:
         documents=documents,
         others=others,
         sources=tuple(root.source for root in documents.values()),
+        files=files,
     )
 
 

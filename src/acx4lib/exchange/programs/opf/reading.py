@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,9 @@ def read(
     fitted = fitted.only(named)
     by_number = {one.number: one for one in shots}
     marks = measured.marks(project, by_number)
-    ties = NOTHING if project.tracks is None else tracks.read(project.tracks, by_number)
+    ties = (
+        NOTHING if project.tracks is None else tracks.read(project.tracks, by_number, project.files)
+    )
     poses = oriented.calibrated(project)
     folder = block or _block(shots)
     known, strange = _control(gcps, system)
@@ -121,7 +124,8 @@ def _shots(project: Project, of: Mapping[str, Sensor]) -> list[Shot]:
     tables.require_names(names, lambda name, what, wanted: places_of[name].wrong(what, wanted))
     named = dict(zip(numbers, names, strict=True))
     if len(named) < len(numbers):
-        again = next(camera for camera, _ in pairs if numbers.count(camera.one("id").text()) > 1)
+        times = Counter(numbers)
+        again = next(camera for camera, _ in pairs if times[camera.one("id").text()] > 1)
         raise again.one("id").wrong("is there twice", "must be unique")
     return [_shot(camera, capture, named, of) for camera, capture in pairs]
 

@@ -18,9 +18,8 @@ from acx4lib.exchange.programs.opf.lens import HALF
 from acx4lib.exchange.programs.opf.measured import NOTHING, Measured
 from acx4lib.exchange.programs.opf.orientations import Shot
 from acx4lib.exchange.programs.opf.project import inside
-from acx4lib.exchange.safe import opened
 from acx4lib.exchange.safe.json_tree import Node
-from acx4lib.exchange.safe.opened import Opened
+from acx4lib.exchange.safe.opened import Together
 from acx4lib.expected import Array
 from acx4lib.flight.problems import RANGES, quoted
 
@@ -35,6 +34,9 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From glTF's axes, y up, to those with z up."""
 
+SHARED = 4
+"""Times that the bytes of buffers are taken at most: meshes may share some, not all of them."""
+
 COUNT_BITS = 40
 """Bits of a range below the number of its matches."""
 
@@ -46,12 +48,18 @@ class Scene:
     Attributes
     ----------
     root : Node
-    files : dict of str to Opened
-        Its buffers that were read, by their addresses.
+    files : Together
+        All files of the project.
+    buffers : dict of str to bytes
+        Those that were read, by their addresses.
+    taken : int
+        Bytes of all arrays that were taken from them.
     """
 
     root: Node
-    files: dict[str, Opened] = field(default_factory=dict)
+    files: Together
+    buffers: dict[str, bytes] = field(default_factory=dict)
+    taken: int = 0
 
     def array(self, accessor: Node, *, width: int, kind: str) -> NDArray[Any]:
         """Return the values of an accessor, shape (n, width), of a kind of NumPy: "f" or "u"."""
@@ -66,24 +74,37 @@ class Scene:
         size = n * width * np.dtype(layout).itemsize
         if begin < 0 or n < 0 or begin + size > len(data):
             raise node.wrong(f"{size} bytes from {begin} of {len(data)}", "must be complete")
+        self.taken += size
+        if self.taken > SHARED * sum(map(len, self.buffers.values())):
+            found = "the same bytes of its buffers are taken again and again"
+            raise node.wrong(found, f"must be taken {SHARED} times at most")
         values = np.frombuffer(data, dtype=layout, count=n * width, offset=begin)
         return values.reshape(n, width)
 
     def _buffer(self, uri: Node) -> bytes:
-        if uri.text() not in self.files:
-            self.files[uri.text()] = opened.read(inside(uri, Path(self.root.source.file).parent))
-        return self.files[uri.text()].data
+        if uri.text() not in self.buffers:
+            folder = Path(self.root.source.file).parent
+            self.buffers[uri.text()] = self.files.read(inside(uri, folder)).data
+        return self.buffers[uri.text()]
 
 
-def read(root: Node, shots: Mapping[str, Shot]) -> Measured:
+def read(root: Node, shots: Mapping[str, Shot], files: Together) -> Measured:
     """Return the measurements of tie points, a point once in each image.
+
+    Parameters
+    ----------
+    root : Node
+        The glTF file.
+    shots : mapping of str to Shot
+    files : Together
+        All files of the project.
 
     Raises
     ------
     FlightError
         Where the file or a buffer of it is not what the format says.
     """
-    scene, parts, first = Scene(root=root), [], 0
+    scene, parts, first = Scene(root=root, files=files), [], 0
     for node in root.one("nodes").each():
         mesh = node.maybe("mesh")
         if mesh is None:
