@@ -175,7 +175,7 @@ def run(
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(
             line
-            for key in ("exchanged", "not_confirmed", "approximations", "notes")
+            for key in ("exchanged", "sigma_beyond", "not_confirmed", "approximations", "notes")
             for line in _messages(folder, done, key, done)
         ),
     )

@@ -40,6 +40,10 @@ ALPHA = 0.001
 """Probability of calling a correct sigma of a group wrong."""
 WORTH_SAYING = 1.1
 """Smallest factor that is reported: a change of sigma by a tenth."""
+BOUNDS = (1 / 3, 1.5)
+"""Smallest and largest factor that is a better sigma. Above 1.5 the variance is more than twice the
+given one: more of it is unknown than known, and a systematic error would look the same. Sigma that
+are too large hide nothing, but residuals of a third of theirs are not those of these sigma."""
 
 MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
 AT_A_TIME = 256  # rows of the joint redundancy that are computed together
@@ -103,6 +107,16 @@ class Component:
         """Whether the sigma used is wrong by more than chance and by a relevant amount."""
         apart = abs(np.log(max(self.factor / self.applied, 1e-12)))
         return self.estimable and self.p < ALPHA and bool(apart > np.log(WORTH_SAYING))
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether an applied factor is more than a better sigma: by its size, and beyond chance.
+
+        The second by the group's own chi-square, with the sigma that were given.
+        """
+        least, most = BOUNDS
+        far = not least <= self.applied <= most
+        return bool(far and replace(self, factor=self.applied, applied=1.0).p < ALPHA)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -331,6 +345,18 @@ def sentences(found: Sequence[Component]) -> list[str]:
             times = c.applied / max(c.factor, 1e-3)
             out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
     return out
+
+
+def beyond(found: Sequence[Component]) -> list[str]:
+    """Return one sentence for each group whose estimated sigma hide a mistake, rather than fit."""
+    least, most = BOUNDS
+    return [
+        f"the sigma of {c.group} were multiplied by {c.applied:.3g}, outside {least:.2g} to "
+        f"{most:g}: rather a mistake, in these observations or others, than another sigma; look "
+        'at the residuals with weights = "given", or state the sigma that you can justify'
+        for c in found
+        if c.is_beyond
+    ]
 
 
 def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:

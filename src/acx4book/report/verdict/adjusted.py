@@ -16,6 +16,7 @@ from acx4book.report.words import adjustment_title, begun, listed, pair_text, pl
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.gross_errors.limits import NAMES, too_many
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.bundle.variance_components import BOUNDS
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.folder import messages, rows
 
@@ -167,6 +168,29 @@ def weights(material: Material) -> Iterator[Finding]:
             passed="Those of all groups of observations agree with the residuals.",
             tests=tuple(tests),
         )
+
+
+def estimated_weights(material: Material) -> Iterator[Finding]:
+    """Tell whether σ that were estimated from the residuals are within their bounds."""
+    entries = [material.found.summary[name] for name in material.decisive]
+    factors = [said for entry in entries for said in _factors(entry).values()]
+    if all(said.get("applied") in (None, 1.0) for said in factors):
+        return
+    lines = [*sentences(material, "sigma_beyond")]
+    if lines:
+        answer = f"{begun('; '.join(lines))}. No result holds that rests on such weights."
+        yield Finding(question="Estimated weights within bounds", state=FAILS, answer=answer)
+        return
+    answer = (
+        "σ were multiplied by factors from the residuals, as flight.toml asks; none is outside "
+        f"{BOUNDS[0]:.2g} to {BOUNDS[1]:g} by more than chance."
+    )
+    yield Finding(question="Estimated weights within bounds", state=HOLDS, answer=answer)
+
+
+def _factors(entry: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    said = entry.get("sigma_factors")
+    return said if isinstance(said, dict) else {}
 
 
 def _factor(ratio: float) -> str:

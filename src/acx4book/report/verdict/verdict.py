@@ -17,8 +17,8 @@ from acx4book.typesetting.labels import p_value
 
 QUESTIONS = (
     *(adjusted.one_flight, adjusted.converged, adjusted.contradictions, adjusted.determined),
-    *(adjusted.global_test, adjusted.weights, adjusted.apart, adjusted.gross_errors),
-    *(adjusted.controlled, adjusted.stable),
+    *(adjusted.global_test, adjusted.weights, adjusted.estimated_weights, adjusted.apart),
+    *(adjusted.gross_errors, adjusted.controlled, adjusted.stable),
     *(compared.earlier, compared.mountings, compared.heights, compared.check_points),
     *(adjusted.other_methods, compared.said),
 )

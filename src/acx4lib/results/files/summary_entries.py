@@ -144,7 +144,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     **dict.fromkeys(
         (
             *("left_out", "not_determined", "stopped", "exchanged", "not_confirmed"),
-            *("approximations", "notes"),
+            *("approximations", "sigma_beyond", "notes"),
         ),
         (_sentences, "a list of sentences"),
     ),
