@@ -37,6 +37,9 @@ def lines(design: Design) -> Iterator[str]:
         yield ""
         yield from _reliability_lines(reliability[reliability["method"] == method])
     yield from _validation_lines(design)
+    noted = tables.notes(design)
+    if noted:
+        yield from ("", "notes", *(f"  {line}" for line in noted))
     open_ones = tables.sentences(design)
     if open_ones:
         yield from ("", "not determined", *(f"  {line}" for line in open_ones))

@@ -21,11 +21,13 @@ from acx4lib.calibration.trust import determination
 from acx4lib.calibration.trust.detectable import detectable
 from acx4lib.calibration.trust.needs import features
 from acx4lib.expected import Array
+from acx4lib.flight.checks.oddities import area_notes
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.budget import Budget
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation
+from acx4lib.planning import ground
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
 from acx4lib.results.files.table_files import COLUMNS
@@ -185,6 +187,21 @@ def sentences(design: Design) -> list[str]:
     return out
 
 
+def notes(design: Design) -> list[str]:
+    """Return a sentence on each block that is not where its CRS is meant for, or misses points.
+
+    Surveyed points that no image shows, and that so determine nothing.
+    """
+    out = [*area_notes(design.plan.setup.grid, dict(design.blocks))]
+    for name, planned in design.plan.blocks.items():
+        block, n = design.blocks[name], len(ground.places(planned.points))
+        what = "check points" if name == "validation" else "control points"
+        shown = len(block.check if name == "validation" else block.control)
+        if shown < n:
+            out.append(f"{name}: {n - shown} of {n} planned {what} are in no image")
+    return out
+
+
 def summary(design: Design) -> dict[str, Any]:
     """Return what a plan determines, for JSON."""
     return {
@@ -199,6 +216,7 @@ def summary(design: Design) -> dict[str, Any]:
             for name, v in design.validations.items()
         },
         "not_determined": sentences(design),
+        "notes": notes(design),
     }
 
 

@@ -13,6 +13,7 @@ from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.exchange import written_toml
 from acx4lib.flight.block_from_tables import BLOCKS
+from acx4lib.flight.checks.oddities import of_degrees
 from acx4lib.flight.problems import Problem, lines_of
 from acx4lib.flight.setup import Setup, camera_of, setup_of
 from acx4lib.flight.text.document import Toml, read_toml
@@ -138,14 +139,22 @@ def _strips(
             yield (f"{name}-{i + 1}", moved.turned(180.0 * (i % 2))) if n > 1 else (name, strip)
 
 
+def _place_problems(toml: Toml, plan: Plan, block: PlannedBlock) -> Iterator[Problem]:
+    """Yield a problem where the middle of a block is nowhere, or given in degrees."""
+    grid, east, north = plan.setup.grid, block.area.east_m, block.area.north_m
+    key = block.name if "east_m" in toml.table(block.name) else "field"
+    found = f"{east:g} east, {north:g} north"
+    if not np.isfinite(grid.lonlat_from_grid(np.array([[east, north]]))).all():
+        where = f"must lie where {grid.crs} maps the earth; easting first"
+        yield toml.problem((key, "east_m"), found, where)
+    elif of_degrees(grid, np.array([east]), np.array([north])):
+        found += " (longitude, latitude in degrees?)"
+        yield toml.problem((key, "east_m"), found, f"must be metres where {grid.crs} is meant for")
+
+
 def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
     for name, block in plan.blocks.items():
-        middle = np.array([[block.area.east_m, block.area.north_m]])
-        if not np.isfinite(plan.setup.grid.lonlat_from_grid(middle)).all():
-            found = f"{block.area.east_m:g} east, {block.area.north_m:g} north"
-            where = f"must lie where {plan.setup.grid.crs} maps the earth; easting first"
-            key = name if "east_m" in toml.table(name) else "field"
-            yield toml.problem((key, "east_m"), found, where)
+        yield from _place_problems(toml, plan, block)
         n = sum(strip.n_exposures for strip in block.strips.values())
         if n > MOST_EXPOSURES:
             found = f"{n} exposures"

@@ -159,3 +159,16 @@ def test_the_lines_name_every_unknown_and_every_group_of_observations():
     heading = table[table["component"] == "heading_deg"].iloc[0]
     expected = 4.73 * 0.015 / np.sqrt(heading["redundancy_median"])
     assert heading["detectable_median"] == pytest.approx(expected, rel=0.02)
+
+
+def test_control_points_in_no_image_and_places_far_from_the_maps_are_said():
+    far = {"layout": "corners", "number": 5, "area_m": [45_000.0, 45_000.0]}
+    planned = design.of(text.from_values(values(control=far)))
+    assert "calibration: 4 of 5 planned control points are in no image" in tables.notes(planned)
+    assert tables.summary(planned)["notes"] == tables.notes(planned)
+    assert "  calibration: 4 of 5 planned control points are in no image" in shown.lines(planned)
+    assert tables.notes(design.of(text.from_values(values()))) == []
+    elsewhere = design.of(text.from_values(values(crs="EPSG:2193")))
+    (said, *_) = tables.notes(elsewhere)
+    assert said.startswith("calibration: the exposures are at ")
+    assert "is it the right CRS?" in said

@@ -187,3 +187,13 @@ def test_the_plans_in_the_book_can_be_read(tmp_path):
         assert "calibration" in text.read(tmp_path / "p.toml").blocks
     plan = text.from_values(tomllib.loads(shown[0]))
     assert [*plan.blocks["calibration"].strips] == ["low-1", "low-2", "high", "back"]
+
+
+def test_a_middle_in_degrees_is_named(tmp_path):
+    field = {"east_m": 13.4, "north_m": 49.8, "height_m": 430.0, "relief_m": 20.0}
+    (line,) = problems(text.written(values(field=field)), tmp_path)
+    assert re.fullmatch(
+        r":\d+: field.east_m: 13.4 east, 49.8 north \(longitude, latitude in degrees\?\); "
+        r"must be metres where EPSG:32633 is meant for",
+        line,
+    )

@@ -16,6 +16,7 @@ from acx4lib.flight.block_from_tables import (
     measured_control,
     used_exposures,
 )
+from acx4lib.flight.checks.oddities import of_degrees
 from acx4lib.flight.checks.readings import FOOT
 from acx4lib.flight.problems import Problem, counted, did_you_mean, quoted
 from acx4lib.flight.setup import Setup
@@ -213,6 +214,7 @@ def _outside(
 
 def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
     """Yield positions that the CRS or the geoid grid does not cover."""
+    yield from _degree_problems(tables, grid)
     for table, used in (
         (tables.trajectory, used_exposures(tables)),
         (tables.control, measured_control(tables)),
@@ -226,6 +228,18 @@ def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem
         rows = rows[on_earth[rows]]
         undulation = grid.undulation(lonlat[rows])
         yield from counted(rows[~np.isfinite(undulation)], _no_height(table, grid, lonlat))
+
+
+def _degree_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
+    """Yield a problem where a table has longitudes and latitudes in the place of metres."""
+    for table in (tables.trajectory, tables.control):
+        if table.has("east_m", "north_m") and of_degrees(
+            grid, table.numbers["east_m"], table.numbers["north_m"]
+        ):
+            east, north = (table.text[name][0].strip() for name in ("east_m", "north_m"))
+            found = f"{east}, {north} (longitude, latitude in degrees?)"
+            expected = f"must be metres where {quoted(grid.crs)[1:-1]} is meant for"
+            yield table.problem(0, "east_m", found, expected)
 
 
 def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:

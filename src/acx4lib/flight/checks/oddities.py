@@ -131,13 +131,37 @@ def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
             )
 
 
-def holds(bounds: tuple[float, float, float, float], lon: float, lat: float) -> bool:
+def of_degrees(grid: GridSystem, east: Array, north: Array) -> bool:
+    """Tell whether longitudes and latitudes stand in the place of metres in a map.
+
+    All are as small, and the CRS is not meant for where that would be.
+
+    Parameters
+    ----------
+    grid : GridSystem
+    east, north : ndarray, shape (n,)
+        As they were given.
+    """
+    area = pyproj.CRS.from_user_input(grid.crs).area_of_use
+    if area is None or not len(east) or np.any(np.abs(east) > 180) or np.any(np.abs(north) > 90):
+        return False
+    lon, lat = grid.lonlat_from_grid(np.array([[east[0], north[0]]]))[0]
+    return not holds(area.bounds, lon, lat, beside_deg=0.0)
+
+
+def holds(
+    bounds: tuple[float, float, float, float],
+    lon: float,
+    lat: float,
+    *,
+    beside_deg: float = BESIDE_DEG,
+) -> bool:
     """Tell whether a position lies in an area or near it; the area may cross the date line."""
     west, south, east, north = bounds
     wide = (east - west) % 360 or 360.0
-    along = (lon - west + BESIDE_DEG) % 360
-    near_north = south - BESIDE_DEG <= lat <= north + BESIDE_DEG
-    return near_north and along <= wide + 2 * BESIDE_DEG
+    along = (lon - west + beside_deg) % 360
+    near_north = south - beside_deg <= lat <= north + beside_deg
+    return near_north and along <= wide + 2 * beside_deg
 
 
 def _place(lon: float, lat: float) -> str:

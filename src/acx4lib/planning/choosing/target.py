@@ -14,7 +14,7 @@ from acx4lib import expected
 from acx4lib.calibration import trajectory_errors
 from acx4lib.errors import FlightError
 from acx4lib.flight.checks.values import key_problems, number_problems
-from acx4lib.flight.problems import POSITIVE, Problem, lines_of, quoted
+from acx4lib.flight.problems import POSITIVE, Problem, Range, lines_of, quoted
 from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.planning import text
@@ -34,6 +34,9 @@ SIGMAS = (
 
 CHECK_POINTS = tuple(f"{axis}_m" for axis in AXES)
 """What can be wanted of check points: RMS along the grid's axes, m."""
+
+ANY_SIZE = Range(1e-30, 1e6, "must be positive, at most 1e6")
+"""Of wanted sigma: those of k1, k2, k3 are small numbers, since r is in mm."""
 
 MOST_CANDIDATES = 200
 
@@ -96,9 +99,12 @@ def _problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
         return
     yield from key_problems(toml, (), KEYS)
     yield from number_problems(toml, (), {"minutes": POSITIVE})
-    for table, known in (("sigma", SIGMAS), ("check_points", CHECK_POINTS)):
+    for table, known, allowed in (
+        ("sigma", SIGMAS, ANY_SIZE),
+        ("check_points", CHECK_POINTS, POSITIVE),
+    ):
         yield from key_problems(toml, (table,), known)
-        yield from number_problems(toml, (table,), dict.fromkeys(known, POSITIVE))
+        yield from number_problems(toml, (table,), dict.fromkeys(known, allowed))
     if not (toml.table("sigma") or toml.table("check_points")):
         example = "needs [sigma] with f_mm = 0.002, or [check_points] with height_m = 0.1"
         yield toml.problem(("sigma",), "nothing is wanted", example)

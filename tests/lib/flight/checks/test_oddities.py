@@ -1,10 +1,14 @@
 """What is said of a CRS far from where it is meant for."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from acx4lib.flight.checks import oddities
 from acx4lib.geometry.geodesy import GridSystem
 from support.flights.simulated import fly
+from support.flights.written import write_flight
+from support.helpers import flight_problems
 
 
 def area_notes(design, crs):
@@ -55,3 +59,25 @@ def test_an_area_may_cross_the_date_line(crs, fits):
 )
 def test_places_beside_the_date_line(west, east, lon, inside):
     assert oddities.holds((west, -50.0, east, -30.0), lon, -40.0) is inside
+
+
+def test_degrees_in_the_place_of_metres_are_known():
+    at = np.array([13.39, 13.41]), np.array([49.79, 49.81])
+    assert oddities.of_degrees(GridSystem(crs="EPSG:32633"), *at)
+    assert not oddities.of_degrees(GridSystem(crs="EPSG:32633"), 1e5 + at[0], 1e5 + at[1])
+    assert not oddities.of_degrees(GridSystem(crs="EPSG:3857"), *at)  # means Africa's coast, too
+    assert not oddities.of_degrees(GridSystem(crs="+proj=utm +zone=33 +units=m"), *at)
+
+
+def test_a_trajectory_in_degrees_is_a_problem_of_its_first_row(tmp_path):
+    folder = write_flight(tmp_path / "flight")
+    path = folder / "calibration/trajectory.csv"
+    table = pd.read_csv(path)
+    table["east_m"], table["north_m"] = -49.31 + 0.001 * table.index, -25.41
+    table.to_csv(path, index=False)
+    found = flight_problems(folder)
+    assert any(
+        "trajectory.csv:2: east_m: -49.31, -25.41 (longitude, latitude in degrees?); must be "
+        "metres where EPSG:31982 is meant for" in line
+        for line in found
+    )

@@ -69,3 +69,10 @@ def test_check_points_need_a_mapping_flight(plan):
         target.from_values(
             {"sigma": {"f_mm": 1}}, replace(plan, blocks={"validation": plan.blocks["validation"]})
         )
+
+
+def test_sigma_of_distortion_may_be_as_small_as_they_are(plan):
+    wanted = {"k1": 5e-8, "k2": 3e-10, "k3": 2e-13, "p1": 1e-6}
+    assert target.from_values({"sigma": wanted}, plan).sigma == wanted
+    with pytest.raises(FlightError, match=r"sigma\.k2: 0; must be positive"):
+        target.from_values({"sigma": {"k2": 0}}, plan)
