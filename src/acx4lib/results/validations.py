@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from acx4lib.bundle.gross_errors.rejections import CRITICAL
 from acx4lib.calibration.estimates import LIMIT_SCALE
 from acx4lib.flight.block import Block
 from acx4lib.georeferencing import accuracy, error_sources, standards
@@ -15,6 +16,7 @@ from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
+from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.adjustments import Record, exchanged_entries, of_left_out, stopped_entries
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
@@ -96,6 +98,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
+        "expected_rejections": expected_rejections(validation),
         **stopped_entries(f"validation/{validation.method}", validation.stopped),
         **exchanged_entries(f"validation/{validation.method}", validation.exchanged),
         "n_left_out": validation.n_left_out,
@@ -113,6 +116,12 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
             "classes": standards.classes(over_points, survey_sigma=survey_sigma),
         },
     }
+
+
+def expected_rejections(validation: Validation) -> float:
+    """Return how many measurements chance rejects: two components of rays of three or more."""
+    n_images = validation.points.n_images
+    return 2 * int(n_images[n_images > 2].sum()) * 2 * distributions.norm_sf(CRITICAL)
 
 
 def _notes(validation: Validation) -> Iterator[str]:

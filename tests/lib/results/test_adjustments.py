@@ -257,3 +257,13 @@ def test_a_validation_says_what_spoils_all_of_its_points(flown):
     (note,) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
     assert " m too high, " in note
     assert note.endswith("points or trajectory, or the focal length, is wrong")
+
+
+def test_a_validation_says_how_many_measurements_chance_rejects(flown):
+    """Two components of every ray of points in three images or more, at 0.0096 % each."""
+    found = mounting.single_step(flown.calibration, **SETTINGS)
+    checked = validation.validate(flown.validation, found.calibration, method="single_step")
+    (entry,) = validation_records.of_validation(checked).summary.values()
+    n = sum(int(n) for n in checked.points.n_images if n >= 3)
+    assert n > 0
+    assert entry["expected_rejections"] == pytest.approx(2 * n * 9.62e-5, rel=1e-3)

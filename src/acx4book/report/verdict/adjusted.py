@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
 
 from acx4book.report.adjustment.groups import CONTROLLED, decisive_qualities
-from acx4book.report.material import Material, sentences
+from acx4book.report.material import Material, sentences, validated
 from acx4book.report.mounting.stability import turns_of
 from acx4book.report.parameters.estimates import STRONG, strong_pairs
 from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding, matters
@@ -58,7 +58,7 @@ def converged(material: Material) -> Iterator[Finding]:
 
 def contradictions(material: Material) -> Iterator[Finding]:
     """Tell whether a part of a group that is too large contradicts the others."""
-    lines = [*sentences(material, "stopped")]
+    lines = _stopped(material, tested_on(material))
     for name in material.decisive:
         lines += [f"{name}: {said}" for said in _rejected_away(material, name)]
     question = "Observations agree with each other"
@@ -67,6 +67,18 @@ def contradictions(material: Material) -> Iterator[Finding]:
     elif material.adjustments:
         answer = "Of no group would data snooping reject more than single observations."
         yield Finding(question=question, state=HOLDS, answer=answer)
+
+
+def tested_on(material: Material) -> list[str]:
+    """Return the names of what is certified: the decisive adjustments and their validation."""
+    names = (*material.decisive, validated(material))
+    return [name for name in names if name in material.found.summary]
+
+
+def _stopped(material: Material, names: Iterable[str]) -> list[str]:
+    """Return which groups exceed the limits of data snooping."""
+    summary = material.found.summary
+    return [line for name in names for line in messages(summary[name], "stopped")]
 
 
 def _rejected_away(material: Material, name: str) -> Iterator[str]:
@@ -106,8 +118,10 @@ def _open(material: Material, name: str) -> list[str]:
 
 def other_methods(material: Material) -> Iterator[Finding]:
     """Say what methods leave open that are not certified."""
-    others = [name for name in material.adjustments if name not in material.decisive]
+    own = tested_on(material)
+    others = [name for name in material.found.summary if name not in own]
     lines = [line for name in others for line in _open(material, name)]
+    lines += _stopped(material, others)
     refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
     if refined is not None:
         sigma0_sq = float(str(refined))
@@ -219,7 +233,9 @@ def apart(material: Material) -> Iterator[Finding]:
 
 def gross_errors(material: Material) -> Iterator[Finding]:
     """Compare number and size of the rejected observations with what chance rejects."""
-    entries = [material.found.summary[name] for name in material.decisive]
+    question = "Gross errors"
+    entries = [material.found.summary[name] for name in tested_on(material)]
+    entries = [entry for entry in entries if entry.get("n_rejected") is not None]
     if not entries:
         return
     n_rejected = sum(int(str(entry["n_rejected"])) for entry in entries)
@@ -228,18 +244,21 @@ def gross_errors(material: Material) -> Iterator[Finding]:
     mixed = dict.fromkeys(s.partition(": ")[2] for s in sentences(material, "exchanged"))
     if mixed:
         answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
-    state = FAILS if mixed else HOLDS
+    elif any(messages(entry, "stopped") for entry in entries):
+        answer = "Not tested: where observations contradict each other, none of them is rejected."
+        yield Finding(question=question, state=NOTE, answer=answer)
+        return
     where = "; they are listed below or in rejected.csv." if n_rejected else "."
     if any(entry.get("expected_rejections") is None for entry in entries):
         answer += f"{where} These results do not say how many chance takes out; run again."
-        yield Finding(question="Gross errors", state=FAILS if mixed else NOTE, answer=answer)
+        yield Finding(question=question, state=FAILS if mixed else NOTE, answer=answer)
         return
     chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
     largest, n_apart = _rejected(material)
     many = f"{plural(n_rejected, 'observation')} rejected, where chance takes out {chance:.1f}"
     yield Finding(
-        question="Gross errors",
-        state=state,
+        question=question,
+        state=FAILS if mixed else HOLDS,
         answer=f"{answer}, where chance alone takes out {chance:.1f}{where}",
         tests=(
             ChanceTest(name="number of rejections", p=poisson_sf(n_apart, chance), said=many),
@@ -257,7 +276,7 @@ def _rejected(material: Material) -> tuple[float, int]:
 
     One error may take out several rays of its point, which control each other.
     """
-    methods = ["/".join(name.split("/")[:2]) for name in material.decisive]
+    methods = ["/".join(name.split("/")[:2]) for name in tested_on(material)]
     found = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
     out = pd.concat(found) if found else pd.DataFrame()
     if out.empty:
@@ -319,8 +338,10 @@ def stable(material: Material) -> Iterator[Finding]:
     turns = turns_of(material)
     if not turns:
         answer = (
-            "Not tested: it needs attitudes of two strips or of exposures at several times, and "
-            "more of them than turns."
+            "Not tested: observations contradict each other."
+            if _stopped(material, [material.certified])
+            else "Not tested: it needs attitudes of two strips or of exposures at several times, "
+            "and more of them than turns."
         )
         yield Finding(question=question, state=NOTE, answer=answer)
         return

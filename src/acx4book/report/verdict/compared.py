@@ -142,17 +142,15 @@ def check_points(material: Material) -> Iterator[Finding]:
     few = (entry.get("n_points") or 0) < FEWEST
     if few:
         single = pd.concat([single, checked_points(material)])
+    single = single[np.isfinite(_ratios(single)).all(axis=1)]
     if few and single.empty:
         answer = "There are no check points, so the accuracy on the ground is not shown."
         yield Finding(question=CHECKED, state=NOTE, answer=answer)
         return
     parts, tests = [], [*_single_tests(single)]
     if len(single):
-        parts.append(
-            f"{begun(plural(len(single), 'check point'))} "
-            f"{'of' if few else 'more, of'} the calibration block or by "
-            f"{'itself' if len(single) == 1 else 'themselves'}: {_largest(single)}."
-        )
+        n = begun(plural(len(single), "check point"))
+        parts.append(f"{n}{'' if few else ' more'}, tested one by one: {_largest(single)}.")
     if not few:
         points = entry["points"]
         rms = ", ".join(f"{v:.2f} m in {axis}" for v, axis in zip(points["rms"], AXES, strict=True))
@@ -189,7 +187,7 @@ def _ratios(points: pd.DataFrame) -> Array:
 def _largest(points: pd.DataFrame) -> str:
     """Return the largest difference in words."""
     ratios = np.abs(_ratios(points))
-    i, axis = np.unravel_index(int(np.nanargmax(ratios)), ratios.shape)
+    i, axis = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
     row, name = points.iloc[int(i)], AXES[axis]
     d, sigma = row[f"d_{name}_m"], row[f"sigma_{name}_m"]
     return f"the largest difference is {d:+.2f} ± {sigma:.2f} m in {name}, of {row['point']}"
@@ -197,9 +195,9 @@ def _largest(points: pd.DataFrame) -> str:
 
 def _single_tests(points: pd.DataFrame) -> Iterator[ChanceTest]:
     """Yield one test of the largest of many differences, by Bonferroni."""
-    ratios = np.abs(_ratios(points)) if len(points) else np.zeros((0, 3))
-    if np.isfinite(ratios).any():
-        p = 2 * distributions.norm_sf(float(np.nanmax(ratios))) * int(np.isfinite(ratios).sum())
+    if len(points):
+        ratios = np.abs(_ratios(points))
+        p = 2 * distributions.norm_sf(float(ratios.max())) * ratios.size
         yield ChanceTest(
             name="largest difference at a single check point",
             p=min(1.0, p),

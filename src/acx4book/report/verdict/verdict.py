@@ -10,7 +10,7 @@ import pandas as pd
 from acx4book.report.material import Material
 from acx4book.report.shown import Text, show, table
 from acx4book.report.verdict import adjusted, compared
-from acx4book.report.verdict.consequences import CONSEQUENCES, UNKNOWN
+from acx4book.report.verdict.consequences import CONSEQUENCES, UNKNOWN, by_gravity
 from acx4book.report.verdict.finding import FAILS, LEVEL, Finding, all_tests, judged
 from acx4book.report.words import plural
 from acx4book.typesetting.labels import p_value
@@ -72,15 +72,11 @@ def statement(found: Sequence[Finding]) -> str:
         )
     if not failed:
         return f"**The results hold.** {level(found)}"
-    lines = [_consequence(question) for question in failed]
-    whole = f"**Not everything holds. {lines[0]}**"
-    others = "\n".join(f"- {line}" for line in lines[1:])
+    gravest, *rest = by_gravity(failed)
+    means, cure = CONSEQUENCES.get(gravest, UNKNOWN)
+    whole = f"**Not everything holds. “{gravest}” fails: {means}; {cure}.**"
+    others = "\n".join(f"- “{q}” fails, too: {CONSEQUENCES.get(q, UNKNOWN).cure}." for q in rest)
     return "\n\n".join(part for part in (whole, others, level(found)) if part)
-
-
-def _consequence(question: str) -> str:
-    means, cure = CONSEQUENCES.get(question, UNKNOWN)
-    return f"“{question}” fails: {means}; {cure}."
 
 
 def level(found: Sequence[Finding]) -> str:

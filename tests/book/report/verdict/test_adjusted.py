@@ -93,7 +93,8 @@ def reject(folder, n, w):
             table.loc[1000 + i] = ["mounting", "single_step", *what]
 
     edit(folder, "rejected", rejected)
-    edit_summary(folder, SINGLE, n_rejected=n, expected_rejections=0.2)
+    edit_summary(folder, SINGLE, n_rejected=n, expected_rejections=0.15)
+    edit_summary(folder, "validation/single_step", n_rejected=0, expected_rejections=0.05)
 
 
 @pytest.mark.parametrize(
@@ -147,6 +148,17 @@ def test_a_group_that_contradicts_the_others_fails(folder):
     assert state(folder, "Observations agree with each other")[0] == "holds"
     edit_summary(folder, SINGLE, stopped=[line])
     assert state(folder, "Observations agree with each other") == ("fails", f"{line}.")
+
+
+def test_what_stops_another_method_is_a_note(folder):
+    line = "validation/two_step: data snooping would reject 18 of 50 rays of camera CAM"
+    edit_summary(folder, "validation/two_step", stopped=[line])
+    assert state(folder, "Observations agree with each other")[0] == "holds"
+    assert line in state(folder, "Other methods")[1]
+    own = line.replace("two_step", "single_step")
+    edit_summary(folder, "validation/single_step", stopped=[own])
+    assert state(folder, "Observations agree with each other") == ("fails", f"{own}.")
+    assert state(folder, "Gross errors")[0] == "note"  # nothing was rejected, and so not tested
 
 
 def test_attitudes_that_an_earlier_version_rejected_away_fail_too(folder):

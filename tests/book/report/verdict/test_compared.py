@@ -134,7 +134,7 @@ def test_two_check_points_of_the_calibration_block_are_tested(folder, ratio, exp
     leave_check_points(folder, 2, ratio)
     found, answer = state(folder, CHECKED)
     assert found == expected
-    assert answer.startswith("2 check points of the calibration block")
+    assert answer.startswith("2 check points, tested one by one")
     assert ("a single check point: the largest difference is +0.50" in answer) == (ratio == 10.0)
 
 

@@ -68,10 +68,10 @@ def test_a_report_that_does_not_hold_says_first_what_fails_what_it_means_and_wha
     sure = Finding(question="All parameters determined", state="fails", answer="f is not.")
     found = judged([asked("Gross errors", 1e-9), asked("Global χ² test", 0.4), sure])
     first, second, last = statement(found).split("\n\n")
-    assert first.startswith("**Not everything holds. “Gross errors” fails: ")
-    assert "can be used" in first
-    assert "look at the largest" in first
-    assert second.startswith("- “All parameters determined” fails: ")
+    assert first.startswith("**Not everything holds. “All parameters determined” fails: ")
+    assert "what is named is not known; the other parameters can be used" in first
+    assert "hold it at a surveyed value" in first
+    assert second.startswith("- “Gross errors” fails, too: look at the largest")
     assert last.startswith("1 of 2 tests fails.")
 
 
