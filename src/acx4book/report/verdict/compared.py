@@ -142,7 +142,7 @@ def check_points(material: Material) -> Iterator[Finding]:
     few = (entry.get("n_points") or 0) < FEWEST
     if few:
         single = pd.concat([single, checked_points(material)])
-    single = single.loc[np.isfinite(_ratios(single)).all(axis=1)]
+    single = single.iloc[np.flatnonzero(np.isfinite(_ratios(single)).all(axis=1))]
     if few and single.empty:
         answer = "There are no check points, so the accuracy on the ground is not shown."
         yield Finding(question=CHECKED, state=NOTE, answer=answer)
