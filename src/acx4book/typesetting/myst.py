@@ -117,3 +117,17 @@ def _text(text: object) -> str:
         return shown(text)
     line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))
     return numbers(line)
+
+
+def at_commit(commit: str) -> str:
+    """Return the commit that stored numbers name, and in how many files the sources differed.
+
+    Parameters
+    ----------
+    commit : str
+        A hash, and where files differed, after a comma, their number: ``"b689…, 2 files differ"``.
+    """
+    name, _, differing = commit.partition(", ")
+    number = differing.partition(" ")[0]
+    files = "one file" if number == "1" else f"{number} files"
+    return f"commit `{name[:7]}`" + (f" with changes in {files}" if differing else "")

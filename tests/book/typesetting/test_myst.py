@@ -103,3 +103,10 @@ def test_scientific_numbers(value, digits, expected):
 )
 def test_numbers_have_minus_signs_and_keep_their_units(text, set_so):
     assert myst.numbers(text) == set_so
+
+
+def test_a_commit_of_stored_numbers_says_how_many_files_differed():
+    name = "b689ff0561d516e1a6d076faa26ccdd554320175"
+    assert myst.at_commit(name) == "commit `b689ff0`"
+    assert myst.at_commit(f"{name}, 4 files differ") == "commit `b689ff0` with changes in 4 files"
+    assert myst.at_commit(f"{name}, 1 files differ") == "commit `b689ff0` with changes in one file"

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.pages.benchmarks import stored
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
 
 IMPORTS = "imports"
@@ -57,7 +57,7 @@ def page(commands: Commands) -> str:
     """Return the measured seconds and megabytes as MyST text."""
     about = commands.about
     machine = (
-        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
+        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory."
     )
     sizes = commands.medians.groupby("flight", sort=False)["measurements"].first().astype(int)

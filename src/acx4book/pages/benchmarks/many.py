@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from acx4book.pages.benchmarks import stored
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
 
 FIRST = "one process"
@@ -63,7 +63,7 @@ def page(many: Many) -> str:
         f"of {FIRST} over it, processor time, and the largest memory of a worker"
     )
     machine = (
-        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
+        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory. The workers of the cluster "
         "are on the same computer, as is the scheduler. All ways left the same bytes."
     )

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from acx4book.pages.benchmarks.rendering_goals import Goal, Renderings, goals
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
 
 RENDERERS = {
@@ -89,7 +89,7 @@ def _machine(benchmark: Renderings) -> str:
         "" if benchmark.reduction == 1 else f", at 1/{benchmark.reduction} of the camera's size"
     )
     return (
-        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
+        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory, {about['system']}; "
         f"{packages}. The image of exposure {about['exposure']} has {size}{reduced}, three bands "
         "of 16 bit."

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.pages.benchmarks import stored
-from acx4book.typesetting.myst import myst_table, scientific
+from acx4book.typesetting.myst import at_commit, myst_table, scientific
 
 OURS = "ours"
 CERES = {"automatic": "Ceres, automatic", "analytic": "Ceres, by hand"}
@@ -181,7 +181,7 @@ def _of(theirs: pd.DataFrame, key: str, ours: pd.DataFrame) -> pd.Series:
 def _machine(about: Mapping[str, Any]) -> str:
     versions = about["versions"]
     text = (
-        f"Measured on {about['date']} at commit `{about['commit'][:7]}`: {about['processor']}, "
+        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
         f"{about['cores']} cores, {about['memory_gb']:g} GB of memory, {about['system']}, "
         f"Python {versions['python']}, numpy {versions['numpy']}, numba {versions['numba']}."
     )

@@ -11,6 +11,9 @@ from acx4book.reference.heads.parallax import BASES_M, predicted_px
 from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Array
 
+ROUNDED_DEG = 0.001
+"""The last digit of the trial's angles."""
+
 
 def chain(table: pd.DataFrame) -> str:
     """Say which pairs tie, and which chain binds all heads."""
@@ -42,7 +45,30 @@ def agreement(pairs: pd.DataFrame, rotations: pd.DataFrame) -> str:
         f"matching alone would make standard deviations of {rotations['noise_deg'].max():.4f}° "
         "at most. But "
         "neighbouring tie points share errors. By how much pairs contradict each other around "
-        f"closed loops does not depend on that; it makes them {sigma.max():.4f}° at most."
+        f"closed loops does not depend on that; it makes them {sigma.max():.4f}° at most.\n\n"
+        f"{_tested(rotations)}"
+    )
+
+
+def chi_square(table: pd.DataFrame) -> tuple[float, int]:
+    """Return χ² of the rotations less the trial's, and its degrees of freedom.
+
+    By σ of the loops, and by the trial's rounding.
+    """
+    trial = _less(table, "xyz", "trial")
+    sigma = table.filter(regex="[xyz]_sigma").to_numpy(dtype=float)
+    return float(np.sum(trial**2 / (sigma**2 + ROUNDED_DEG**2 / 12))), trial.size
+
+
+def _tested(table: pd.DataFrame) -> str:
+    """Say whether the differences from the trial are as large as σ says."""
+    chi2, dof = chi_square(table)
+    return (
+        "Are the differences from the trial as large as these standard deviations say? No: with "
+        f"them, and with the trial's rounding to {ROUNDED_DEG:g}°, χ² of the {dof} differences is "
+        f"{chi2:.0f}; they are {np.sqrt(chi2 / dof):.1f} times as large. Errors of the trial, "
+        "which states none, do not stand in these standard deviations, nor does what all pairs of "
+        "a head share, such as an error of its lens."
     )
 
 
@@ -125,10 +151,13 @@ def answer(pairs: pd.DataFrame, rotations: pd.DataFrame, five_rotations: pd.Data
     """Return the chapter's answer."""
     trial = np.concatenate([_less(one, "xyz", "trial") for one in (rotations, five_rotations)])
     factory = _rms(_less(rotations, "xy", "factory"))
+    chi2, dof = np.sum([chi_square(one) for one in (rotations, five_rotations)], axis=0)
+    times = np.sqrt(chi2 / dof)
     return (
         "Yes. Bands that are alike bind all heads, from blue to infrared; three angles a head "
         f"leave {_left_px(pairs):.2f} px in a coordinate, and an independent trial found the same "
-        f"angles to {_rms(trial):.4f}°. The factory's are {factory:.3f}° away, nearly half of it "
+        f"angles to {_rms(trial):.4f}°, which is {times:.1f} times what σ from loops and rounding "
+        f"explain. The factory's are {factory:.3f}° away, nearly half of it "
         "parallax: at another height the heads need other angles. How the camera sits on the "
         "aircraft these pictures do not tell, since they have no control point and no INS."
     )

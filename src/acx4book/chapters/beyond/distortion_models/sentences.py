@@ -18,6 +18,7 @@ from acx4book.chapters.beyond.distortion_models.study import (
     summary,
 )
 from acx4book.chapters.beyond.distortion_models.trials import FLEXIBLE, halved_at_um
+from acx4book.typesetting.myst import at_commit
 
 BARE = ("Ebner", "Fourier")
 """Models without radial parameters."""
@@ -30,7 +31,7 @@ def made(study: Study) -> str:
     """Say when and from what the numbers of the page were computed."""
     about = study.about
     return (
-        f"Computed on {about['date']} at commit `{about['commit'][:7]}`: {study.n_flights} flights "
+        f"Computed on {about['date']} at {at_commit(about['commit'])}: {study.n_flights} flights "
         f"of each simulated case, seeds {about['first_seed']} to {about['last_seed']}, and the "
         f"measurements `{REAL}`. `make models` repeats it."
     )

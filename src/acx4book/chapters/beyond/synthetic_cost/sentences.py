@@ -19,6 +19,7 @@ from acx4book.chapters.beyond.synthetic_cost import (
 from acx4book.chapters.beyond.synthetic_cost.study import RIG, SYNTHETIC, Study
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import at_commit
 from acx4lib.expected import Array
 
 SECONDS = 3600.0
@@ -29,7 +30,7 @@ def made(found: Study) -> str:
     """Say when and from what the numbers of the page were computed."""
     about = found.about
     return (
-        f"Computed on {about['date']} at commit `{about['commit'][:7]}` from {found.n_flights} "
+        f"Computed on {about['date']} at {at_commit(about['commit'])} from {found.n_flights} "
         f"flights of the design `{about['design']}`, seeds {about['first_seed']} to "
         f"{about['last_seed']}, and from flights without noise."
     )

@@ -18,7 +18,7 @@ from acx4book.pages.benchmarks import stored
 from acx4book.pages.benchmarks.coverage import sigma_tests
 from acx4book.pages.benchmarks.coverage.sigma_tests import LEVELS, Share
 from acx4book.typesetting.labels import LABELS, TITLES, inside
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
@@ -162,7 +162,7 @@ def _table(table: pd.DataFrame, caption: str, name: str) -> str:
 def _made(errors: Errors) -> str:
     about, seeds = errors.about, errors.parameters["seed"]
     return (
-        f"Computed on {about['date']} at commit `{about['commit'][:7]}`: {seeds.nunique()} flights "
+        f"Computed on {about['date']} at {at_commit(about['commit'])}: {seeds.nunique()} flights "
         f"of the design `{about['design']}`, of the heads `{about['heads_design']}`, seeds "
         f"{seeds.min()} to {seeds.max()}; "
         f"{about['processor']}, {about['system']}, Python {about['versions']['python']}, numpy "
