@@ -88,7 +88,7 @@ def grade(
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, students  # noqa: PLC0415 quick help
-    from acx4lib.results.own_folder import places  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import places, whole_files  # noqa: PLC0415 quick help
 
     secret = students.read_key(key)
     if out is not None:
@@ -101,9 +101,9 @@ def grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )
     if out is not None:
-        out.write_text(class_table.text(found), encoding="utf-8")
+        whole_files.write(out, class_table.text(found))
     if totals is not None:
-        totals.write_text(class_table.totals_text(found), encoding="utf-8")
+        whole_files.write(totals, class_table.totals_text(found))
     for line in class_table.total_lines(found):
         terminal.show(line)
     terminal.say(*found.unread)

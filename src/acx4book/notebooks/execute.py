@@ -13,7 +13,8 @@ import nbformat
 import papermill
 
 from acx4book.notebooks import interpreter
-from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, unsolvable
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError, unsolvable
+from acx4lib.results.own_folder.whole_files import write
 
 
 class NotebookError(Acx4Error):
@@ -88,8 +89,9 @@ def execute(
 
     Raises
     ------
-    FlightError, AdjustmentError
-        If the notebook raised them; the latter for a failure of linear algebra, too.
+    FlightError, AdjustmentError, OutputError
+        If the notebook raised them; AdjustmentError for a failure of linear algebra, too, and
+        OutputError if there is no space for the executed one.
     NotebookError
         For any other error.
     """
@@ -100,7 +102,7 @@ def execute(
         try:
             interpreter.execute(
                 _literal(notebook),
-                _literal(executed),
+                _literal(executed.absolute()),
                 parameters=parameters,
                 home=home,
                 on_cell=lambda index: on_cell(index, total),
@@ -140,7 +142,7 @@ def scrub(executed: Path, *, hidden: str = "") -> None:
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call] # untyped
     if hidden:
         text = text.replace(f"/{hidden}", "").replace(hidden, ".")
-    executed.write_text(text, encoding="utf-8")
+    write(executed, text)
 
 
 def _read(notebook: Path) -> nbformat.NotebookNode:
@@ -157,8 +159,9 @@ def _translated(notebook: str, cell: int, name: str, message: str) -> Acx4Error:
     """Return the error of a notebook as an error of this library."""
     if name == FlightError.__name__:
         return FlightError(message.splitlines())
-    if name == AdjustmentError.__name__:
-        return AdjustmentError(message)
+    for kind in (AdjustmentError, OutputError):
+        if name == kind.__name__:
+            return kind(message)
     if name == "LinAlgError":
         return unsolvable(message, f"the equations of notebook {notebook}, cell {cell},")
     plain = re.sub(r"\(<ipython-input-\S+>, (line \d+)\)", r"(\1)", message)

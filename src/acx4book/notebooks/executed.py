@@ -7,6 +7,7 @@ notebooks have no date and no place, so two runs of one flight give equal bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import EXECUTED, FAILED, NOTEBOOKS, NOTEBOOKS_PATH, Step
-from acx4lib.errors import Acx4Error
+from acx4lib.errors import Acx4Error, OutputError
 from acx4lib.flight.reader import Flight
 from acx4lib.results import provenance
 
@@ -91,7 +92,9 @@ def _execute(
     try:
         execute.execute(notebook, executed, parameters=given, on_cell=on_cell)
     except Acx4Error:
-        execute.scrub(executed, hidden=staging.name)
-        executed.parent.rename(staging / FAILED)
+        if executed.is_file():
+            executed.parent.rename(staging / FAILED)
+            with suppress(OutputError):  # no space for it: the error says so
+                execute.scrub(staging / FAILED / notebook.name, hidden=staging.name)
         raise
     execute.scrub(executed, hidden=staging.name)

@@ -28,11 +28,13 @@ from IPython.core.interactiveshell import InteractiveShell
 from matplotlib.figure import Figure
 from papermill.engines import Engine, NotebookExecutionManager, papermill_engines
 from papermill.exceptions import PapermillExecutionError
+from papermill.iorw import LocalHandler, papermill_io
 from threadpoolctl import threadpool_limits
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
 from acx4book.typesetting.drawing.svg import vector
+from acx4lib.results.own_folder import whole_files
 
 ENGINE = "acx4"
 """Name by which papermill knows the interpreter."""
@@ -68,7 +70,7 @@ def execute(
     Parameters
     ----------
     notebook, executed : str
-        Paths as papermill reads them.
+        Paths as papermill reads them, the second one from the root.
     parameters : mapping
     home : str
         Folder for what IPython wants to write.
@@ -184,7 +186,16 @@ class Interpreter(Engine):
                     break
 
 
+class Whole(LocalHandler):
+    """How papermill writes a notebook: whole or not at all."""
+
+    def write(self, buf: str, path: str) -> None:
+        """Write a notebook."""
+        whole_files.write(Path(path), buf)
+
+
 papermill_engines.register(ENGINE, Interpreter)
+papermill_io.register("/", Whole())
 
 
 def _show_as_drawings(shell: InteractiveShell) -> None:

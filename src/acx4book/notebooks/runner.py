@@ -6,22 +6,23 @@ the results folder, beside it; only a stage without errors changes the folder.
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Protocol
 
-from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError
 from acx4lib.flight import reader as flights
 from acx4lib.flight.reader import Flight
 from acx4lib.results import earlier, provenance
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import SCRATCH, changes
+from acx4lib.results.own_folder.marks import changes
+from acx4lib.results.own_folder.whole_files import SCRATCH, copy
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
@@ -295,15 +296,18 @@ def _run_step(stage: str, step: Step, own: OwnFolder, tell: Tell) -> None:
     with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
         staging = folder / Path(temporary).name
         for file in results.FILES:
-            shutil.copyfile(folder / file, staging / file)
+            copy(folder / file, staging / file)
         try:
             step(staging, lambda done, total: tell(stage, done, total))
         except Acx4Error as error:
             _move(staging, folder, [name for name in _beside(stage) if (staging / name).is_file()])
-            own.seal()
-            if isinstance(error, FlightError):  # its paths are those of the copy
-                own_names = [line.replace(f"/{staging.name}", "") for line in error.problems]
-                raise FlightError(own_names) from None
+            with suppress(OutputError):  # the first error is told
+                own.seal()
+            if isinstance(error, FlightError | OutputError):  # its paths are those of the copy
+                said = str(error).replace(f"/{staging.name}", "")
+                if isinstance(error, OutputError):
+                    raise OutputError(said) from None
+                raise FlightError(said.splitlines()) from None
             raise
         left = [name for name in _beside(stage) if (staging / name).is_file()]
         own.remove([name for name in _beside(stage) if name not in left])

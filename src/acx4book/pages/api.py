@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 
+from acx4lib.results.own_folder import whole_files
+
 FOLDER = "_generated/api"
 """Where the pages are in the book."""
 
@@ -32,7 +34,7 @@ def write(book: Path) -> None:
         path = folder / f"{file}.md"
         path.parent.mkdir(parents=True, exist_ok=True)
         rooms = [other.replace("/", ".") for other in listed if other.startswith(f"{file}/")]
-        path.write_text("\n".join(page(file.replace("/", "."), rooms)), encoding="utf-8")
+        whole_files.write(path, "\n".join(page(file.replace("/", "."), rooms)))
 
 
 def page(name: str, rooms: Sequence[str] = ()) -> Iterator[str]:

@@ -48,7 +48,7 @@ from acx4book.teaching.showing import tables as lab_tables
 from acx4book.typesetting.drawing.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import folder as results
-from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.provenance import KEPT
 from acx4sim.files.writer import truth_path
 
@@ -130,15 +130,15 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *lab_tables.texts(),
         *texts_of_back_matter(),
     ):
-        (generated / name).write_text(text, encoding="utf-8")
+        whole_files.write(generated / name, text)
     for name, figure in figures_of_benchmarks(adjusted, errors):
-        (generated / name).write_text(vector(figure), encoding="utf-8")
+        whole_files.write(generated / name, vector(figure))
     told = made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
-    (generated / "made_from.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
-    (generated / "slides.html").write_text(slides.page(drawn), encoding="utf-8")
-    (generated / "figures.zip").write_bytes(figure_pack.archive(drawn))
+    whole_files.write(generated / "slides.html", slides.page(drawn))
+    whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
     for house in ARCHIVED:
         release.pack(SOURCES / house, generated / f"{house}.zip", UNDATED, files="*.py")
@@ -163,7 +163,7 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
         else:
             heading = title(runner.NOTEBOOKS_PATH / done.name)
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
-            (executed / f"{name}.md").write_text(text, encoding="utf-8")
+            whole_files.write(executed / f"{name}.md", text)
     for name in OF_RESULTS:
         source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
         values = execute.with_defaults(source, {"results_path": str(results_path)})
@@ -193,7 +193,7 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
         if cell.cell_type == "code" and cell.outputs and "hide-input" not in tags:
             cell.metadata["tags"] = [*tags, "hide-input"]
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
-    page.write_text(text, encoding="utf-8")
+    whole_files.write(page, text)
 
 
 def title(notebook: Path) -> str:

@@ -17,6 +17,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.sketch import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
 from acx4book.typesetting.style import EDGE, INK, LAND, LAND_EDGE, PAPER, SHEET, SOFT, TEAL
+from acx4lib.results.own_folder import whole_files
 
 Vector = NDArray[np.floating]
 
@@ -146,4 +147,4 @@ def draw(folder: Path) -> None:
         with style.applied():
             fig, ax = style.subplots(figsize=size)
             draw_axes(ax)
-        (folder / f"{name}.svg").write_text(vector(fig), encoding="utf-8")
+        whole_files.write(folder / f"{name}.svg", vector(fig))

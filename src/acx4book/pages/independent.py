@@ -8,7 +8,6 @@ pages of the programming interface.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path, PurePosixPath
@@ -19,6 +18,7 @@ import yaml
 from acx4book.notebooks import execute, inputs
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import data as reference
+from acx4lib.results.own_folder import whole_files
 
 FOUNDATIONS = tuple(
     f"foundations/{path.stem}" for path in sorted((NOTEBOOKS_PATH / "foundations").glob("*.ipynb"))
@@ -81,7 +81,7 @@ def bring(executed: Path, *, run: bool) -> list[str]:
     for name, path in here.items():
         page = executed / f"{name}.ipynb"
         page.parent.mkdir(exist_ok=True)
-        shutil.copyfile(path, page)
+        whole_files.copy(path, page)
     return [name for name in CHAPTERS if name not in here]
 
 
@@ -131,9 +131,9 @@ def leave_out(book: Path, pages: Collection[str]) -> None:
     if "parts" in contents:  # an empty one is malformed
         contents["parts"] = [part for part in contents["parts"] if part["chapters"]]
     generated = book / "_generated"
-    (generated / "_toc.yml").write_text(yaml.safe_dump(contents), encoding="utf-8")
+    whole_files.write(generated / "_toc.yml", yaml.safe_dump(contents))
     titles = {page: _title(page) for page in pages}
-    (generated / "left_out.json").write_text(json.dumps(titles, indent=1), encoding="utf-8")
+    whole_files.write(generated / "left_out.json", json.dumps(titles, indent=1))
 
 
 def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -20,6 +20,7 @@ from importlib import resources
 from pathlib import Path
 
 from acx4lib.errors import Acx4Error
+from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.places import working_copy
 
 FOLDER = Path(str(resources.files("acx4book.reference") / "measurements")).resolve()
@@ -202,7 +203,7 @@ def _bring(entry: Entry, target: Path, base: str) -> None:
     if hashlib.sha256(content).hexdigest() != entry.sha256:
         msg = f"what was selected from {entry.path} is not the file that was indexed (SHA-256)"
         raise ValueError(msg)
-    target.write_bytes(content)
+    whole_files.write(target, content)
 
 
 def _selected(file: str, base: str) -> list[str]:

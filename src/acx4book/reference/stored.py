@@ -12,6 +12,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from acx4book.reference import data
+from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.places import working_copy
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
@@ -95,4 +96,5 @@ def store(sets: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]]) -> None:
 
 def _write(table: pd.DataFrame, name: str) -> None:
     path = FOLDER / f"{name}.csv"
-    table.to_csv(path, index=False, float_format="%.12g", lineterminator="\n")
+    text = table.to_csv(index=False, float_format="%.12g", lineterminator="\n")
+    whole_files.write(path, text)

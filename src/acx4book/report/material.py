@@ -14,6 +14,7 @@ import pandas as pd
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
+from acx4lib.flight.text.files import opened
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import FILE, KEPT, Run, read_run
 
@@ -207,7 +208,8 @@ def _measured(block: Block) -> pd.DataFrame:
 def exposure_times(material: Material, block: Block) -> pd.Series:
     """Return the times of a block's exposures, s, by their names; NaN where not given."""
     path = material.folder / KEPT / block.name / "trajectory.csv"
-    table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    with opened(path) as file:
+        table = pd.read_csv(file, dtype=str, keep_default_na=False, encoding="utf-8-sig")
     table.columns = table.columns.str.strip()
     times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)
     known = pd.Series(pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"])

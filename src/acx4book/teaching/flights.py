@@ -13,6 +13,7 @@ import numpy as np
 from acx4book.teaching import students
 from acx4book.teaching.case import Case, Sheet
 from acx4lib.flight.reader import read
+from acx4lib.results.own_folder.whole_files import naming
 from acx4sim.designs import single_head_plan
 from acx4sim.files.flights import SimulatedFlight, simulate_plan
 from acx4sim.files.writer import write_files
@@ -156,5 +157,6 @@ def case_of(flight: SimulatedFlight) -> Case:
     """Return a flight as its student has it, read from files, with its truth."""
     with tempfile.TemporaryDirectory(prefix="acx4-lab-") as temporary:
         folder = Path(temporary) / "flight"
-        write_files(flight, folder)
+        with naming(folder):
+            write_files(flight, folder)
         return Case(read(folder), flight.truth)

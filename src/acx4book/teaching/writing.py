@@ -10,6 +10,7 @@ from pathlib import Path
 from acx4book.teaching import flights, students
 from acx4book.teaching.case import Sheet
 from acx4book.teaching.handed_in import ANSWERS, COLUMNS
+from acx4lib.results.own_folder import whole_files
 from acx4sim.files.writer import write_files
 
 README = "README.md"
@@ -35,9 +36,9 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     else:
         folder.mkdir(exist_ok=True)
         for file, content in sheet.hand_out(case).items():
-            (folder / file).write_text(content, encoding="utf-8")
-    (folder / README).write_text(readme(sheet, name, sheet.given(case)), encoding="utf-8")
-    (folder / ANSWERS).write_text(answers(sheet, name), encoding="utf-8")
+            whole_files.write(folder / file, content)
+    whole_files.write(folder / README, readme(sheet, name, sheet.given(case)))
+    whole_files.write(folder / ANSWERS, answers(sheet, name))
 
 
 def readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,9 +19,10 @@ import numpy as np
 from acx4lib.errors import OutputError
 from acx4lib.exchange import written_toml
 from acx4lib.exchange.brought import Brought, number_of
+from acx4lib.flight.text.files import text_of
 from acx4lib.flight.text.in_memory import Columns
 from acx4lib.flight.text.names import name_fault
-from acx4lib.results.own_folder import claims, marks
+from acx4lib.results.own_folder import claims, marks, whole_files
 
 COMMAND = "acx4 import"
 """Whose the folders are."""
@@ -81,10 +80,7 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
             own.files.pop(SETTINGS, None)
         remarks = _replaced(folder, {name: texts[name] for name in brought.tables})
         own.expect(names)
-        for name, text in texts.items():
-            _place(folder / name, text)
-        for name, picture in pictures.items():
-            _link(picture, folder / name)
+        _place(folder, texts, pictures)
         own.seal()
     if edited and brought.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
@@ -131,10 +127,7 @@ def begin(
             msg = f"{folder}: an import began this flight already; choose another folder"
             raise OutputError(msg)
         own.expect([*texts, *files])
-        for name, text in texts.items():
-            _place(folder / name, text)
-        for name, file in files.items():
-            _link(file, folder / name)
+        _place(folder, texts, files)
         own.seal()
 
 
@@ -199,25 +192,16 @@ def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
 
 
 def _read(path: Path) -> str:
-    return path.read_text("utf-8") if path.is_file() else ""
+    return text_of(path) if path.exists() else ""
 
 
-def _place(path: Path, text: str) -> None:
-    """Write a file, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f"{marks.SCRATCH}{path.name}")
-    new.write_text(text, encoding="utf-8", newline="\n")
-    new.replace(path)
-
-
-def _link(picture: Path, place: Path) -> None:
-    """Put a picture in its place: a second name of the same file, or a copy on another disk."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    place.unlink(missing_ok=True)
-    try:
-        os.link(picture.resolve(), place)
-    except OSError:
-        shutil.copyfile(picture, place)
+def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) -> None:
+    """Write files, and give others, as pictures, a second name, by their names in a folder."""
+    for name in (*texts, *files):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    for name, file in files.items():
+        whole_files.link(file, folder / name)
+    whole_files.write_all({folder / name: text for name, text in texts.items()})
 
 
 def with_synthetic(brought: Brought) -> Brought:

@@ -16,6 +16,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
+from acx4lib.flight.text.files import opened
 from acx4lib.flight.text.schemas import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.flight.text.table import Table
 from acx4lib.flight.text.table_files import read_table
@@ -124,7 +125,7 @@ def _lacks(path: Path) -> bool:
     """Tell whether a table is missing, or has no row under its header."""
     if not path.is_file():
         return True
-    with path.open("rb") as file:
+    with opened(path) as file:
         rows = (line for line in file if line.strip())
         return next(rows, None) is None or next(rows, None) is None
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -17,6 +15,8 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block, without_points
 from acx4lib.flight.reader import Flight, checked, table_files
 from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.text.files import opened, text_of
+from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.claims import OwnFolder
 
 SETTINGS = "flight.toml"
@@ -110,7 +110,7 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     own.expect([*names, *pictures, *missing])
     for name in names:
         if name != SETTINGS:
-            _put(own.path / name, (flight.path / name).read_bytes())
+            _put(own.path / name, _content(flight.path / name))
     for block, tables in unmeasured.tables.items():
         _put(own.path / block / "images.csv", _used_images(unmeasured, block, tables))
     for name in missing:
@@ -119,7 +119,7 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
         target = own.path / name
         target.parent.mkdir(parents=True, exist_ok=True)
         if not target.exists():
-            _link(source, target)
+            whole_files.link(source, target)
 
 
 def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> bytes:
@@ -127,7 +127,7 @@ def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> byt
     files = unmeasured.flight.image_files[block]
     used = {*tables.image_points.text["image"]}
     used |= {n for n, path in zip(tables.images.text["image"], files, strict=True) if path}
-    source = (unmeasured.flight.path / block / "images.csv").read_text(encoding="utf-8-sig")
+    source = text_of(unmeasured.flight.path / block / "images.csv")
     rows = list(csv.reader(io.StringIO(source, newline="")))
     column = [name.strip() for name in rows[0]].index("image")
     kept = [rows[0], *(row for row in rows[1:] if row and row[column].strip() in used)]
@@ -158,16 +158,9 @@ def _names_of(flight: Flight, block: str) -> Sequence[str]:
     ]
 
 
-def _link(source: Path, target: Path) -> None:
-    with suppress(OSError):
-        target.hardlink_to(source)
-        return
-    shutil.copyfile(source, target)
-
-
 def finished(unmeasured: Unmeasured, own: OwnFolder) -> None:
     """Make a flight of a folder that has all tables, by its settings."""
-    _put(own.path / SETTINGS, (unmeasured.flight.path / SETTINGS).read_bytes())
+    _put(own.path / SETTINGS, _content(unmeasured.flight.path / SETTINGS))
     own.seal()
 
 
@@ -189,9 +182,14 @@ def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
     _put(own.path / name, _csv([header, *lines]))
 
 
+def _content(path: Path) -> bytes:
+    with opened(path) as file:
+        return file.read()
+
+
 def _put(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    whole_files.write(path, content)
 
 
 def given(tables: BlockTables, sigma_px: float) -> list[Measured]:

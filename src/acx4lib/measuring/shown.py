@@ -11,6 +11,7 @@ import numpy as np
 from acx4lib.expected import Array
 from acx4lib.measuring.measure import Outcome
 from acx4lib.measuring.pictures.views import View, pixels_of_view
+from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.file_names import file_stem
 
 SIDE_PX = 1400
@@ -45,7 +46,8 @@ def write(outcomes: Sequence[Outcome], folder: Path) -> None:
             ]
             drawn = _drawn(view, rays.colrow[own], count[own], np.array(surveyed).reshape(-1, 2))
             _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 85])
-            (folder / one.block / f"{file_stem(view.name)}.jpg").write_bytes(coded.tobytes())
+            place = folder / one.block / f"{file_stem(view.name)}.jpg"
+            whole_files.write(place, coded.tobytes())
 
 
 def _drawn(view: View, ties: Array, count: Array, surveyed: Array) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.errors import AdjustmentError, FlightError, OutputError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.flight_response import SEED
@@ -174,6 +174,8 @@ def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
         return _render(_reduced(job, heads.reduction), heads, tell)
     except FlightError as error:
         return Outcome(exposure=job.exposure, problems=error.problems)
+    except OutputError as error:
+        return Outcome(exposure=job.exposure, problems=(str(error),))
     except OSError as error:
         reason = error.strerror or str(error)
         problem = f"{job.path}: cannot be written ({reason})"

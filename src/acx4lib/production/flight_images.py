@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import importlib.metadata
+import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -18,17 +19,18 @@ from pathlib import Path
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.files import text_of
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions
 from acx4lib.production.flight_response import FlightResponse, estimate_flight_response, spread
 from acx4lib.production.head_images import HeadFiles, flight_files
 from acx4lib.production.image_files import fingerprint
 from acx4lib.production.stripes import TellRows
-from acx4lib.production.tiff import appearing, read_about
+from acx4lib.production.tiff import read_about
 from acx4lib.production.workers import made
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.own_folder.file_names import file_stem
 from acx4lib.results.read_back import read_relative_orientation
 
@@ -334,14 +336,13 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
     path = folder / IMAGES
     rows = {}
     if path.is_file():
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = {row["exposure"]: row for row in csv.DictReader(file) if row.get("exposure")}
+        lines = text_of(path).splitlines()
+        rows = {row["exposure"]: row for row in csv.DictReader(lines) if row.get("exposure")}
     for job in jobs:
         values = (job.exposure, rig.synthetic.name, job.exposure, job.path.name)
         rows[job.exposure] = dict(zip(_HEADER, values, strict=True))
-    with appearing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, _HEADER, extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file()
-        )
+    table = io.StringIO(newline="")
+    writer = csv.DictWriter(table, _HEADER, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file())
+    whole_files.write(path, table.getvalue())

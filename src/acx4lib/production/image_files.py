@@ -19,6 +19,7 @@ import tifffile
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe import tiff_tags
 from acx4lib.expected import Raster
+from acx4lib.flight.text.files import opened
 from acx4lib.geometry.camera import Camera
 
 BANDS = 4
@@ -139,7 +140,7 @@ def fingerprint(path: Path) -> str:
     """
     size = path.stat().st_size
     checksum = hashlib.sha256(str(size).encode())
-    with path.open("rb") as file:
+    with opened(path) as file:
         for at in np.linspace(0, max(size - _AT_A_TIME, 0), _SAMPLED, dtype=np.int64):
             file.seek(int(at))
             checksum.update(file.read(_AT_A_TIME))
@@ -201,7 +202,7 @@ def _reason(error: Exception, said: Sequence[str]) -> str:
 
 
 def _not_tiff(path: Path) -> str:
-    with path.open("rb") as file:
+    with opened(path) as file:
         start = file.read(12)
     if not start:
         return "is empty; a head image is a TIFF"
@@ -300,7 +301,7 @@ def _extent_problem(header: _Header, size: int) -> str | None:
 
 def _mapped(path: Path, header: _Header) -> Raster:
     """Return the image mapped from its file, in which it is stored as in memory."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     shape = (header.height, header.width, header.bands)
     count, at = int(np.prod(shape)), header.offsets[0]

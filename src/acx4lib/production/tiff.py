@@ -6,9 +6,6 @@ the disk, or never.
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import fcntl
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,10 +19,11 @@ import tifffile
 from numpy.typing import NDArray
 
 from acx4lib import expected
-from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
+from acx4lib.flight.text.files import opened
 from acx4lib.least_squares import processors
 from acx4lib.production.pyramid import Pyramid, level_sizes
+from acx4lib.results.own_folder import whole_files
 
 TILE = 512
 """Rows and columns of a tile; the last overview is not larger."""
@@ -118,10 +116,10 @@ def write(
 
     Raises
     ------
-    FlightError
-        Where another process is writing this file.
+    OutputError
+        Where there is no space for it.
     OSError
-        Where the file cannot be written: no room, no permission.
+        Where the file cannot be written otherwise, as without permission.
     ValueError
         Where the stripes do not match `form`.
 
@@ -131,14 +129,15 @@ def write(
     unspecified: it is not transparency. The same pixels give the same bytes.
     """
     threads = threads or processors.cores()
-    with _told_why(path), appearing(path) as part, _overviews(path.parent, form) as pyramid:
-        sizes = _sizes(form)
+    sizes = _sizes(form)
+    with whole_files.appearing(path) as part, _overviews(path.parent, form) as pyramid:
         with tifffile.TiffWriter(part, bigtiff=True) as tiff:
             base = _tiles(_passed_on(_checked(stripes, form), pyramid), form.width)
             _write_level(tiff, base, form, sizes[0], json.dumps(about, indent=1), threads)
             for level, size in enumerate(sizes[1:], start=1):
                 tiles = _tiles(pyramid.stripes(level, TILE), size[1])
                 _write_level(tiff, tiles, form, size, None, threads)
+        _to_disk(part)
 
 
 def read_about(path: Path) -> dict[str, Any]:
@@ -172,8 +171,7 @@ def write_preview(path: Path, image_path: Path) -> None:
     if not good:
         msg = f"{path}: the preview could not be encoded"
         raise ValueError(msg)
-    with appearing(path) as part:
-        part.write_bytes(jpeg.tobytes())
+    whole_files.write(path, jpeg.tobytes())
 
 
 def _fitted(image: Raster) -> Raster:
@@ -198,41 +196,9 @@ def _stretched(image: Raster) -> NDArray[np.uint8]:
     return np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
 
 
-@contextlib.contextmanager
-def _told_why(path: Path) -> Iterator[None]:
-    """Raise "no space left" where numpy wrote only a part of an array and gives no reason."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from None
-        raise
-
-
-@contextlib.contextmanager
-def appearing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path for a file, which gets its final name only when it is complete.
-
-    The temporary name is always the same, so that the remains of a power failure are overwritten.
-    """
-    part = path.with_name(f".{path.name}.part")
-    with part.open("ab") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            problem = f"{path}: is being written by another process; wait for it"
-            raise FlightError([problem]) from None
-        try:
-            yield part
-            _to_disk(part)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-
-
 def _to_disk(path: Path) -> None:
     """Wait until a file is on the disk and not only in memory."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         os.fsync(file.fileno())
 
 

@@ -6,7 +6,6 @@ The results of a method have the name ``stage/method``, such as ``mounting/singl
 from __future__ import annotations
 
 import heapq
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ from acx4lib.expected import Mask
 from acx4lib.results.files import table_files
 from acx4lib.results.files.summary_entries import read_summary, summary_text
 from acx4lib.results.files.table_files import COLUMNS
-from acx4lib.results.own_folder.marks import SCRATCH
+from acx4lib.results.own_folder.whole_files import Drafts, together
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
@@ -160,13 +159,11 @@ def replace(
         msg = f"summary of {', '.join(strangers)} is not of {', '.join(stage_methods)}"
         raise ValueError(msg)
     at.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=at, prefix=SCRATCH) as temporary:
-        new = Path(temporary)
-        (new / "summary.json").write_text(summary_text({**kept, **summary}), encoding="utf-8")
+    with together() as new:
         for name in COLUMNS:
             _write(name, at, new, parts.get(name, ()), stage_methods)
-        for path in new.iterdir():
-            path.replace(at / path.name)
+        with new.open(at / "summary.json") as file:
+            file.write(summary_text({**kept, **summary}).encode())
 
 
 def has(results: Results, stage_method: str) -> bool:
@@ -300,16 +297,16 @@ def _check_names(
 def _write(
     name: str,
     folder: Path,
-    new: Path,
+    new: Drafts,
     frames: Sequence[pd.DataFrame],
     stage_methods: Sequence[str],
 ) -> None:
-    """Write a table with its old rows that stay into a new folder, unless nothing changes."""
+    """Write a table anew with its old rows that stay, unless nothing changes."""
     old, gone = folder / f"{name}.csv", table_files.begins(name, stage_methods)
     if not frames and table_files.is_there(old) and not table_files.holds(old, gone):
         return
     parts = heapq.merge(_old(old, gone), _new(name, frames), key=itemgetter(0))
-    with (new / f"{name}.csv").open("wb") as file:
+    with new.open(old) as file:
         file.write(table_files.header(name))
         file.writelines(lines for _, lines in parts)
 

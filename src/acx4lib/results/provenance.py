@@ -11,7 +11,6 @@ import hashlib
 import importlib.metadata
 import json
 import platform
-import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ from pathlib import Path
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import Flight, read_kept, table_files
 from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.text.files import text_of
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import SCRATCH, is_below, written
+from acx4lib.results.own_folder.marks import is_below, written
+from acx4lib.results.own_folder.whole_files import SCRATCH, copy, write
 
 KEPT = "flight"
 """Folder of the copies in the results."""
@@ -286,7 +287,7 @@ def keep(own: OwnFolder, flight: Flight) -> None:
         new = Path(temporary)
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(flight.path / name, new / name)
+            copy(flight.path / name, new / name)
         files = {name: written(new / name).sha256 or "" for name in sorted(names)}
         changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
         if changed:
@@ -368,11 +369,13 @@ def stages(folder: Path) -> Mapping[str, Mapping[str, object]]:
 
 def _read(folder: Path) -> Provenance:
     path = folder / FILE
-    if not path.exists():
-        return Provenance(files={}, stages={})
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        said = json.loads(text_of(path))
         found = Provenance(files=dict(said["files"]), stages=dict(said["stages"]))
+    except FileNotFoundError:
+        return Provenance(files={}, stages={})
+    except OSError as error:
+        raise FlightError([f"{path}: cannot be read ({error.strerror})"]) from None
     except (ValueError, KeyError, TypeError, RecursionError):
         found = None
     if found is None or not _is_sound(found):
@@ -394,7 +397,4 @@ def _is_sound(found: Provenance) -> bool:
 def _write(folder: Path, provenance: Provenance) -> None:
     said = {"files": dict(provenance.files), "stages": dict(provenance.stages)}
     text = json.dumps(said, indent=2, sort_keys=True, ensure_ascii=False) + "\n"
-    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
-        new = Path(temporary) / FILE
-        new.write_text(text, encoding="utf-8")
-        new.replace(folder / FILE)
+    write(folder / FILE, text)

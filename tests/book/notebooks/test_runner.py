@@ -13,7 +13,8 @@ from acx4lib.errors import OutputError
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.marks import MARK, SCRATCH
+from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results.own_folder.whole_files import SCRATCH
 from support.flights import written
 from support.helpers import write_notebook
 

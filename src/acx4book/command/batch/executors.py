@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -10,9 +11,15 @@ from typing import Any
 
 from acx4book.command.batch.processes import Processes
 from acx4lib.errors import FlightError
+from acx4lib.flight.problems import quoted
 
 ANSWER_S = 10
 """Time in which a scheduler must answer, s."""
+
+ADDRESS = re.compile(
+    r"(?:(?:tcp|tls|ucx|ws|wss)://)?(?:[\w.-]+|\[[\da-f:.]+\]):(?P<port>\d{1,5})/?", re.ASCII | re.I
+)
+"""Of a scheduler in another process: protocol, name or number of the host, port."""
 
 
 @contextmanager
@@ -57,13 +64,24 @@ def _connected(address: str) -> Iterator[Any]:
     except ImportError:
         problem = "--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"
         raise FlightError([problem]) from None
+    _check(address)
+    client = object.__new__(distributed.Client)
     try:
-        client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        problem = f"{address}: no Dask scheduler answers ({str(error).splitlines()[0]})"
-        raise FlightError([problem]) from None
+        client.__init__(address, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, ValueError, TypeError, ImportError) as error:
+        client.status = "closed"  # Dask would try to close for 20 s what was never open
+        reason = " ".join(str(error).split())[:200]
+        raise FlightError([f"{address}: no Dask scheduler answers ({reason})"]) from None
     with client:
         yield client
+
+
+def _check(address: str) -> None:
+    """Refuse an address that no scheduler can have."""
+    found = ADDRESS.fullmatch(address)
+    if found is None or not 0 < int(found["port"]) < 65536:
+        expected = "must be that of a Dask scheduler, such as tcp://host:8786"
+        raise FlightError([f"--cluster: {quoted(address)}; {expected}"])
 
 
 @contextmanager

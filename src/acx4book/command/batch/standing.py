@@ -9,6 +9,7 @@ from acx4book.command.batch.jobs import Settings
 from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.files import text_of
 from acx4lib.results import earlier, folder, provenance
 from acx4lib.results.own_folder import marks
 from acx4lib.stages import order
@@ -68,6 +69,6 @@ def _cells(notebook: Path) -> list[str]:
     of_parameters = {"parameters", "injected-parameters"}
     return [
         "".join(cell["source"])
-        for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+        for cell in json.loads(text_of(notebook))["cells"]
         if not of_parameters & set(cell["metadata"].get("tags", []))
     ]

@@ -6,14 +6,15 @@ What differs from call to call, such as times, stands in a table of its own.
 from __future__ import annotations
 
 import csv
+import io
 import json
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from acx4lib.flight.text.files import text_of
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.results import folder
-from acx4lib.results.own_folder.marks import SCRATCH
+from acx4lib.results.own_folder import whole_files
 
 METHOD = "single_step"
 """The method whose parameters and check points are shown."""
@@ -64,33 +65,30 @@ def row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
 
 def read(path: Path) -> dict[str, dict[str, str]]:
     """Return the rows of a table by flight; none where it is not there."""
-    if not path.is_file():
+    if not path.exists():
         return {}
-    with path.open(newline="", encoding="utf-8") as file:
-        return {row["flight"]: row for row in csv.DictReader(file) if row.get("flight")}
+    lines = io.StringIO(text_of(path), newline="")
+    return {row["flight"]: row for row in csv.DictReader(lines) if row.get("flight")}
 
 
 def write(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
     """Replace a table by another, whole or not at all; what a row does not have is empty."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=SCRATCH) as temporary:
-        new = Path(temporary) / path.name
-        with new.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-        new.replace(path)
+    table = io.StringIO(newline="")
+    writer = csv.DictWriter(table, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    whole_files.write(path, table.getvalue())
 
 
 def _parameters(path: Path) -> Iterator[tuple[str, str]]:
     """Yield camera, values and sigmas of the method, exactly as they are written there."""
-    with path.open(newline="", encoding="utf-8") as file:
-        for line in csv.DictReader(file):
-            if (line["stage"], line["method"]) != ("mounting", METHOD):
-                continue
-            if line["camera"]:
-                yield "camera", line["camera"]
-            yield line["parameter"], line["value"]
-            yield f"sigma_{line['parameter']}", line["sigma"]
+    for line in csv.DictReader(io.StringIO(text_of(path), newline="")):
+        if (line["stage"], line["method"]) != ("mounting", METHOD):
+            continue
+        if line["camera"]:
+            yield "camera", line["camera"]
+        yield line["parameter"], line["value"]
+        yield f"sigma_{line['parameter']}", line["sigma"]
 
 
 def _checked(entry: Mapping[str, object]) -> Iterator[tuple[str, str]]:

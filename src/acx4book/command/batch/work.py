@@ -17,7 +17,8 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
-from acx4lib.results.own_folder import claims
+from acx4lib.flight.text.files import text_of
+from acx4lib.results.own_folder import claims, whole_files
 
 COMMAND_OF_SIMULATED = "acx4 simulate"
 """In the mark of a simulated flight."""
@@ -107,14 +108,14 @@ def _simulate(job: Job) -> None:
     from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files.writer import write  # noqa: PLC0415 as above
 
-    plan = Path(job.design).read_bytes() if by_name.is_plan(job.design) else b""
+    plan = text_of(Path(job.design)) if by_name.is_plan(job.design) else ""
     if not job.flight.exists():
         with claims.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
             write(by_name.fly(job.design, seed=job.seed), draft)
             if plan:
-                plan_beside(draft).write_bytes(plan)
-    elif plan and (
-        not plan_beside(job.flight).is_file() or plan_beside(job.flight).read_bytes() != plan
+                whole_files.write(plan_beside(draft), plan)
+    elif plan and not (
+        plan_beside(job.flight).exists() and text_of(plan_beside(job.flight)) == plan
     ):
         msg = (
             f"{job.flight}: was flown by another plan than {job.design} is now; choose another "

@@ -73,6 +73,12 @@ PixelUm = Annotated[
     ),
 ]
 
+SYSTEM = (
+    ("crs", str, "must be text, such as EPSG:32633"),
+    ("heights", str | int | float, "must be text, or an undulation in metres"),
+)
+"""Keys of flight.toml that an import takes, their types, and what they must be."""
+
 LARGEST_UNDULATION_M = 200.0
 
 TO_DO = 8
@@ -97,16 +103,28 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     Parameters
     ----------
     out : Path
-        Folder of the flight, which need not be there.
+        Folder of the flight, which need not be there, nor have a flight.toml that is finished.
     crs, heights : str
         Options; empty where not given.
-    """
-    import tomllib  # noqa: PLC0415 quick help
 
-    try:
-        known = tomllib.loads((out / "flight.toml").read_text("utf-8"))
-    except (OSError, ValueError):  # not there, or not yet as it is to be
-        known = {}
+    Raises
+    ------
+    FlightError
+        Where flight.toml cannot be read, or one of them can be no such thing.
+    """
+    from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
+    from acx4lib.flight.problems import lines_of, quoted  # noqa: PLC0415 quick help
+    from acx4lib.flight.text.document import read_toml  # noqa: PLC0415 quick help
+
+    path = out / "flight.toml"
+    toml = read_toml(path)
+    known = toml.values
+    problems = [one for one in toml.problems if one.column == "file" and path.exists()]
+    for key, of_type, expected in SYSTEM:
+        if not isinstance(known.get(key, ""), of_type) or isinstance(known.get(key), bool):
+            problems.append(toml.problem((key,), quoted(known[key]), expected))
+    if problems:
+        raise FlightError(lines_of(problems))
     named = known.get("heights", "ellipsoidal")
     if isinstance(named, str) and (out / named).is_file():
         named = str((out / named).absolute())

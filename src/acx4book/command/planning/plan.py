@@ -78,6 +78,7 @@ def plan(
 ) -> None:
     """Predict what a flight will determine."""
     from acx4book.command.planning.target import choose  # noqa: PLC0415 quick help
+    from acx4lib.flight.text.files import text_of  # noqa: PLC0415 quick help
     from acx4lib.planning import design, shown, tables, text  # noqa: PLC0415 quick help
 
     if out is not None:
@@ -87,7 +88,7 @@ def plan(
     found = design.of(planned if chosen is None else chosen.plan)
     terminal.show("\n".join(shown.lines(found)))
     if out is not None:
-        source = file.read_text("utf-8-sig") if chosen is None else text.written(chosen.plan.values)
+        source = text_of(file) if chosen is None else text.written(chosen.plan.values)
         write(found, source, out, chosen)
     if tables.sentences(found) or (chosen is not None and not chosen.met):
         raise typer.Exit(NOT_DETERMINED)
@@ -99,7 +100,7 @@ def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) 
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4lib.planning import tables  # noqa: PLC0415 quick help
     from acx4lib.planning.choosing import tables as choices  # noqa: PLC0415 quick help
-    from acx4lib.results.own_folder import claims  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import claims, whole_files  # noqa: PLC0415 quick help
 
     made = (
         tables.parameter_table(design),
@@ -118,8 +119,7 @@ def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) 
         content["strips.csv"] = _csv(choices.strips(chosen))
     with claims.claim(out, command="acx4 plan") as own:
         own.expect(content)
-        for name, written in content.items():
-            (out / name).write_text(written, encoding="utf-8", newline="\n")
+        whole_files.write_all({out / name: written for name, written in content.items()})
         own.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
 

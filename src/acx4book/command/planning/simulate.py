@@ -122,7 +122,7 @@ def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
 def _write_plan(name: str, path: Path) -> None:
     from acx4book.notebooks.simulated import of_design  # noqa: PLC0415 quick help
     from acx4lib.planning import text  # noqa: PLC0415 quick help
-    from acx4lib.results.own_folder import places  # noqa: PLC0415 quick help
+    from acx4lib.results.own_folder import places, whole_files  # noqa: PLC0415 quick help
     from acx4sim.designs import PLANS  # noqa: PLC0415 quick help
 
     if name not in PLANS:
@@ -130,5 +130,5 @@ def _write_plan(name: str, path: Path) -> None:
     if path.exists():
         terminal.refuse(f"{path}: is there already; choose another name")
     places.check_file(path, mark=b"", what="a plan")
-    path.write_text(text.written(of_design.values(PLANS[name]())), encoding="utf-8", newline="\n")
+    whole_files.write(path, text.written(of_design.values(PLANS[name]())))
     terminal.show(path)

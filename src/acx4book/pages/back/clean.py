@@ -15,6 +15,7 @@ import nbformat
 
 from acx4book.notebooks import alone
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4lib.results.own_folder import whole_files
 
 FOLDER = Path("downloads", "notebooks")
 """Where the copies lie in the built book."""
@@ -70,7 +71,7 @@ def write(folder: Path) -> None:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         text: str = nbformat.writes(copy(source, name.stem))  # type: ignore[no-untyped-call] # untyped
-        path.write_text(f"{text}\n", encoding="utf-8")
+        whole_files.write(path, f"{text}\n")
 
 
 def copy(source: Path, name: str) -> nbformat.NotebookNode:

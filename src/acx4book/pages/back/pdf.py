@@ -26,6 +26,7 @@ from pypdf.annotations import Link
 from pypdf.generic import Fit
 
 from acx4book.report.page.printing import PrintError, chromium, printed
+from acx4lib.results.own_folder import whole_files
 
 AT_ONCE = 2
 """Pages that are printed side by side."""
@@ -83,9 +84,9 @@ def prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
     for page in pages:
         links = "".join(f'<a href="#{escape(name)}"></a>' for name in sorted(places[page]))
         text = (html / page).read_text(encoding="utf-8")
-        (folder / page).unlink()  # it is the book's own file
         hidden = f'<div style="display: none">{links}</div></body>'
-        (folder / page).write_text(text.replace("</body>", hidden), encoding="utf-8")
+        # another file than the book's own, of which it is a second name
+        whole_files.write(folder / page, text.replace("</body>", hidden))
 
 
 def joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:

@@ -21,7 +21,7 @@ from pathlib import Path
 from acx4book.pages.back import citation
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.checks import settings
-from acx4lib.results.own_folder import marks
+from acx4lib.results.own_folder import marks, whole_files
 
 
 class ReleaseError(Acx4Error):
@@ -115,7 +115,10 @@ def pack(content: Path, archive: Path, seconds: int, *, files: str = "*") -> Non
         Pattern of the names of those that are packed.
     """
     date = time.gmtime(seconds)[:6]
-    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+    with (
+        whole_files.opened_new(archive) as new,
+        zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as packed,
+    ):
         for path in sorted(path for path in content.rglob(files) if path.is_file()):
             name = Path(archive.stem, path.relative_to(content)).as_posix()
             entry = zipfile.ZipInfo(name, date)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,9 @@ from acx4lib.calibration.trust.rigidity import Rigidity
 from acx4lib.results.campaigns import tables as of_library
 from acx4lib.results.campaigns.tables import NOUN, trends_of
 from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder.whole_files import write_all
 
-FORM: Any = {"float_format": "%.10g", "lineterminator": "\n", "encoding": "utf-8"}
+FORM: Any = {"float_format": "%.10g", "lineterminator": "\n"}
 """How tables are written."""
 
 COMMAND = "acx4 compare"
@@ -42,10 +43,9 @@ def write(study: Study, out: Path) -> None:
     OutputError
         Where the command must not write there.
     """
-    with _claimed(out, study.tables):
+    with _claimed(out, study.tables) as put:
         names = ", ".join(c.name for c in study.comparison.campaigns)
-        text = page("Comparison of campaigns", names, [*_parts(study)])
-        (out / PAGE).write_text(text, encoding="utf-8")
+        put(page("Comparison of campaigns", names, [*_parts(study)]))
 
 
 def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> None:
@@ -60,20 +60,18 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
     level : float
     """
     table = of_library.rigidity(found)
-    with _claimed(out, {"rigidity": table}):
-        text = page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)])
-        (out / PAGE).write_text(text, encoding="utf-8")
+    with _claimed(out, {"rigidity": table}) as put:
+        put(page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)]))
 
 
 @contextlib.contextmanager
-def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[None]:
-    """Claim a folder for tables, which are written, and the page, which follows."""
+def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[Callable[[str], None]]:
+    """Claim a folder for tables and a page; yield what writes them all, with the page's text."""
     with claims.claim(out, command=COMMAND) as own:
-        own.remove(list(own.files))
-        own.expect([PAGE, *(f"{name}.csv" for name in listed)])
-        for name, table in listed.items():
-            table.to_csv(out / f"{name}.csv", index=False, **FORM)
-        yield
+        tables = {f"{name}.csv": of.to_csv(index=False, **FORM) for name, of in listed.items()}
+        own.expect([PAGE, *tables])
+        yield lambda text: write_all({out / n: t for n, t in {**tables, PAGE: text}.items()})
+        own.remove([name for name in own.files if name not in (PAGE, *tables)])
         own.seal()
 
 

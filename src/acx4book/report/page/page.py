@@ -22,8 +22,10 @@ from acx4book.report.shown import Text
 from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
 from acx4lib.errors import OutputError
-from acx4lib.results.own_folder.marks import SCRATCH
+from acx4lib.flight.text.files import text_of
+from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.places import check_file
+from acx4lib.results.own_folder.whole_files import SCRATCH
 
 NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
 
@@ -94,25 +96,17 @@ def write(
     FlightError
         Where the results are missing, not complete, or do not belong together.
     OutputError
-        Where the file must not be replaced by a report.
+        Where the file must not be replaced by a report, or there is no space for it.
     OSError
-        Where the file cannot be written.
+        Where the file cannot be written otherwise.
     """
     out = Path(out)
     _check_places(out)
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
-        names: dict[str, Any] = {"results_path": str(folder)}
-        shown = list(parts(NOTEBOOK, names, on_cell))
-        whole = {
-            out: page(shown, names["run"]),
-            out.with_suffix(".json"): record.text(names["run"], names["found"]),
-        }
-        written = {place: Path(temporary) / place.name for place in whole}
-        for place, path in written.items():
-            path.write_text(whole[place], encoding="utf-8")
-        _check_places(out)  # again, as some seconds have passed
-        for place, path in written.items():
-            path.replace(place)
+    names: dict[str, Any] = {"results_path": str(folder)}
+    shown = list(parts(NOTEBOOK, names, on_cell))
+    texts = page(shown, names["run"]), record.text(names["run"], names["found"])
+    _check_places(out)  # again, as some seconds have passed
+    whole_files.write_all(dict(zip((out, out.with_suffix(".json")), texts, strict=True)))
 
 
 def _check_places(out: Path) -> None:
@@ -151,12 +145,14 @@ def write_pdf(out: str | Path) -> Path:
     out = Path(out)
     check_pdf(out)
     place = out.with_suffix(".pdf")
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary:
-        whole, made = Path(temporary) / "report.html", Path(temporary) / place.name
-        text = out.read_text(encoding="utf-8")
-        whole.write_text(TITLE.sub(f"<title>{PDF_TITLE}</title>", text, count=1), encoding="utf-8")
+    text = TITLE.sub(f"<title>{PDF_TITLE}</title>", text_of(out), count=1)
+    with (
+        whole_files.appearing(place) as made,
+        tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary,
+    ):
+        whole = Path(temporary) / "report.html"
+        whole_files.write(whole, text)
         printed(chromium(), whole, made)
-        made.replace(place)
     return place
 
 

@@ -21,6 +21,9 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"),
     *("--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000"),
 )
+END = b"%%EOF"
+"""Of a whole PDF."""
+
 SECONDS = 300
 """After which a page is given up."""
 
@@ -61,6 +64,6 @@ def printed(browser: str, page: Path, pdf: Path) -> None:
         except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
             msg = f"{page.name}: Chromium did not print it ({error})"
             raise PrintError(msg) from error
-    if not pdf.is_file():
-        msg = f"{page.name}: Chromium wrote no PDF"
+    if not pdf.is_file() or END not in pdf.read_bytes()[-1024:]:
+        msg = f"{page.name}: Chromium wrote no whole PDF"
         raise PrintError(msg)

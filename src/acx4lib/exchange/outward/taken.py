@@ -9,7 +9,7 @@ from pathlib import Path
 from acx4lib.errors import OutputError
 from acx4lib.exchange.lens import Left
 from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.marks import SCRATCH
+from acx4lib.results.own_folder.whole_files import write_all
 
 COMMAND = "acx4 export"
 """Whose the folders are."""
@@ -108,15 +108,8 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
     texts = {**taken.files, STATEMENT: statement(taken, title=title, origin=origin)}
     with claims.claim(folder, command=COMMAND) as own:
         own.expect(texts)
-        drafts = {name: _draft(folder / name, text) for name, text in texts.items()}
+        for name in texts:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_all({folder / name: text for name, text in texts.items()})
         own.remove([name for name in own.files if name not in texts])
-        for name, draft in drafts.items():
-            draft.replace(folder / name)
         own.seal()
-
-
-def _draft(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f"{SCRATCH}{path.name}")
-    new.write_text(text, encoding="utf-8", newline="\n")
-    return new

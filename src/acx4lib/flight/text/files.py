@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import io
 import os
 import resource
 import stat
@@ -110,18 +112,47 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
 
 def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
     """Return size and content of a regular file; no content where it is too large."""
-    # Reading a pipe would wait for its other end, and a device may never end.
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
-    with open(handle, "rb") as opened:  # noqa: PTH123 what is open already
-        status = os.fstat(handle)
-        if stat.S_ISDIR(status.st_mode):
-            raise IsADirectoryError(0, "Is a directory")
-        if not stat.S_ISREG(status.st_mode):
-            raise OSError(0, "no regular file")
-        size = status.st_size
+    with opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
         if size > most if most else not fits(size):
             return size, None
-        return size, opened.read(size + 1) if size else b""  # reading one of /proc may never end
+        return size, file.read(size + 1) if size else b""  # reading one of /proc may never end
+
+
+def opened(path: Path) -> io.BufferedReader:
+    """Open a regular file to be read. Every file that may be a stranger's is opened here.
+
+    Raises
+    ------
+    OSError
+        Where there is none, with its name; opening a pipe would wait for its other end, and a
+        device may never end.
+    """
+    return open(path, "rb", opener=_regular)
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a regular file, UTF-8 with or without a byte-order mark.
+
+    Raises
+    ------
+    OSError
+        As `opened`.
+    UnicodeDecodeError
+    """
+    with opened(path) as file:
+        return file.read().decode("utf-8-sig")
+
+
+def _regular(path: str, flags: int) -> int:
+    handle = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return handle
+    os.close(handle)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
+    raise OSError(errno.EINVAL, "no regular file", path)
 
 
 def fits(size: int) -> bool:

@@ -12,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from acx4lib.flight.text.files import opened
 from acx4lib.measuring.pictures.pairs import Found, PairJob, match_pair
 from acx4lib.production.image_files import fingerprint
 from acx4lib.results.own_folder.claims import OwnFolder
+from acx4lib.results.own_folder.whole_files import opened_new
 
 FOLDER = "pairs"
 _PARTS = ("which", "colrow", "sigma_px")
@@ -87,10 +89,8 @@ class Matching:
 def _keep(path: Path, both: Both) -> None:
     path.parent.mkdir(exist_ok=True)
     parts = {f"{k}_{name}": getattr(found, name) for k, found in enumerate(both) for name in _PARTS}
-    draft = path.with_suffix(".part")
-    with draft.open("wb") as file:
+    with opened_new(path) as file:
         np.savez(file, **parts)
-    draft.replace(path)
 
 
 def _kept(path: Path) -> Both | None:
@@ -98,7 +98,7 @@ def _kept(path: Path) -> Both | None:
     if not path.is_file():
         return None
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+        with opened(path) as kept, np.load(kept, allow_pickle=False) as file:
             there, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
     except _BROKEN:
         return None

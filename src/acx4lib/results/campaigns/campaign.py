@@ -15,6 +15,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.setup import Session
+from acx4lib.flight.text.files import text_of
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import KEPT, Run, check_kept, read_run
 from acx4lib.results.read_back import read_calibration, refused
@@ -161,7 +162,7 @@ def _frame(flight: Flight, method: str) -> tuple[float, ...]:
 
 
 def _control(path: Path) -> frozenset[str]:
-    lines = path.read_text(encoding="utf-8-sig").splitlines() if path.is_file() else []
+    lines = text_of(path).splitlines() if path.is_file() else []
     return frozenset(lines[1:])
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from acx4lib.flight.text.files import text_of
+
 Test = Callable[[Any], bool]
 
 
@@ -187,7 +189,7 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
             problems.append(f"{path}: is no regular file; remove it and run again")
         return {}
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads(text_of(path))
     except (ValueError, RecursionError) as error:
         problems.append(f"{path}: not JSON ({error}); remove it and run again")
         return {}

@@ -19,6 +19,7 @@ import pandas as pd
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
+from acx4lib.flight.text.files import opened
 from acx4lib.least_squares import processors
 
 SAID = 300
@@ -315,7 +316,7 @@ def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
     """Open a table after its header."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         first = file.readline()
         with _refusing(path):
             if first.rstrip() != header(path.stem).rstrip():

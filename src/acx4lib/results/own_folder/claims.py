@@ -18,6 +18,7 @@ from acx4lib.errors import FlightError, OutputError
 from acx4lib.results.own_folder import marks
 from acx4lib.results.own_folder.locks import LOCK, locked, writer
 from acx4lib.results.own_folder.places import check_place
+from acx4lib.results.own_folder.whole_files import SCRATCH, naming
 
 OF_A_FILE = b'"made_by": "acx4 '
 """Stands in a JSON file that a command wrote beside a folder, as the truth of a flight."""
@@ -136,8 +137,12 @@ def claim(
             _tidy(path)
             try:
                 yield own
-            finally:
-                own._end()
+            except BaseException:
+                with contextlib.suppress(OSError, OutputError):  # the first error is told
+                    _tidy(path)
+                    own._end()
+                raise
+            own._end()
     finally:
         _remove_empty(made)
 
@@ -156,9 +161,10 @@ def placed(folder: str | Path, *, command: str) -> Iterator[Path]:
     path = Path(folder).resolve()
     made = _made(path.parent)
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=marks.SCRATCH) as temporary:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=SCRATCH) as temporary:
             draft = Path(temporary) / path.name
-            yield draft
+            with naming(path, draft.parent):
+                yield draft
             marks.mark_all(draft, command)
             beside = [other for other in draft.parent.iterdir() if other != draft]
             if path.exists():
@@ -239,9 +245,7 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 def _listed(path: Path, command: str) -> dict[str, marks.Written]:
     """Return what a command wrote into a folder before; nothing into an empty one."""
-    others = [
-        p.name for p in path.iterdir() if p.name != LOCK and not p.name.startswith(marks.SCRATCH)
-    ]
+    others = [p.name for p in path.iterdir() if p.name != LOCK and not p.name.startswith(SCRATCH)]
     whose, files = marks.read_mark(path)
     if others and not whose:
         shown = ", ".join(sorted(others)[:3]) + (", …" if len(others) > 3 else "")
@@ -255,7 +259,7 @@ def _listed(path: Path, command: str) -> dict[str, marks.Written]:
 
 def _tidy(path: Path) -> None:
     """Remove unfinished files that a killed command left behind."""
-    for stale in path.glob(f"{marks.SCRATCH}*"):
+    for stale in path.glob(f"{SCRATCH}*"):
         if stale.is_dir() and not stale.is_symlink():
             shutil.rmtree(stale)
         else:

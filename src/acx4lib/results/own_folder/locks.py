@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import io
 import json
 import os
 import socket
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
 from acx4lib.errors import OutputError
+from acx4lib.flight.text.files import opened
+from acx4lib.results.own_folder.whole_files import naming
 
 LOCK = ".acx4.lock"
 """Says which process on which machine is writing into a folder; gone when it is done."""
@@ -31,11 +35,11 @@ def locked(folder: Path) -> Iterator[None]:
     """
     path = folder / LOCK
     with contextlib.closing(_taken(path)) as file:
-        file.seek(0)
-        file.truncate()
-        json.dump({"process": os.getpid(), "host": socket.gethostname()}, file)
-        file.flush()
+        said = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
         try:
+            with naming(path, size=len(said)):
+                os.ftruncate(file.fileno(), 0)
+                os.pwrite(file.fileno(), said, 0)
             yield
         finally:
             path.unlink(missing_ok=True)
@@ -46,7 +50,7 @@ def writer(folder: Path) -> str:
     path = folder / LOCK
     if path.is_symlink() or not path.is_file():
         return ""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with io.TextIOWrapper(opened(path), "utf-8", "replace") as file:
         return _busy(file, path)
 
 
@@ -54,6 +58,10 @@ def _taken(path: Path) -> TextIO:
     """Return the open and locked file of a lock."""
     while True:
         number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+        if not stat.S_ISREG(os.fstat(number).st_mode):
+            os.close(number)
+            msg = f"{path}: is no regular file; remove it, or choose another folder"
+            raise OutputError(msg)
         file = os.fdopen(number, "r+", encoding="utf-8", errors="replace")
         busy = _busy(file, path)
         if busy:

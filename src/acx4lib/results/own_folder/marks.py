@@ -8,21 +8,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from acx4lib.errors import OutputError
+from acx4lib.flight.text.files import opened, text_of
+from acx4lib.results.own_folder.whole_files import write
 
 MARK = ".acx4.json"
 """The file of the mark."""
 
 FORMAT = 1
 """Of the mark, and so of what commands leave in a folder."""
-
-SCRATCH = ".acx4-new-"
-"""What names of unfinished files begin with; a command that was killed leaves them behind."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +41,7 @@ class Written:
 
 def written(path: Path) -> Written:
     """Return size and checksum of a file."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         try:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:  # of a damaged disk; the system does not name the file
@@ -63,7 +61,7 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
     if path.is_symlink() or not path.is_file():
         return "", {}
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        said = json.loads(text_of(path))
         files = {str(name): _entry(entry) for name, entry in dict(said["files"]).items()}
         whose, form = said["made_by"], said.get("format")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -93,10 +91,7 @@ def write_mark(folder: Path, command: str, files: Mapping[str, Written]) -> None
     }
     said = {"made_by": command, "format": FORMAT, "files": listed}
     text = json.dumps(said, indent=1, ensure_ascii=False) + "\n"
-    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
-        new = Path(temporary) / MARK
-        new.write_text(text, encoding="utf-8", errors="surrogateescape")
-        new.replace(folder / MARK)
+    write(folder / MARK, text.encode("utf-8", "surrogateescape"))
 
 
 def mark_all(folder: Path, command: str) -> None:
@@ -124,7 +119,7 @@ def changes(folder: Path, names: Iterable[str] | None = None) -> list[str]:
 
 def bears(path: Path, mark: bytes) -> bool:
     """Tell whether a mark stands in the first 4096 bytes of a file."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         return mark in file.read(4096)
 
 

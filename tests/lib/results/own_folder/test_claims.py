@@ -13,7 +13,8 @@ from acx4lib.errors import FlightError, OutputError
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import claim, clear, verify
 from acx4lib.results.own_folder.locks import LOCK
-from acx4lib.results.own_folder.marks import MARK, SCRATCH, mark_all
+from acx4lib.results.own_folder.marks import MARK, mark_all
+from acx4lib.results.own_folder.whole_files import SCRATCH
 from support.helpers import ROOT
 
 RUN = "acx4 run"

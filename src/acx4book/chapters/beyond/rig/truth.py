@@ -13,6 +13,7 @@ from acx4lib.calibration import rig
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
+from acx4lib.flight.text.files import text_of
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.stages.rig import RigStage
@@ -24,7 +25,7 @@ def true_heads(flight: Flight, stage: RigStage) -> tuple[Camera, ...]:
     path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
-    told = json.loads(path.read_text("utf-8"))["cameras"]
+    told = json.loads(text_of(path))["cameras"]
     return tuple(true_head(camera, told[camera.name]) for camera in stage.block.cameras)
 
 

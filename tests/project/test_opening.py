@@ -1,0 +1,194 @@
+"""Files are opened in two places: one writes whole files or none, the other reads regular files.
+
+The sources are searched for calls that open files in other ways. What else is there is listed with
+its reason.
+"""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+SOURCES = Path(__file__).resolve().parents[2] / "src"
+
+WRITES = {
+    *("write_text", "write_bytes", "touch", "symlink_to", "hardlink_to", "symlink", "os.link"),
+    *("copyfile", "copy2", "copyfileobj", "copytree", "move", "rename", "renames", "ZipFile"),
+    *("savetxt", "savez", "savez_compressed", "tofile", "memmap", "np.save", "savefig", "imwrite"),
+    *("TiffWriter", "imsave", "json.dump", "pickle.dump", "yaml.dump", "NamedTemporaryFile"),
+    *("mkstemp", "TemporaryFile", "FileHandler", "extract", "extractall", "urlretrieve"),
+    *("to_excel", "to_pickle", "to_parquet", "to_hdf", "to_json"),
+}
+"""Calls that write into a file."""
+
+READS = {
+    *("read_text", "read_bytes", "read_csv", "read_table", "read_excel", "read_json", "read_hdf"),
+    *("read_pickle", "loadtxt", "genfromtxt", "fromfile", "np.load", "imread", "TiffFile"),
+}
+"""Calls that read a file."""
+
+OPENS = {"open", "fdopen"}
+"""Calls that do either."""
+
+OURS = {
+    *("whole_files.write", "whole_files.copy", "whole_files.link", "files.read_bytes"),
+    *("new.open", "drafts.open"),
+}
+"""Calls of the two places."""
+
+READ_ONLY = ("pages", "reference", "chapters", "paper", "foundations", "typesetting")
+"""Rooms of the book that read the project's own files."""
+
+OTHERS = {
+    "acx4lib/results/own_folder/whole_files.py": {
+        "os.open": "the one place that writes",
+        "os.fdopen": "as above",
+        "draft.open": "as above",
+        "os.link": "as above",
+        "shutil.copyfileobj": "as above",
+    },
+    "acx4lib/flight/text/files.py": {
+        "open": "the one place that reads",
+        "os.open": "as above",
+        "(group / f'memory.{name}').read_text": "a file of the system",
+        "Path('/proc/meminfo').read_text": "a file of the system",
+        "Path('/proc/self/statm').read_text": "a file of the system",
+        "read_bytes": "the one place that reads",
+    },
+    "acx4lib/flight/text/document.py": {"read_text": "of the one place that reads"},
+    "acx4lib/flight/text/table_files.py": {"read_text": "of the one place that reads"},
+    "acx4lib/flight/block_from_tables.py": {"read_table": "of the one place that reads"},
+    "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
+    "acx4book/teaching/students.py": {"read_bytes": "of the one place that reads"},
+    "acx4lib/results/own_folder/locks.py": {
+        "os.open": "a lock is the file that is open, and is gone in the end",
+        "os.fdopen": "as above",
+    },
+    "acx4lib/production/tiff.py": {
+        "tifffile.TiffWriter": "writes the draft that it is given, in many steps",
+        "tifffile.TiffFile": "an image that a command wrote",
+    },
+    "acx4lib/production/pyramid.py": {"TemporaryFile": "has no name, and is gone in the end"},
+    "acx4lib/production/image_files.py": {"tifffile.TiffFile": "in _readable, which looks first"},
+    "acx4lib/measuring/pictures/views.py": {"cv2.imread": "looks first"},
+    "acx4lib/measuring/pictures/store.py": {
+        "np.savez": "into the draft that is open",
+        "np.load": "of a file that is open",
+    },
+    "acx4lib/results/files/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
+    "acx4lib/exchange/pictures/tags.py": {"tifffile.TiffFile": "of bytes"},
+    "acx4lib/exchange/safe/archive.py": {"zipfile.ZipFile": "of bytes", "archive.open": "of bytes"},
+    "acx4lib/compiling.py": {"p.read_bytes": "the library's sources"},
+    "acx4lib/georeferencing/standards.py": {"table.read_text": "a table of the library"},
+    "acx4sim/files/writer.py": {"path.write_text": "into a draft of the whole folder"},
+    "acx4sim/pictures/photography.py": {"tifffile.imwrite": "into a draft of the whole folder"},
+    "acx4sim/scenery/photo.py": {"np.fromfile": "looks first", "os.open": "the null device"},
+    "acx4book/command/surroundings.py": {"os.open": "the working folder"},
+    "acx4book/command/terminal.py": {
+        "os.open": "the null device",
+        "Path(os.devnull).open": "the null device",
+    },
+    "acx4book/notebooks/interpreter.py": {"os.open": "the null device"},
+    "acx4book/notebooks/executed.py": {"executed.parent.rename": "inside of a draft"},
+    "acx4book/notebooks/inputs.py": {
+        "path.read_bytes": "the project's sources",
+        "path.read_text": "the project's sources",
+    },
+    "acx4book/report/campaigns/page.py": {"sheet.read_text": "a style of the library"},
+    "acx4book/report/page/page.py": {"STYLE.read_text": "a style of the library"},
+    "acx4book/report/page/cells.py": {"notebook.read_text": "a notebook of the library"},
+    "acx4book/report/page/printing.py": {"pdf.read_bytes": "what Chromium wrote"},
+    "acx4book/teaching/showing/slides.py": {
+        "Path(__file__).with_name('slides.html').read_text": "a page of the library"
+    },
+    "acx4book/teaching/showing/figure_pack.py": {"zipfile.ZipFile": "in memory"},
+    "acx4book/pages/back/release.py": {
+        "zipfile.ZipFile": "into the draft that is open",
+        "sources.extractall": "into a temporary folder",
+    },
+    "acx4book/pages/back/pdf.py": {"shutil.copytree": "into a temporary folder"},
+    "acx4book/typesetting/drawing/svg.py": {"figure.savefig": "in memory"},
+}
+"""By file and call, the reason why it opens no file that is left or may be a stranger's."""
+
+
+def calls(tree):
+    """Yield what is called, as it is written, and the arguments."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), node.args, {word.arg for word in node.keywords}
+
+
+def opens(what, arguments, words):
+    """Tell whether a call opens a file, by its name or, where many are alike, by its arguments."""
+    name = what.rpartition(".")[2]
+    if name == "rename" and words:  # columns of a table
+        return False
+    if name == "to_csv":
+        return bool(arguments) or "path_or_buf" in words
+    return bool({what, name} & (WRITES | READS | OPENS)) and what not in OURS
+
+
+def only_reads(what, arguments, words):
+    """Tell whether a call that opens a file only reads it; without a mode it does."""
+    name = what.rpartition(".")[2]
+    modes = [one.value for one in arguments if isinstance(one, ast.Constant)]
+    return name in READS or (
+        name == "open"
+        and not words & {"mode"}
+        and not any(set("wax+") & set(str(one)) for one in modes)
+    )
+
+
+@cache
+def found():
+    """Return the calls that open files, by the files of the sources."""
+    out = {}
+    for path in sorted(SOURCES.rglob("*.py")):
+        file = path.relative_to(SOURCES).as_posix()
+        own = [one for one in calls(ast.parse(path.read_text("utf-8"))) if opens(*one)]
+        if file.startswith(tuple(f"acx4book/{room}/" for room in READ_ONLY)):
+            own = [one for one in own if not only_reads(*one)]
+        if own:
+            out[file] = {what for what, *_ in own}
+    return out
+
+
+def test_files_are_opened_in_two_places_only():
+    others = {file: {*known} for file, known in OTHERS.items()}
+    assert found() == others
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "open(path, 'w')",
+        "path.open('a')",
+        "io.open(path)",
+        "path.write_text('x')",
+        "(a / b).write_bytes(b'')",
+        "np.save(path, x)",
+        "np.savez(path, x=x)",
+        "table.to_csv(path)",
+        "table.to_csv(path_or_buf=path)",
+        "json.dump(x, file)",
+        "shutil.copyfile(a, b)",
+        "shutil.move(a, b)",
+        "os.link(a, b)",
+        "cv2.imwrite(a, b)",
+        "path.rename(other)",
+        "np.load(path)",
+        "pd.read_csv(path)",
+        "path.read_text()",
+    ],
+)
+def test_another_way_of_opening_is_found(line):
+    assert any(opens(*one) for one in calls(ast.parse(line)))
+
+
+@pytest.mark.parametrize(
+    "line", ["table.to_csv(index=False)", "json.dumps(x)", "x.copy()", "t.rename(columns=names)"]
+)
+def test_what_opens_nothing_is_not(line):
+    assert not any(opens(*one) for one in calls(ast.parse(line)))

@@ -1,0 +1,61 @@
+"""No command waits for a file that is a pipe, whichever of its files that is."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from support import every_command, forked
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory):
+    return every_command.material(tmp_path_factory.mktemp("given"))
+
+
+@pytest.fixture(scope="module")
+def run():
+    with forked.commands() as run:
+        yield run
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [one for typed in every_command.ALL.values() for one in typed],
+    ids=lambda typed: " ".join(typed[:4]),
+)
+def test_no_command_waits_for_a_pipe(material, run, tmp_path, typed):
+    here = tmp_path / "here"
+    shutil.copytree(material, here, copy_function=os.link)
+    if typed[0] == "grade":
+        run([*every_command.LAB[:-1], "handed_in"], here)
+    typed = [one for one in typed if one != "--pdf"]
+    run(typed, here)  # so that there is something in its output, too
+    named = sorted({word.split("/")[0] for word in typed if (here / word).exists()})
+    files = [path for name in named for path in files_of(here / name)]
+    assert files or typed[0] in ("new", "simulate")
+    for file in files:
+        status, said = with_pipe(file, typed, here, run)
+        assert status >= 0, f"waits for {file}"
+        assert "Traceback" not in said
+        assert "mistake in acx4" not in said, f"{file}: {said}"
+    shutil.rmtree(here)
+
+
+def files_of(path: Path):
+    """Return a file, or all files below a folder."""
+    return [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+
+
+def with_pipe(file, typed, here, run):
+    """Run a command with a pipe in the place of a file."""
+    aside = here.parent / "aside"
+    file.rename(aside)
+    os.mkfifo(file)
+    try:
+        return run(typed, here)
+    finally:
+        file.unlink(missing_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        aside.rename(file)
