@@ -5,24 +5,30 @@ Expected errors have their sentences where they are raised. Any other error gets
 
 from __future__ import annotations
 
+import _thread
+import contextlib
 import io
 import os
 import shlex
 import signal
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import typer
 
+from acx4book.command.start import INTERRUPTED, SAYS, stop
 from acx4book.command.terminal import NOBODY_READS, abandon, say
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable
 
 TERMINATED = 128 + signal.SIGTERM
-INTERRUPTED = 128 + signal.SIGINT
-ENDED = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
+ENDED = {INTERRUPTED: SAYS, TERMINATED: "terminated"}
 """Exit statuses of a command that was stopped from outside, and the words for them."""
+
+AGAIN_S = 0.02
+"""Time after which an interruption that was lost is repeated, s."""
 
 TRACEBACK = "ACX4_TRACEBACK"
 """Environment variable that makes an unexpected error show its traceback."""
@@ -41,12 +47,36 @@ def status_of(command: Command, arguments: Sequence[str]) -> int:
         Arguments of the command line, for a message on an unexpected error.
     """
     try:
-        status = _guarded(command, arguments)
+        with _interruptible():
+            status = _guarded(command, arguments)
     except KeyboardInterrupt:
         status = INTERRUPTED
     if status in ENDED:
         say(ENDED[status])
     return _flushed(status)
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let an interruption be an exception, so that a command cleans up."""
+    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    if before is stop:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.unraisablehook = _interrupt_again
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        if before is stop:
+            signal.signal(signal.SIGINT, stop)
+
+
+def _interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
+    """Interrupt anew where Python lost the exception, as while it removes an object."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        threading.Timer(AGAIN_S, _thread.interrupt_main).start()  # not while this is called
+    else:
+        sys.__unraisablehook__(ignored)
 
 
 def _guarded(command: Command, arguments: Sequence[str]) -> int:

@@ -22,6 +22,7 @@ from typing import Any
 import matplotlib.pyplot  # noqa: F401, ICN001 loaded before the copy
 import nbformat
 import papermill
+from IPython.core.display import DisplayObject, TextDisplayObject
 from IPython.core.displayhook import DisplayHook
 from IPython.core.displaypub import DisplayPublisher
 from IPython.core.interactiveshell import InteractiveShell
@@ -147,10 +148,25 @@ def _alone(home: str) -> None:
     here = {"", str(Path.cwd())}
     sys.path[:] = [folder for folder in sys.path if folder not in here]
     os.environ["IPYTHONDIR"] = home
+    TextDisplayObject.__init__ = _of_text  # type: ignore[method-assign] # of IPython
     warnings.resetwarnings()
     for category in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
         warnings.simplefilter("ignore", category)
     warnings.filterwarnings("default", category=DeprecationWarning, module="__main__")
+
+
+def _of_text(
+    shown: TextDisplayObject, data: object = None, url: object = None, **options: Any
+) -> None:
+    """Take text that a cell shows as text.
+
+    IPython would show the file of this name, if there is one in the working folder, or ask for the
+    address.
+    """
+    text = data if isinstance(data, str) else None
+    DisplayObject.__init__(shown, None if text is not None else data, url, **options)
+    if text is not None:
+        shown.data = text
 
 
 class Interpreter(Engine):

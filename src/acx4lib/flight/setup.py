@@ -288,6 +288,8 @@ def _heights(toml: Toml) -> str | float:
     heights = toml.values["heights"]
     if not isinstance(heights, str):
         return float(heights)
+    if heights == "ellipsoidal":
+        return heights
     inside = toml.folder.resolve()
     path, _ = named_file(inside, inside, heights)
     return str(path) if path is not None else heights

@@ -51,6 +51,15 @@ def test_text_displays_and_values_come_in_the_order_in_which_they_were_made(tmp_
     assert started == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize("text", ["The lens is stable", "http://localhost:9/x is down"])
+def test_text_is_shown_and_no_file_or_address_of_that_name(tmp_path, monkeypatch, text):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "The lens is stable").write_text("The lens is not stable")
+    monkeypatch.chdir(tmp_path / "here")
+    cells, _ = run(tmp_path, f"from IPython.display import HTML, Markdown\nMarkdown({text!r})")
+    assert cells[0].outputs[0].data["text/markdown"] == text
+
+
 def test_what_is_displayed_by_name_can_be_replaced_and_outputs_be_cleared(tmp_path):
     cells, _ = run(
         tmp_path,

@@ -1,0 +1,33 @@
+"""The start of ``acx4``: while its modules are loaded an interruption ends it, without a traceback.
+
+It imports nothing that takes time.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit status of a command that was interrupted."""
+
+SAYS = "interrupted"
+
+
+def main() -> NoReturn:
+    """Run the command of the command line and exit."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is not heard
+        signal.signal(signal.SIGINT, stop)
+    from acx4book.command import acx4  # noqa: PLC0415 takes longest
+
+    acx4.main()
+
+
+def stop(*_: object) -> NoReturn:
+    """End this process at once: nothing is begun yet, or all is done."""
+    os.write(2, f"{SAYS}\n".encode())
+    os._exit(INTERRUPTED)
