@@ -22,7 +22,7 @@ def run():
 
 @pytest.mark.parametrize(
     "typed",
-    [one for typed in every_command.ALL.values() for one in typed],
+    [one for typed in every_command.ALL.values() for one in typed if "pictured" not in one[2:]],
     ids=lambda typed: " ".join(typed[:4]),
 )
 def test_no_command_waits_for_a_pipe(material, run, tmp_path, typed):
@@ -36,6 +36,8 @@ def test_no_command_waits_for_a_pipe(material, run, tmp_path, typed):
         typed = [*typed, "--stages", "validation"]  # takes no time
     named = sorted({word.split("/")[0] for word in typed if (here / word).exists()})
     files = {path.name: path for name in named for path in files_of(here / name)}
+    if "--jobs" in typed and typed[0] == "run":  # what its processes read is tried above
+        files = {name: here / "out" / name for name in files if (here / "out" / name).is_file()}
     assert files
     for file in files.values():  # one of each name
         status, said = with_pipe(file, typed, here, run)

@@ -18,6 +18,7 @@ import acx4sim
 from support.helpers import repeats
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
+RUN = ["run", "--results", "/nowhere/results"]
 SOURCES = Path(acx4lib.__file__).parents[1]
 NOWHERE = "/proc/nonexistent"
 """A home that nobody can make."""
@@ -130,6 +131,7 @@ def test_a_current_folder_that_is_gone_is_a_line(flight, tmp_path):
         (["--help"], 0, b""),
         (["check", str(flight)], 0, b""),
         (["simulate", "single-head", "--out", "new"], 2, b"the current folder is no more: "),
+        ([*RUN, str(flight), "--jobs", "2"], 2, b"the current folder is no more: "),
     ):
         gone.mkdir()
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -99,6 +99,7 @@ def run(typed, here, tmp_path):
         "PYTHONPATH": os.pathsep.join([str(listening), *above]),
         overheard.LOG: str(tmp_path / "log"),
         "PATH": f":.:{os.environ['PATH']}",  # as it should not be
+        "MPLCONFIGDIR": str(tmp_path / "fonts"),  # not yet searched for
     }
     return subprocess.run(
         [sys.executable, script, *typed],

@@ -1,4 +1,4 @@
-"""What a command does not take from the folder in which it was started: modules and settings.
+"""What a command does not take from its working folder: modules, settings and programs.
 
 A working folder may be a stranger's. Python's child processes look there for modules, and some
 libraries for settings when they are loaded, a few of which name programs to run.
@@ -10,7 +10,6 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
@@ -22,16 +21,20 @@ _THIS_FOLDER = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXE
 
 
 def shut_out() -> None:
-    """Keep modules and settings in the working folder out of this process and its children.
+    """Keep what is in the working folder out of this process and its children.
+
+    Modules, settings, and programs, where PATH names the folder as ``.`` or by an empty entry.
 
     To be called before the modules of `SETTINGS` are imported.
     """
     os.environ["PYTHONSAFEPATH"] = "1"  # which the children of multiprocessing read
+    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
+    os.environ["PATH"] = os.pathsep.join(filter(os.path.isabs, folders))
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Finder())
 
 
-class _Finder(MetaPathFinder):
+class _Finder:  # its base in importlib.abc takes long to load
     """Finds the modules of `SETTINGS`, and leaves all others to other finders."""
 
     def find_spec(

@@ -148,7 +148,7 @@ def _alone(home: str) -> None:
     here = {"", str(Path.cwd())}
     sys.path[:] = [folder for folder in sys.path if folder not in here]
     os.environ["IPYTHONDIR"] = home
-    TextDisplayObject.__init__ = _of_text  # type: ignore[method-assign] # of IPython
+    TextDisplayObject.__init__ = _of_text  # type: ignore[method-assign,assignment] # IPython's
     warnings.resetwarnings()
     for category in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
         warnings.simplefilter("ignore", category)

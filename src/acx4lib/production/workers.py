@@ -46,6 +46,9 @@ def _outcome(job: RenderJob, call: Future[Outcome]) -> Outcome:
     """Return what a call returned; where it was lost with its worker, the image has a problem."""
     try:
         return call.result()
+    except FileNotFoundError as error:
+        problem = error.strerror or str(error)
+        return Outcome(exposure=job.exposure, problems=(problem,))
     except Exception as error:  # the other images go on
         reason = " ".join(str(error).split()) or type(error).__name__
         problem = f"{reason}; short of memory? use fewer workers"

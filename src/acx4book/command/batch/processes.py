@@ -7,6 +7,7 @@ dies fails alone, with how it ended, and the next call gets a new process.
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import pickle
 import signal
@@ -15,6 +16,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from acx4book.command.surroundings import shut_out
@@ -38,9 +40,15 @@ class Processes(Executor):
     Parameters
     ----------
     n : int
+
+    Raises
+    ------
+    FileNotFoundError
+        Where the current folder, in which they begin, is no more.
     """
 
     def __init__(self, n: int) -> None:
+        Path.cwd()
         self._threads = ThreadPoolExecutor(n)
         self._of_thread = threading.local()
         self._lock = threading.Lock()
@@ -88,7 +96,10 @@ class _Process:
     def __init__(self) -> None:
         self._pipe, theirs = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(theirs,))
-        self._process.start()
+        try:
+            self._process.start()
+        except FileNotFoundError:
+            raise FileNotFoundError(errno.ENOENT, "the current folder is no more") from None
         theirs.close()  # so that the pipe ends when the process does
 
     @property

@@ -78,6 +78,8 @@ def lost(error: BaseException) -> Outcome:
     error : BaseException
         What the executor says of it.
     """
+    if isinstance(error, FileNotFoundError):
+        return Outcome(status=2, reason=visible(error.strerror or str(error)))
     said = " ".join(str(error).split()) or type(error).__name__
     return Outcome(status=1, reason=visible(f"{said}; short of memory? use fewer workers"))
 

@@ -73,13 +73,27 @@ PixelUm = Annotated[
     ),
 ]
 
-SYSTEM = (
-    ("crs", str, "must be text, such as EPSG:32633"),
-    ("heights", str | int | float, "must be text, or an undulation in metres"),
-)
-"""Keys of flight.toml that an import takes, their types, and what they must be."""
-
 LARGEST_UNDULATION_M = 200.0
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_undulation(value: object) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and abs(value) <= LARGEST_UNDULATION_M  # type: ignore[arg-type] # a number
+
+
+SYSTEM = (
+    ("crs", _is_text, "must be text, such as EPSG:32633"),
+    (
+        "heights",
+        lambda value: _is_text(value) or _is_undulation(value),
+        f"must be text, or an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way",
+    ),
+)
+"""Keys of flight.toml that an import takes, each with its test, and what it must be."""
 
 TO_DO = 8
 """Lines on what a flight still lacks that are shown."""
@@ -120,8 +134,8 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     toml = read_toml(path)
     known = toml.values
     problems = [one for one in toml.problems if one.column == "file" and path.exists()]
-    for key, of_type, expected in SYSTEM:
-        if not isinstance(known.get(key, ""), of_type) or isinstance(known.get(key), bool):
+    for key, test, expected in SYSTEM:
+        if key in known and not test(known[key]):
             problems.append(toml.problem((key,), quoted(known[key]), expected))
     if problems:
         raise FlightError(lines_of(problems))

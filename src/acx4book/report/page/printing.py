@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import tempfile
@@ -40,9 +39,7 @@ def chromium() -> str:
     PrintError
         Where there is none.
     """
-    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
-    path = os.pathsep.join(filter(os.path.isabs, folders))  # not in the working folder
-    found = next(filter(None, (shutil.which(name, path=path) for name in BROWSERS)), None)
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
         raise PrintError(MISSING)
     return found

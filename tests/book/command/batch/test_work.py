@@ -1,5 +1,6 @@
 """One flight of many: run, kept, or failed with a reason in one line."""
 
+import errno
 import shutil
 from dataclasses import replace
 
@@ -122,6 +123,8 @@ def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(t
 
 
 def test_a_worker_that_died_is_a_line():
+    gone = work.lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
+    assert (gone.status, gone.reason) == (2, "the current folder is no more")
     found = work.lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
     assert found.status == 1
     assert found.reason.startswith("its process was ended by signal SIGKILL; short of memory?")
