@@ -51,10 +51,28 @@ def test_a_report_with_a_relative_path_is_printed(report, monkeypatch):
     browser = report.parent / "chromium"
     browser.write_text(
         "#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) pdf=${a#*=};; file://*) page=$a;; esac;"
-        ' done\nprintf %s "$page" > "$pdf"\n'
+        ' done\nprintf "%s %%%%EOF" "$page" > "$pdf"\n'
     )
     browser.chmod(0o755)
     monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
     monkeypatch.chdir(report.parent.parent)
     made = page.write_pdf(Path(report.parent.name) / report.name)
     assert made.read_text().startswith(f"file://{report.parent}/")
+
+
+def test_half_a_pdf_does_not_take_the_place_of_the_one_before(report, monkeypatch):
+    """As a browser leaves it on a full disk."""
+    before = report.with_suffix(".pdf")
+    before.write_bytes(b"%PDF-1.4 " + page.PDF_MARK)
+    browser = report.parent / "chromium"
+    browser.write_text(
+        '#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) printf half > "${a#*=}";; esac; done\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
+    with pytest.raises(printing.PrintError, match="no whole PDF"):
+        page.write_pdf(report)
+    assert page.PDF_MARK in before.read_bytes()
+    assert {path.name for path in report.parent.iterdir()} == {
+        *("chromium", "report.html", "report.pdf")
+    }
