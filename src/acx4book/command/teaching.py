@@ -100,10 +100,8 @@ def grade(
     found = class_table.grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )
-    if out is not None:
-        whole_files.write(out, class_table.text(found))
-    if totals is not None:
-        whole_files.write(totals, class_table.totals_text(found))
+    tables = {out: class_table.text(found), totals: class_table.totals_text(found)}
+    whole_files.write_all({path: text for path, text in tables.items() if path is not None})
     for line in class_table.total_lines(found):
         terminal.show(line)
     terminal.say(*found.unread)

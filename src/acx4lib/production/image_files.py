@@ -117,7 +117,7 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     """
     with _readable(path):
         size = path.stat().st_size
-        with path.open("rb") as file:
+        with opened(path) as file:
             fault = tiff_tags.fault(file, size, pages=PAGES)
         if fault:
             raise FlightError([f"{path}: {fault}"])
