@@ -103,6 +103,9 @@ def determined(material: Material) -> Iterator[Finding]:
     if lines:
         answer = "; ".join(dict.fromkeys(lines)) + "."
         yield Finding(question=question, state=FAILS, answer=answer)
+    elif material.decisive and material.found.parameters.empty:
+        answer = "No parameter of a camera was estimated."
+        yield Finding(question=question, state=NOTE, answer=answer)
     elif material.decisive:
         answer = (
             "Every estimated parameter has a standard deviation below the limit of what counts "
@@ -245,7 +248,7 @@ def gross_errors(material: Material) -> Iterator[Finding]:
     if mixed:
         answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
     elif any(messages(entry, "stopped") for entry in entries):
-        answer = "Not tested: where observations contradict each other, none of them is rejected."
+        answer = "Not tested: observations contradict each other, so rejections say nothing."
         yield Finding(question=question, state=NOTE, answer=answer)
         return
     where = "; they are listed below or in rejected.csv." if n_rejected else "."

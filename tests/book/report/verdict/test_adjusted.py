@@ -33,6 +33,7 @@ def test_an_adjustment_of_which_nothing_is_estimated_is_tested_too(folder):
         file.write_text(file.read_text().partition("\n")[0] + "\n")
     edit_summary(folder, SINGLE, chi_square_p=1e-6, sigma0_squared=3.1)
     assert read(folder).calibration == ""
+    assert state(folder, "All parameters determined")[0] == "note"
     assert state(folder, "Global χ² test")[0] == "fails"
     assert state(folder, "A priori standard deviations")[0] == "holds"
     assert made_of(folder, "Gross errors")

@@ -11,6 +11,7 @@ from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.trust import boresight
 from acx4lib.geometry.frames import Pose, exp
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -121,6 +122,16 @@ def test_a_drift_is_found_with_its_size(exact):
     assert found.p < 1e-4
     off = np.abs(found.turns[0] - np.radians([0.04, 0.0, -0.06])) / found.sigma[0]
     assert np.all(off < 3.5)
+
+
+def test_a_turn_comes_out_whole_where_the_attitudes_errors_change_slowly(exact):
+    """Without noise, however the weights are."""
+    slow = GaussMarkov(share=0.8, time_constant_s=60.0)
+    block = replace(exact, trajectory=replace(exact.trajectory, slow_attitudes=slow))
+    by_deg = np.array([0.002, -0.003, 0.005])
+    found = boresight.between_strips(adjusted(turned(block, by_deg)))
+    assert_allclose(np.degrees(found.turns[2] - found.turns[0]), by_deg, atol=2e-6)
+    assert_allclose(found.turns[1] - found.turns[3], 0.0, atol=1e-8)
 
 
 def test_right_boresights_fail_as_often_as_is_said(exact):
