@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from support import every_command, forked
+from support import every_command
 
 SIZE = 64_000_000
 """Bytes of the disk."""
@@ -24,17 +24,6 @@ WRITING |= {
 }
 
 
-@pytest.fixture(scope="module")
-def material(tmp_path_factory):
-    return every_command.material(tmp_path_factory.mktemp("given"))
-
-
-@pytest.fixture(scope="module")
-def run():
-    with forked.commands() as run:
-        yield run
-
-
 @pytest.fixture
 def disk(tmp_path):
     """A small disk of its own."""
@@ -48,9 +37,9 @@ def disk(tmp_path):
 
 
 @pytest.mark.parametrize("name", WRITING)
-def test_a_full_disk_is_named_and_what_was_there_stays(material, run, disk, name):
+def test_a_full_disk_is_named_and_what_was_there_stays(material, command, disk, name):
     for typed in WRITING[name]:
-        check(typed, material, run, disk)
+        check(typed, material, command, disk)
 
 
 def check(typed, material, run, disk):

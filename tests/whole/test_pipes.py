@@ -6,18 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from support import every_command, forked
-
-
-@pytest.fixture(scope="module")
-def material(tmp_path_factory):
-    return every_command.material(tmp_path_factory.mktemp("given"))
-
-
-@pytest.fixture(scope="module")
-def run():
-    with forked.commands() as run:
-        yield run
+from support import every_command
 
 
 @pytest.mark.parametrize(
@@ -25,13 +14,13 @@ def run():
     [one for typed in every_command.ALL.values() for one in typed if "pictured" not in one[2:]],
     ids=lambda typed: " ".join(typed[:4]),
 )
-def test_no_command_waits_for_a_pipe(material, run, tmp_path, typed):
+def test_no_command_waits_for_a_pipe(material, command, tmp_path, typed):
     here = tmp_path / "here"
     shutil.copytree(material, here, copy_function=os.link)
     if typed[0] == "grade":
-        run([*every_command.LAB[:-1], "handed_in"], here)
+        command([*every_command.LAB[:-1], "handed_in"], here)
     typed = [one for one in typed if one != "--pdf"]
-    run(typed, here)  # so that there is something in its output, too
+    command(typed, here)  # so that there is something in its output, too
     if typed[0] == "run":
         typed = [*typed, "--stages", "validation"]  # takes no time
     named = sorted({word.split("/")[0] for word in typed if (here / word).exists()})
@@ -40,7 +29,7 @@ def test_no_command_waits_for_a_pipe(material, run, tmp_path, typed):
         files = {name: here / "out" / name for name in files if (here / "out" / name).is_file()}
     assert files
     for file in files.values():  # one of each name
-        status, said = with_pipe(file, typed, here, run)
+        status, said = with_pipe(file, typed, here, command)
         assert status >= 0, f"waits for {file}"
         assert "Traceback" not in said
         assert "mistake in acx4" not in said, f"{file}: {said}"

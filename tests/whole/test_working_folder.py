@@ -49,11 +49,6 @@ def spoil(folder):
         (folder / name).chmod(0o755)
 
 
-@pytest.fixture(scope="module")
-def material(tmp_path_factory):
-    return every_command.material(tmp_path_factory.mktemp("given"))
-
-
 @pytest.fixture
 def here(material, tmp_path):
     """A working folder with that, in which everything that may be looked for is spoilt."""

@@ -87,7 +87,12 @@ def execute(
     ours, its = context.Pipe(duplex=False)
     arguments = (notebook, executed, dict(parameters), home, its)
     process = context.Process(target=_run, args=arguments, daemon=True)
-    process.start()
+    held = {signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, held)  # until the process has its own answer to it
+    try:
+        process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
     its.close()
     index = 0
     try:
@@ -142,6 +147,7 @@ def _alone(home: str) -> None:
     """Free a copied process from what was set in the one that it is a copy of."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(nowhere, stream)

@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -96,10 +97,15 @@ class _Process:
     def __init__(self) -> None:
         self._pipe, theirs = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(theirs,))
+        resource_tracker.ensure_running()  # which would let signals pass again when it is started
+        held = {signal.SIGINT}
+        signal.pthread_sigmask(signal.SIG_BLOCK, held)  # which the process inherits
         try:
             self._process.start()
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, "the current folder is no more") from None
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
         theirs.close()  # so that the pipe ends when the process does
 
     @property
@@ -139,6 +145,7 @@ def _serve(pipe: Connection) -> None:
     """Serve calls until the other end of the pipe is closed, by whatever end of the parent."""
     shut_out()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     while True:
         try:

@@ -239,5 +239,6 @@ def _empty(place: Path) -> Path:
     with contextlib.closing(os.fdopen(number, "wb")):
         before = place.stat(follow_symlinks=False) if place.exists() else None
         if before is not None and stat.S_ISREG(before.st_mode):
-            os.fchmod(number, stat.S_IMODE(before.st_mode))
+            with contextlib.suppress(PermissionError):  # of file systems without permissions
+                os.fchmod(number, stat.S_IMODE(before.st_mode))
     return draft

@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -55,3 +57,31 @@ def test_nothing_is_left_behind(pool):
     pool.submit(os.getpid).result()
     pool.shutdown()
     assert not multiprocessing.active_children()
+
+
+INTERRUPTED_AT_ONCE = """
+import os, signal, sys
+if "--multiprocessing-fork" in sys.orig_argv:
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+ONE_CALL = """
+from acx4book.command.batch.processes import Processes
+if __name__ == "__main__":
+    with Processes(1) as pool:
+        print(pool.submit(pow, 2, 5).result())
+"""
+
+
+def test_an_interruption_of_a_process_that_just_starts_is_left_to_its_parent(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_AT_ONCE)
+    (tmp_path / "one_call.py").write_text(ONE_CALL)
+    done = subprocess.run(
+        [sys.executable, tmp_path / "one_call.py"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "32\n", "")
