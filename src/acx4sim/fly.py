@@ -10,6 +10,7 @@ from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, grid_from_field
 
 _TURN_S = 240.0
 _SCATTER_M = np.array([6.0, 8.0, 5.0])  # forward, left, up
+_IN_TURN = 0.4  # of the base, by which an exposure is early or late at most
 _MOTION_DEG = np.array([1.1, 0.9, 0.8])  # roll, pitch, yaw
 _CRAB_DEG = 4.0
 
@@ -43,7 +44,11 @@ def stream(seed: int, *purpose: str) -> np.random.Generator:
 
 
 def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
-    """Fly a block as planned, with the effects of wind and turbulence."""
+    """Fly a block as planned, with the effects of wind and turbulence.
+
+    The ground speed of a strip is constant. An exposure that lies ahead of its place is therefore
+    late by as much, so that velocities are those of the positions.
+    """
     grid = Grid(crs=plan.crs)
     parts = [_fly_strip(strip, rng) for strip in block.strips]
     places = np.concatenate([part[0] for part in parts])
@@ -62,18 +67,22 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
             for number, strip in enumerate(block.strips, 1)
             for _ in range(strip.n)
         ],
-        time_s=_times(block),
+        time_s=_times(block) + np.concatenate([part[2] for part in parts]),
         x_g=x_g,
         R_enu_b=attitude_from_rph(rph),
     )
 
 
-def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return positions (forward, left, up) and roll, pitch, azimuth (deg) in the block's axes."""
+def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return positions (forward, left, up), roll, pitch, azimuth (deg), and how late exposures are.
+
+    They are in the block's axes, and s. Exposures are in turn, however short the base.
+    """
     turn = np.radians(strip.turn_deg)
     ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
     way = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
     scatter = _SCATTER_M * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
+    scatter[:, 0] = np.clip(scatter[:, 0], -_IN_TURN * strip.base_m, _IN_TURN * strip.base_m)
     places = np.empty((strip.n, 3))
     places[:, :2] = (
         np.array([strip.forward_m, strip.left_m])
@@ -83,7 +92,7 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array]:
     places[:, 2] = strip.height_m + scatter[:, 2]
     rph = _MOTION_DEG * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
     rph[:, 2] += strip.turn_deg + rng.uniform(-_CRAB_DEG, _CRAB_DEG)
-    return places, rph
+    return places, rph, scatter[:, 0] / strip.speed_m_s
 
 
 def _times(block: BlockPlan) -> Array:

@@ -75,22 +75,44 @@ def test_a_strips_drift_is_linear_in_time_and_zero_at_its_middle():
     assert_allclose(attitude, 0.0, atol=1e-6)
 
 
-def test_a_delay_as_long_as_the_interval_records_the_next_exposures_pose():
+def test_a_delay_as_long_as_an_interval_records_the_next_exposures_pose():
     """Inside a strip the parabola goes through it; positions and attitudes by themselves."""
     true = acx4(**EXACT).tables["calibration/trajectory.csv"]
-    strip = true["exposure"].str.startswith("C1-").to_numpy()
-    step = float(np.diff(true["time_s"][strip])[0])
+    k = 3
+    step = float(true["time_s"][k + 1] - true["time_s"][k])
     angles = ["omega_deg", "phi_deg", "kappa_deg"]
     for option, late, kept in (
         ("gnss_delay_s", SHIFT, angles),
         ("attitude_delay_s", angles, SHIFT),
     ):
         found = acx4(**EXACT, **{option: step}).tables["calibration/trajectory.csv"]
-        values, expected = (t[late][strip].to_numpy() for t in (found, true))
         # m and degrees: times are written to 0.1 ms
-        assert_allclose(values[1:-1], expected[2:], atol=5e-3)
-        assert_allclose(values[0], expected[1], atol=5e-3)
+        expected = true.loc[k + 1, late].to_numpy(float)
+        assert_allclose(found.loc[k, late].to_numpy(float), expected, atol=0.02)
         assert_allclose(found[kept], true[kept], atol=1e-3)  # the grid turns along the way
+
+
+def test_exposures_are_late_by_as_much_as_they_are_ahead():
+    """Along every strip the ground speed is the plan's; times are written to 1 ms, 7 cm."""
+    flight = acx4(**EXACT)
+    table = flight.tables["calibration/trajectory.csv"]
+    off = []
+    for strip, own in table.groupby(table["exposure"].str[:2]):
+        en, time = own[["east_m", "north_m"]].to_numpy(), own["time_s"].to_numpy()
+        planned = flight.plan.blocks["calibration"].strips[int(strip[1]) - 1]
+        course = np.radians(flight.plan.blocks["calibration"].azimuth_deg + planned.turn_deg)
+        along = en @ [np.sin(course), np.cos(course)]
+        passed = planned.speed_m_s * (time - time[0])
+        assert_allclose(along - along[0], passed, atol=0.071)
+        off.append(np.diff(time) - planned.base_m / planned.speed_m_s)
+    assert np.std(np.concatenate(off)) > 0.05  # s: they are not at equal intervals
+
+
+def test_exposures_stay_in_turn_however_short_the_base():
+    block = acx4(**EXACT).plan.blocks["calibration"]
+    short = replace(block, strips=tuple(replace(s, base_m=3.0) for s in block.strips))
+    flown = fly.fly(acx4(**EXACT).plan, short, fly.stream(1, "short"))
+    assert np.all(np.diff(flown.time_s) > 0)
 
 
 def test_strips_may_be_flown_at_different_speeds():

@@ -176,7 +176,9 @@ def run(
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(
             line
-            for key in ("exchanged", "sigma_beyond", "not_confirmed", "approximations", "notes")
+            for key in (
+                *("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes"),
+            )
             for line in _messages(folder, done, key, done)
         ),
     )

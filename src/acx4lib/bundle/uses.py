@@ -143,7 +143,7 @@ def mounted_orientation(
             sigma_position=trajectory.sigma_position,
             sigma_attitude=trajectory.sigma_attitude,
             strips=strips,
-            motion=motion_of(block) if delayed else None,
+            motion=motion_of(block, delays=delayed) if delayed else None,
             slow_positions=slow_errors(trajectory, "position"),
             slow_attitudes=slow_errors(trajectory, "attitude"),
         ),

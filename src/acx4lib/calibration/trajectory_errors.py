@@ -115,14 +115,20 @@ def _delays(motion: Motion | None, bundle: Bundle) -> list[_Unknown]:
     ]
 
 
-def parameters(bundle: Bundle) -> list[Parameter]:
+def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
     """Return the estimated errors of the trajectory with a posteriori standard deviations.
 
     They belong to no camera, so their camera's name is empty. A drift is in m per minute, or per
     exposure where the trajectory has no times; a delay in s, positive where what is recorded for
     an exposure is of a later time.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    cov : ndarray, shape (n, n), optional
+        Another one than `reported_covariance`.
     """
-    sigma = sigmas(reported_covariance(bundle))
+    sigma = sigmas(reported_covariance(bundle) if cov is None else cov)
     return [
         Parameter(
             camera="",
@@ -144,31 +150,42 @@ def reported_covariance(bundle: Bundle) -> Array:
     ndarray, shape (n, n)
         First those of `estimates.parameters`, then those of `parameters`, in their units.
     """
-    calibration, solution = from_bundle(bundle), bundle.solution
-    scale = [one.scale for one in _unknowns(bundle)]
-    J = block_diag(to_reported(calibration), np.diag(scale))
+    J, solution = jacobian(bundle), bundle.solution
     first = np.arange(len(J))
     cov: Array = solution.sigma0_sq * propagate(J, solution.inverse.at(first[:, None], first))
     return cov
 
 
-def is_determined(bundle: Bundle) -> Mask:
-    """Tell for every error of the trajectory whether the data determine it, shape (n,)."""
-    listed = zip(parameters(bundle), _unknowns(bundle), strict=True)
+def jacobian(bundle: Bundle) -> Array:
+    """Return d(parameters of `reported_covariance`) / d(first columns of the bundle), (n, n)."""
+    scale = [one.scale for one in _unknowns(bundle)]
+    out: Array = block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
+    return out
+
+
+def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:
+    """Tell for every error of the trajectory whether the data determine it, shape (n,).
+
+    Arguments are those of `parameters`.
+    """
+    listed = zip(parameters(bundle, cov), _unknowns(bundle), strict=True)
     return np.array([p.sigma * one.reach <= 1 for p, one in listed], dtype=bool)
 
 
-def not_determined(bundle: Bundle) -> list[str]:
-    """Return one sentence per error of the trajectory that the data do not determine."""
-    listed = parameters(bundle)
+def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
+    """Return one sentence per error of the trajectory that the data do not determine.
+
+    Arguments are those of `parameters`.
+    """
+    listed = parameters(bundle, cov)
     if not listed:
         return []
     cameras = camera_parameters(from_bundle(bundle))
     labels = [f"{p.camera} {p.name}" for p in cameras] + [p.name for p in listed]
-    related = correlation(reported_covariance(bundle))
+    related = correlation(reported_covariance(bundle) if cov is None else cov)
     has = features(bundle.network.block)
     out = []
-    for i in np.flatnonzero(~is_determined(bundle)):
+    for i in np.flatnonzero(~is_determined(bundle, cov)):
         p, own = listed[i], related[len(cameras) + i].copy()
         own[len(cameras) + i] = 0.0
         strongest = np.argsort(-np.abs(own), kind="stable")[:2]

@@ -193,6 +193,42 @@ def predict(
         Along east, north and height; NaN for points whose rays from fewer than two images meet at
         the block's smallest angle.
     """
+    points, met = sources_at(
+        block,
+        georeferenced,
+        x_m,
+        sigma_px=sigma_px,
+        sigma_survey_m=sigma_survey_m,
+        refraction=refraction,
+    )
+    variance = np.full((len(x_m), 3, len(SOURCES)), np.nan)
+    variance[points] = of(met, georeferenced.layout).variance
+    return Budget(variance=variance)
+
+
+def sources_at(
+    block: Block,
+    georeferenced: Georeferenced,
+    x_m: Array,
+    *,
+    sigma_px: float,
+    sigma_survey_m: Array | None = None,
+    refraction: str = "none",
+) -> tuple[Index, ErrorSources]:
+    """Return the sources of the errors that `predict` predicts.
+
+    Parameters
+    ----------
+    block, georeferenced, x_m, sigma_px, sigma_survey_m, refraction
+        As in `predict`.
+
+    Returns
+    -------
+    points : ndarray, shape (k,)
+        Places of the points that have an error: those of `predict` without NaN.
+    sources : ErrorSources
+        Of these, along east, north and height.
+    """
     x_m = expected.numbers("x_m", x_m, ("n", 3))
     expected.positive_number("sigma_px", sigma_px)
     survey = np.zeros(3) if sigma_survey_m is None else sigma_survey_m
@@ -212,9 +248,7 @@ def predict(
     met = direct.intersect_rays(block, georeferenced, measured, refraction=refraction)
     sources = turned(met.sources, block.frame.grid_axes(x_m[points]))
     surveyed = np.tile(np.diag(np.asarray(survey) ** 2), (len(points), 1, 1))
-    variance = np.full((len(x_m), 3, len(SOURCES)), np.nan)
-    variance[points] = of(replace(sources, survey=surveyed), georeferenced.layout).variance
-    return Budget(variance=variance)
+    return points, replace(sources, survey=surveyed)
 
 
 def shown(

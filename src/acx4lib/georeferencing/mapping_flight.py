@@ -10,12 +10,14 @@ from acx4lib import expected
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
+from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import budget, direct
-from acx4lib.georeferencing.accuracy import Triple
+from acx4lib.georeferencing.accuracy import Triple, triple
 from acx4lib.georeferencing.budget import Budget
+from acx4lib.georeferencing.error_sources import ErrorSources
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +198,60 @@ def over_format(calibration: Calibration, flight: MappingFlight, *, n: int = 41)
     colrow = np.stack([col, row], axis=-1)
     ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), colrow.reshape(-1, 2))
     return Format(colrow=colrow, budget=_predicted(calibration, flight, ground))
+
+
+def at_corners(calibration: Calibration, camera: Camera, flight: MappingFlight) -> ErrorSources:
+    """Return the sources of the errors of the ground under the four corners of an image's format.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of this camera and of others.
+    camera : Camera
+    flight : MappingFlight
+        Of this camera.
+    """
+    block = fly(camera, flight)
+    last = np.array([camera.width_px - 1.0, camera.height_px - 1.0])
+    corners = last * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), corners)
+    _, sources = budget.sources_at(
+        block,
+        direct.georeference(block, calibration),
+        ground,
+        sigma_px=flight.sigma_px,
+        sigma_survey_m=np.array(flight.sigma_survey_m),
+    )
+    return sources
+
+
+def like(block: Block, camera: Camera) -> MappingFlight | None:
+    """Return a mapping flight of a camera like a block; None where something of it is not known.
+
+    It has the median height of the block, its accuracies, and the usual overlaps.
+    """
+    pixel = np.array([one.pixel_mm for one in block.cameras])
+    points = block.image_points
+    sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
+    height_m = float(np.median(flying_heights(block)))
+    position, attitude = (
+        _rms(block.trajectory.sigma_position),
+        _rms(block.trajectory.sigma_attitude),
+    )
+    sigma_px = float(_rms(sigma_mm[np.isfinite(sigma_mm)])) / camera.pixel_mm
+    if not (np.isfinite([height_m, sigma_px, *position, *attitude]).all() and height_m > 0):
+        return None
+    return MappingFlight(
+        height_m=height_m,
+        sigma_position_m=triple(position),
+        sigma_attitude=triple(attitude),
+        sigma_px=sigma_px,
+    )
+
+
+def _rms(values: Array) -> Array:
+    root: Array = np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
+    return root
 
 
 def _only_camera(calibration: Calibration) -> Camera:

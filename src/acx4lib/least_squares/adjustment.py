@@ -16,7 +16,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import AdjustmentError, unsolvable
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
@@ -210,6 +210,33 @@ def designed(problem: Problem[S], state: S) -> Solution:
         _degrees_of_freedom(problem, at_state)
         found = _solution(problem, at_state, at_state.precision(), 0)
     return replace(found, cost=float(found.redundancy))
+
+
+def covariance(problem: Problem[S], state: S, columns: Index) -> Array:
+    """Return the covariance of some reduced unknowns at a state, a priori.
+
+    Parameters
+    ----------
+    problem, state
+        As `designed` takes them.
+    columns : ndarray, shape (k,)
+
+    Returns
+    -------
+    ndarray, shape (k, k)
+        Sooner than all that a solution has.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it cannot be computed.
+    """
+    with _solving():
+        at_state = normals(problem, state)
+        own: Callable[[Index], Array] | None = getattr(at_state, "covariance", None)
+        if own is not None:
+            return own(columns)
+        return at_state.precision().inverse.at(columns[:, None], columns)
 
 
 @contextmanager

@@ -1,4 +1,7 @@
-"""What a planned flight determines: unknowns, check points; a priori, with sigma0 = 1."""
+"""What a planned flight determines: unknowns, check points; a priori, with sigma0 = 1.
+
+The wind moves an aircraft, and no plan says how. `of` takes one wind, or the mean of several.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,12 @@ from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import RIGS, Calibration, from_bundle, given
 from acx4lib.calibration.mounting import Mounting
+from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.planning import flown
 from acx4lib.planning.plan import Plan
+from acx4lib.planning.winds import Outcome, outcome
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,20 +39,41 @@ class Design:
     validations : dict of str to Validation
         Of block validation, by the method whose calibration is used: ``given`` where the plan
         calibrates nothing. Differences are zero; their sigma is what is predicted.
+    outcomes : tuple of Outcome
+        Of other winds, or the one of these blocks. What is predicted is their mean.
     """
 
     plan: Plan
     blocks: Mapping[str, Block]
     mountings: Mapping[str, Mounting]
     validations: Mapping[str, Validation]
+    outcomes: tuple[Outcome, ...]
 
 
-def of(plan: Plan) -> Design:
+FEWEST, MOST, IMAGES = 4, 16, 1200
+"""Numbers of winds, and the number of images of all winds together. Winds differ less from each
+other in a block of many images, which also takes longer."""
+
+
+def usual_winds(plan: Plan) -> int:
+    """Return the number of winds of which the mean is good enough."""
+    n = sum(
+        strip.n_exposures * len(plan.cameras(name))
+        for name, block in plan.blocks.items()
+        for strip in block.strips.values()
+    )
+    return max(FEWEST, min(MOST, IMAGES // max(n, 1)))
+
+
+def of(plan: Plan, *, winds: int = 0) -> Design:
     """Return what a plan determines.
 
     Parameters
     ----------
     plan : Plan
+    winds : int
+        Number of winds whose mean is predicted, as `usual_winds` returns it. By default the one in
+        which numbers are spread evenly: it is sooner, and within a few percent of the mean.
 
     Returns
     -------
@@ -63,17 +89,43 @@ def of(plan: Plan) -> Design:
         Where a block has fewer observations than unknowns.
     """
     expected.instance("plan", plan, Plan)
+    expected.whole("winds", winds, least=0)
     blocks = {name: flown.block(plan, name) for name in plan.blocks}
-    mountings = {
-        method: calibrated(plan, blocks[name], method=method)
-        for name, method in methods(plan).items()
-    }
+    mountings, validations, even = _in_one_wind(plan, blocks)
+    places = {name: flown.over(plan, name).tie_places() if winds else None for name in plan.blocks}
+    outcomes = [_in_wind(plan, wind, places) for wind in range(1, winds + 1)]
     return Design(
         plan=plan,
         blocks=blocks,
         mountings=mountings,
-        validations=_validations(plan, blocks, mountings),
+        validations=validations,
+        outcomes=tuple(outcomes) or (even,),
     )
+
+
+def _in_wind(plan: Plan, wind: int, places: Mapping[str, Array | None]) -> Outcome:
+    blocks = {
+        name: flown.block(plan, name, wind=wind, tie_places=places[name]) for name in plan.blocks
+    }
+    return _in_one_wind(plan, blocks)[2]
+
+
+def _in_one_wind(
+    plan: Plan, blocks: Mapping[str, Block]
+) -> tuple[dict[str, Mounting], dict[str, Validation], Outcome]:
+    """Return what blocks determine: their adjustments, their validations, and the sum of them."""
+    mountings = {
+        method: calibrated(plan, blocks[name], method=method)
+        for name, method in methods(plan).items()
+    }
+    calibrations = _calibrations(plan, blocks, mountings)
+    validations = {
+        method: validate(
+            blocks["validation"], calibration, method=method, refraction=plan.setup.refraction
+        )
+        for method, calibration in calibrations.items()
+    }
+    return mountings, validations, outcome(mountings, validations, calibrations)
 
 
 def methods(plan: Plan) -> dict[str, str]:
@@ -124,19 +176,18 @@ def _single_step(
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
 
 
-def _validations(
+def _calibrations(
     plan: Plan, blocks: Mapping[str, Block], mountings: Mapping[str, Mounting]
-) -> dict[str, Validation]:
-    """Return the validations with every calibration that has the cameras of the block."""
+) -> dict[str, Calibration]:
+    """Return the calibrations that have the cameras of block validation; none without it."""
     if "validation" not in blocks:
         return {}
-    block = blocks["validation"]
     calibrations: dict[str, Calibration] = {
         method: mounting.calibration for method, mounting in mountings.items()
     } or {"given": given(plan.cameras("validation"))}
-    needed = {camera.name for camera in block.cameras}
+    needed = {camera.name for camera in blocks["validation"].cameras}
     return {
-        method: validate(block, calibration, method=method, refraction=plan.setup.refraction)
+        method: calibration
         for method, calibration in calibrations.items()
         if needed <= {camera.name for camera in calibration.cameras}
     }

@@ -1,8 +1,11 @@
 """Where, when and in which attitude a planned block is exposed.
 
 An aircraft is never quite on its line, nor level, and that helps to tell lever arm and boresight
-apart. So the exposures leave the line and the level as much as usual, the same in every run. The
-simulator moves its aircraft as much, by chance.
+apart. So the exposures leave the line and the level as much as usual. The simulator moves its
+aircraft as much, by chance. Here the wind 0 leaves it evenly, and every other wind by chance with
+its own number: both are the same in every run.
+
+The ground speed of a strip is constant: an exposure ahead of its place is late by as much.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ SCATTER_M = np.array([6.0, 8.0, 5.0])
 
 MOTION_DEG = np.array([1.1, 0.9, 0.8])
 """Standard deviations of roll, pitch and yaw."""
+
+IN_TURN = 0.4
+"""Share of the base by which an exposure leaves its place along the strip at most."""
 
 CRAB_DEG = 4.0
 """Largest angle, by side wind, between heading and course of a strip."""
@@ -51,27 +57,45 @@ class Exposures:
     rph_deg: Array
 
 
-def exposures(planned: PlannedBlock) -> Exposures:
-    """Return where a block is exposed, strip by strip."""
+def exposures(planned: PlannedBlock, *, wind: int = 0) -> Exposures:
+    """Return where a block is exposed, strip by strip.
+
+    Parameters
+    ----------
+    planned : PlannedBlock
+    wind : int
+        Number of the wind that moves it.
+    """
     strips = tuple(planned.strips.values())
     counts = [strip.n_exposures for strip in strips]
     names = tuple(name for name, n in zip(planned.strips, counts, strict=True) for _ in range(n))
     number = np.concatenate([np.arange(n) for n in counts])
     course = np.repeat([strip.course_deg for strip in strips], counts)
-    moved = _unsteady(len(names))
-    heading = course + CRAB_DEG * np.repeat(_evenly(len(strips))[:, 0] * 2 - 1, counts)
+    base = np.repeat([strip.base_m for strip in strips], counts)
+    speed = np.repeat([strip.speed_m_s for strip in strips], counts)
+    moved, crab = _winds(len(names), len(strips), wind)
+    ahead = np.clip(SCATTER_M[0] * moved[:, 0], -IN_TURN * base, IN_TURN * base)
+    aside = SCATTER_M[1] * moved[:, 1]
+    heading = course + CRAB_DEG * np.repeat(crab, counts)
     return Exposures(
         names=tuple(f"{name}-{i + 1:02d}" for name, i in zip(names, number, strict=True)),
         strips=names,
         local=np.concatenate([_along(strip, planned.area.course_deg) for strip in strips])
-        + _turned(moved[:, :2] * SCATTER_M[:2], course - planned.area.course_deg),
+        + _turned(np.column_stack([ahead, aside]), course - planned.area.course_deg),
         flying_height_m=np.repeat([strip.flying_height_m for strip in strips], counts)
         + moved[:, 2] * SCATTER_M[2],
         course_deg=course,
-        time_s=np.repeat(_begins(strips), counts)
-        + number * np.repeat([strip.base_m / strip.speed_m_s for strip in strips], counts),
+        time_s=np.repeat(_begins(strips), counts) + (number * base + ahead) / speed,
         rph_deg=moved[:, 3:] * MOTION_DEG + heading[:, None] * np.array([0.0, 0.0, 1.0]),
     )
+
+
+def _winds(n: int, n_strips: int, wind: int) -> tuple[Array, Array]:
+    """Return numbers of a normal distribution, at most 2, (n, 6), and from -1 to 1, (n_strips,)."""
+    if wind == 0:
+        return _unsteady(n), _evenly(n_strips)[:, 0] * 2 - 1
+    rng = np.random.default_rng(wind)
+    return np.clip(rng.standard_normal((n, 6)), -2.0, 2.0), rng.uniform(-1.0, 1.0, n_strips)
 
 
 def _evenly(n: int) -> Array:

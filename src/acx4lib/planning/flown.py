@@ -21,7 +21,7 @@ from acx4lib.planning.plan import Plan
 from acx4lib.planning.sight import Over, Sight, joined
 
 
-def block(plan: Plan, name: str) -> Block:
+def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = None) -> Block:
     """Return a planned block.
 
     Parameters
@@ -29,6 +29,11 @@ def block(plan: Plan, name: str) -> Block:
     plan : Plan
     name : str
         One of its blocks.
+    wind : int
+        As `exposures.exposures` takes it.
+    tie_places : ndarray, shape (n, 2), optional
+        Where tie points are, if three images of a camera show them, as `Over.tie_places` returns
+        it; so a simulated flight has them. By default they are looked for in this wind.
 
     Returns
     -------
@@ -40,13 +45,14 @@ def block(plan: Plan, name: str) -> Block:
     FlightError
         Where the images show no point, or less tie points than asked for.
     """
-    in_the_air = over(plan, name)
+    in_the_air = over(plan, name, wind=wind)
     surveyed = in_the_air.surveyed()
-    seen = joined([surveyed, in_the_air.tie_points()])
+    ties = in_the_air.tie_points() if tie_places is None else in_the_air.ties_at(tie_places)
+    seen = joined([surveyed, ties])
     if not seen.shown.any():
         where = "lie apart from the strips"
         raise FlightError([f"{name}: no image shows a point; there are none, or they {where}"])
-    taken = exposures(plan.blocks[name])
+    taken = exposures(plan.blocks[name], wind=wind)
     tables = BlockTables(
         name=name,
         pictures=Path(),
@@ -58,12 +64,12 @@ def block(plan: Plan, name: str) -> Block:
     return assemble(tables, plan.setup)
 
 
-def over(plan: Plan, name: str) -> Over:
+def over(plan: Plan, name: str, *, wind: int = 0) -> Over:
     """Return a planned block in the air."""
     expected.instance("plan", plan, Plan)
     expected.one_of("name", name, plan.blocks)
     grid = plan.setup.grid
-    trajectory = _trajectory(plan, name, exposures(plan.blocks[name]))
+    trajectory = _trajectory(plan, name, exposures(plan.blocks[name], wind=wind))
     frame = mean_origin(grid, lonlat_of(trajectory, grid))
     return Over(plan=plan, name=name, frame=frame, T_m_b=poses(trajectory, frame))
 

@@ -28,7 +28,9 @@ SAID = {
 
 def lines(design: Design) -> Iterator[str]:
     """Yield the lines that `acx4 plan` prints."""
-    yield f"{design.plan.setup.name}: predicted from geometry alone, sigma0 = 1"
+    n = len(design.outcomes)
+    over = f"the mean of {n} winds" if n > 1 else "one wind"
+    yield f"{design.plan.setup.name}: predicted from geometry alone, sigma0 = 1, {over}"
     for name, block in design.plan.blocks.items():
         yield from _block_lines(block, design.blocks[name])
     parameters, reliability = tables.parameter_table(design), tables.reliability_table(design)
@@ -37,12 +39,13 @@ def lines(design: Design) -> Iterator[str]:
         yield ""
         yield from _reliability_lines(reliability[reliability["method"] == method])
     yield from _validation_lines(design)
-    noted = tables.notes(design)
-    if noted:
-        yield from ("", "notes", *(f"  {line}" for line in noted))
-    open_ones = tables.sentences(design)
-    if open_ones:
-        yield from ("", "not determined", *(f"  {line}" for line in open_ones))
+    for title, found in (
+        ("notes", tables.notes(design)),
+        ("not determined", tables.sentences(design)),
+        ("weak", tables.weak_sentences(design)),
+    ):
+        if found:
+            yield from ("", title, *(f"  {line}" for line in found))
 
 
 def _block_lines(planned: PlannedBlock, block: Block) -> Iterator[str]:
@@ -62,11 +65,12 @@ def _method_lines(design: Design, method: str, table: pd.DataFrame) -> Iterator[
     yield ""
     yield f"mounting/{method}"
     yield from _aligned(
-        ("", "sigma", "unit", "correlation", "with"),
+        ("", "sigma", "change found", "unit", "correlation", "with"),
         [
             (
                 _name(row["camera"], row["parameter"]),
                 f"{row['sigma']:.3g}" + ("" if row["determined"] else " !"),
+                f"{row['detectable_change']:.2g}",
                 row["unit"],
                 f"{round(row['correlation'], 2) + 0.0:+.2f}",
                 row["correlated_with"],
@@ -104,14 +108,17 @@ def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _validation_lines(design: Design) -> Iterator[str]:
-    """Yield the RMS of check points in metres, and what share of its square each source has."""
-    for method, validation in design.validations.items():
+    """Yield the RMS of check points in metres, what it is worth, and the shares of its sources."""
+    for method in design.validations:
         yield ""
         yield f"validation/{method}: predicted RMS of differences at check points, m"
         rows = []
-        for what, found in tables.predicted(validation).items():
-            rows.append((f"{len(found)} {what}", *(f"{value:.3f}" for value in found.rms)))
-            for group, share in budget.shares(found.mean).items():
+        for what, found in tables.expected_rms(design, method).items():
+            rows.append((f"{found.n:.0f} {what}", *(f"{value:.3f}" for value in found.rms)))
+            if len(found.of_winds) > 1:
+                rows.append(("  of many flights, within", *(f"{x:.0%}" for x in found.tolerance)))
+                rows.append(("  of one flight, by its wind", *(f"{x:.0%}" for x in found.spread)))
+            for group, share in budget.shares(found.variance).items():
                 rows.append((f"  of its square, {group}", *(f"{x:.0%}" for x in share)))
         yield from _aligned(("", "east", "north", "height"), rows)
 

@@ -149,6 +149,11 @@ class Over:
         """Return all places that were tried for tie points, forward and left, m, (n, 2)."""
         return self._evenly(self._tried()[1], first=1)
 
+    def ties_at(self, places: Array) -> Sight:
+        """Return the sight of those places that three images of a camera show."""
+        sight = self.see(places)
+        return sight[(sight.deciding.sum(axis=1) >= LEAST_RAYS).any(axis=0)]
+
     def _tried(self) -> tuple[Sight, int]:
         """Return the sight of the tie points, and how many places were tried for them."""
         wanted = self.plan.blocks[self.name].tie_points

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pandas as pd
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
+    Calibration,
     Parameter,
     from_bundle,
     is_determined,
@@ -23,20 +25,24 @@ from acx4lib.calibration.trust.needs import features
 from acx4lib.expected import Array
 from acx4lib.flight.checks.oddities import area_notes
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing import budget
-from acx4lib.georeferencing.budget import Budget
-from acx4lib.georeferencing.validation import Validation
+from acx4lib.georeferencing import budget, weak
+from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares.covariance import correlation
-from acx4lib.planning import ground
+from acx4lib.least_squares.statistical.distributions import norm_ppf
+from acx4lib.planning import ground, winds
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
+from acx4lib.planning.winds import Expected
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import COMPONENTS, parameter_tables, unit_of
 
 AXES = ("east_m", "north_m", "height_m")
 
-ADDED = ("determined", "correlation", "correlated_with")
+ADDED = ("determined", "spread", "detectable_change", "correlation", "correlated_with")
 """Columns of `parameter_table` that parameters.csv of a run does not have."""
+
+FOUND_AT, POWER = 0.05, 0.8
+"""Significance and power with which a later campaign finds a change."""
 
 RELIABILITY = (
     "method",
@@ -58,58 +64,116 @@ def unknowns(bundle: Bundle) -> list[Parameter]:
     return [*parameters(from_bundle(bundle)), *trajectory_errors.parameters(bundle)]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Predicted:
+    """The wanted unknowns of one method, on average over the winds.
+
+    Attributes
+    ----------
+    bundle : Bundle
+        Of one wind.
+    calibration : Calibration
+    cov : ndarray, shape (n, n)
+        As `trajectory_errors.reported_covariance` has it.
+    spread : ndarray, shape (n,)
+        By what share sigma differs from flight to flight.
+    """
+
+    bundle: Bundle
+    calibration: Calibration
+    cov: Array
+    spread: Array
+
+    @property
+    def listed(self) -> list[Parameter]:
+        """The unknowns, with sigma a priori."""
+        of_trajectory = trajectory_errors.parameters(self.bundle, self.cov)
+        return [*parameters(self.calibration), *of_trajectory]
+
+    @property
+    def determined(self) -> list[bool]:
+        """Whether each is determined."""
+        of_trajectory = trajectory_errors.is_determined(self.bundle, self.cov)
+        return [*is_determined(self.calibration), *of_trajectory]
+
+    @property
+    def related(self) -> Array:
+        """Correlations, shape (n, n)."""
+        return correlation(self.cov)
+
+
+def predicted(design: Design, method: str) -> Predicted:
+    """Return the wanted unknowns of a method."""
+    bundle = design.mountings[method].bundle
+    open_columns = [one.open[method] for one in design.outcomes]
+    cov = np.mean([one.calibrations[method] for one in design.outcomes], axis=0)
+    return Predicted(
+        bundle=bundle,
+        calibration=replace(
+            from_bundle(bundle), cov=cov, open_columns=np.any(open_columns, axis=0)
+        ),
+        cov=winds.mean_covariance(design.outcomes, method),
+        spread=winds.spread(design.outcomes, method),
+    )
+
+
 def parameter_table(design: Design) -> pd.DataFrame:
-    """Return the wanted unknowns of all methods, with the columns of parameters.csv and three more.
+    """Return the wanted unknowns of all methods, with the columns of parameters.csv and some more.
 
     Returns
     -------
     DataFrame
         `value` is the plan's, and sigma a priori, infinite where the design says nothing.
-        `determined` says whether the design determines it; `correlation` is the largest, and
-        `correlated_with` the unknown that it is with.
+        `determined` says whether the design determines it; `spread` by what share sigma differs
+        from flight to flight; `detectable_change` is `smallest_change`; `correlation` is the
+        largest, and `correlated_with` the unknown that it is with.
     """
-    parts = [_parameters(name, m.bundle) for name, m in design.mountings.items()]
+    parts = [_parameters(method, predicted(design, method)) for method in design.mountings]
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
-def _parameters(method: str, bundle: Bundle) -> pd.DataFrame:
-    listed = unknowns(bundle)
-    related = correlations(bundle).to_numpy(copy=True)
+def _parameters(method: str, found: Predicted) -> pd.DataFrame:
+    listed = found.listed
+    related = found.related.copy()
     np.fill_diagonal(related, 0.0)
     most = np.argmax(np.abs(related), axis=1)
-    tables = parameter_tables(
-        "mounting", method, listed, trajectory_errors.reported_covariance(bundle)
-    )
+    tables = parameter_tables("mounting", method, listed, found.cov)
     return tables["parameters"].assign(
-        determined=[*is_determined(from_bundle(bundle)), *trajectory_errors.is_determined(bundle)],
+        determined=found.determined,
+        spread=found.spread,
+        detectable_change=[smallest_change(p.sigma) for p in listed],
         correlation=related[np.arange(len(listed)), most],
         correlated_with=[listed[j].full_name for j in most],
     )
 
 
-def correlations(bundle: Bundle) -> pd.DataFrame:
-    """Return the correlation matrix of the wanted unknowns, with their names."""
-    names = [p.full_name for p in unknowns(bundle)]
-    related = correlation(trajectory_errors.reported_covariance(bundle))
-    return pd.DataFrame(related, index=names, columns=names)
+def smallest_change(sigma: float) -> float:
+    """Return the change of a parameter that a second campaign of the same plan finds in 80 %.
+
+    The difference of two independent campaigns has the variance 2 sigma^2. It is tested alone, two
+    sided, at 5 %, as `acx4 compare` tests differences with covariances a priori.
+    """
+    both = -norm_ppf(FOUND_AT / 2) + norm_ppf(POWER)
+    return float(both * np.sqrt(2) * sigma)
 
 
 def correlation_table(design: Design) -> pd.DataFrame:
     """Return the correlations of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, lambda bundle: correlations(bundle).to_numpy())
+    return _matrices(design, lambda found: found.related)
 
 
 def covariance_table(design: Design) -> pd.DataFrame:
     """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, trajectory_errors.reported_covariance)
+    return _matrices(design, lambda found: found.cov)
 
 
-def _matrices(design: Design, of: Callable[[Bundle], Array]) -> pd.DataFrame:
+def _matrices(design: Design, of: Callable[[Predicted], Array]) -> pd.DataFrame:
     """Return a matrix of the wanted unknowns of every method as rows."""
-    parts = [
-        parameter_tables("mounting", method, unknowns(m.bundle), of(m.bundle))["covariance"]
-        for method, m in design.mountings.items()
-    ]
+    parts = []
+    for method in design.mountings:
+        found = predicted(design, method)
+        tables = parameter_tables("mounting", method, found.listed, of(found))
+        parts.append(tables["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 
@@ -153,36 +217,33 @@ def check_point_table(design: Design) -> pd.DataFrame:
     """Return the predicted sigma of the differences at check points, from all their rays."""
     columns = ["method", "point", "n_images", *(f"sigma_{axis}" for axis in AXES)]
     rows = []
-    for method, validation in design.validations.items():
-        block, points = validation.block, validation.points
-        names = [block.points[i] for i in block.check.point_idx[points.point_idx]]
-        rows += [
-            (method, name, int(n), *sigma)
-            for name, n, sigma in zip(names, points.n_images, points.sigma, strict=True)
-        ]
+    for method in design.validations:
+        seen = [one.points[method] for one in design.outcomes]
+        for name in dict.fromkeys(name for one in seen for name in one):
+            variance = np.mean([one[name] for one in seen if name in one], axis=0)
+            n = np.mean([one.n_rays[method].get(name, 0) for one in design.outcomes])
+            rows.append((method, name, round(float(n), 1), *np.sqrt(variance)))
     return pd.DataFrame(rows, columns=columns)
 
 
-def predicted(validation: Validation) -> dict[str, Budget]:
-    """Return the error budgets of differences at check points: of all rays, and of pairs of rays.
+def expected_rms(design: Design, method: str) -> dict[str, Expected]:
+    """Return what is expected of differences at check points: of all rays, and of pairs of rays.
 
     Returns
     -------
-    dict of str to Budget
-        ``points`` and ``pairs``; the `rms` of each is what is expected.
+    dict of str to Expected
+        ``points`` and ``pairs``.
     """
-    layout = validation.georeferenced.layout
-    parts = {"points": validation.points, "pairs": validation.pairs}
-    return {name: budget.of(found.sources, layout) for name, found in parts.items()}
+    return winds.expected_rms(design.outcomes, method)
 
 
 def sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that the design does not determine: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
-        bundle = mounting.bundle
-        lines = not_determined(from_bundle(bundle), features(bundle.network.block))
-        lines += trajectory_errors.not_determined(bundle)
+        found, has = predicted(design, method), features(mounting.bundle.network.block)
+        lines = not_determined(found.calibration, has)
+        lines += trajectory_errors.not_determined(found.bundle, found.cov)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 
@@ -202,35 +263,69 @@ def notes(design: Design) -> list[str]:
     return out
 
 
+def weak_sentences(design: Design) -> list[str]:
+    """Return one sentence per unknown that is determined, but weakly: why, and the cure."""
+    out = []
+    for method, mounting in design.mountings.items():
+        network = mounting.bundle.network
+        lines = weak.sentences(
+            _weak(design, method),
+            features(network.block),
+            late=bool(network.layout.delay[0] >= 0),
+        )
+        out += [f"mounting/{method}: {line}" for line in lines]
+    return out
+
+
+def _weak(design: Design, method: str) -> list[Weak]:
+    """Return what is weak, with sigma of the mean of winds."""
+    bundle, mean = design.mountings[method].bundle, predicted(design, method)
+    shares, of = winds.mean_shares(design.outcomes, method), weak.CHECK_POINTS
+    if shares is None:
+        shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
+        of = weak.CORNERS
+    found = [*weak.of_calibration(mean.calibration, shares, of=of), *weak.of_bundle(bundle)]
+    named = {p.full_name: p for p in mean.listed}
+    return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(found)]
+
+
 def summary(design: Design) -> dict[str, Any]:
     """Return what a plan determines, for JSON."""
     return {
         "name": design.plan.setup.name,
+        "winds": len(design.outcomes),
         "flying_time_min": {
             name: flying_time_s(tuple(block.strips.values())) / 60
             for name, block in design.plan.blocks.items()
         },
-        **{f"mounting/{name}": _adjusted(m.bundle) for name, m in design.mountings.items()},
+        **{f"mounting/{name}": _adjusted(design, name) for name in design.mountings},
         **{
-            f"validation/{name}": {part: _predicted(b) for part, b in predicted(v).items()}
-            for name, v in design.validations.items()
+            f"validation/{name}": {
+                part: _of_check_points(found) for part, found in expected_rms(design, name).items()
+            }
+            for name in design.validations
         },
         "not_determined": sentences(design),
         "notes": notes(design),
+        "weak": weak_sentences(design),
     }
 
 
-def _predicted(found: Budget) -> dict[str, Any]:
-    """Return the entries of a budget: number, RMS and shares of its groups, by axis."""
-    parts = budget.shares(found.mean)
+def _of_check_points(found: Expected) -> dict[str, Any]:
+    """Return the entries of what is expected: number, RMS, what it is worth, shares, by axis."""
+    parts = budget.shares(found.variance)
+    many = len(found.of_winds) > 1
     return {
-        "n": len(found),
+        "n": round(found.n, 1),
         "rms": found.rms.tolist(),
+        "tolerance": found.tolerance.tolist() if many else None,
+        "spread": found.spread.tolist() if many else None,
         "shares": {group: share.tolist() for group, share in parts.items()},
     }
 
 
-def _adjusted(bundle: Bundle) -> dict[str, Any]:
+def _adjusted(design: Design, method: str) -> dict[str, Any]:
+    bundle = design.mountings[method].bundle
     block, solution = bundle.network.block, bundle.solution
     return {
         "n_images": len(block.images),
@@ -238,5 +333,5 @@ def _adjusted(bundle: Bundle) -> dict[str, Any]:
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
         "redundancy": solution.redundancy,
-        **determination.as_json(bundle, from_bundle(bundle)),
+        **determination.as_json(bundle, predicted(design, method).calibration),
     }

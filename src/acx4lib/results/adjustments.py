@@ -29,6 +29,8 @@ from acx4lib.calibration.trust import boresight, determination
 from acx4lib.calibration.trust.confirmation import confirmations
 from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.reader import Flight
+from acx4lib.georeferencing import weak
+from acx4lib.georeferencing.weak import Weak
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.rows import bundle_tables, orientation_tables
@@ -100,6 +102,7 @@ def of_bundle(
     calibration: Calibration | None = None,
     summary_key: str | None = None,
     applied: Mapping[str, float] | None = None,
+    over_ground: bool = False,
 ) -> Record:
     """Return the record of an adjusted bundle.
 
@@ -113,6 +116,9 @@ def of_bundle(
         By default ``stage/method``.
     applied : mapping of str to float, optional
         Factors that were applied to the sigma of every group.
+    over_ground : bool
+        Whether to ask what every parameter has of the variance of the ground under the format's
+        corners, where no check points will tell.
     """
     said = calibration or from_bundle(bundle)
     solution = bundle.solution
@@ -143,6 +149,7 @@ def of_bundle(
         **determination.as_json(bundle, said),
         **_declared_entries(key, method, bundle),
         "boresight_stability": {} if bundle.stopped else boresight.as_json(bundle),
+        **_weak_entries(key, method, bundle, over_ground=over_ground),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
@@ -196,6 +203,49 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
     }
 
 
+def _weak_entries(key: str, method: str, bundle: Bundle, *, over_ground: bool) -> dict[str, object]:
+    """Return the entries of summary.json on weak parameters.
+
+    None for heads one by one and for two steps, whose poses are not those of strips, nor where the
+    data contradict each other.
+    """
+    if bundle.stopped or method not in ("single_step", *RIGS):
+        return {}
+    calibration, block = from_bundle(bundle), bundle.network.block
+    found = weak.of_bundle(bundle)
+    if over_ground:
+        shares = weak.shares_at_corners(calibration, block)
+        found += weak.of_calibration(calibration, shares, of=weak.CORNERS)
+    late = bool(bundle.network.layout.delay[0] >= 0)
+    return weak_entries(key, weak.together(found), features(block), late=late)
+
+
+def weak_entries(
+    key: str, found: Sequence[Weak], has: frozenset[str] = frozenset(), *, late: bool = False
+) -> dict[str, object]:
+    """Return the entries of summary.json on weak parameters.
+
+    Parameters
+    ----------
+    key : str
+        Of the entry.
+    found : sequence of Weak
+    has, late
+        As `weak.sentences` takes them.
+    """
+    return {
+        "weak": [f"{key}: {line}" for line in weak.sentences(found, has, late=late)],
+        "weak_parameters": {
+            one.parameter.full_name: {
+                "sigma": one.parameter.sigma,
+                "share": one.share,
+                "calm_ratio": one.calm,
+            }
+            for one in found
+        },
+    }
+
+
 def _notes(method: str, bundle: Bundle) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
     notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
@@ -233,22 +283,33 @@ def height_scale(bundle: Bundle) -> float:
     return scale if abs(scale - 1) > abs(by_focal_length - 1) else by_focal_length
 
 
-def of_mounting(mounting: Mounting, *, applied: Mapping[str, float] | None = None) -> Record:
-    """Return the record of one method of the mounting stage; `applied` as in `of_bundle`."""
+def of_mounting(
+    mounting: Mounting, *, applied: Mapping[str, float] | None = None, over_ground: bool = False
+) -> Record:
+    """Return the record of one method of the mounting stage; keywords as in `of_bundle`."""
     return of_bundle(
         "mounting",
         mounting.method,
         mounting.bundle,
         calibration=mounting.calibration,
         applied=applied,
+        over_ground=over_ground,
     )
 
 
 def of_mountings(
-    mountings: Mountings, *, applied: Mapping[str, float] | None = None
+    mountings: Mountings,
+    *,
+    applied: Mapping[str, float] | None = None,
+    over_ground: bool = False,
 ) -> list[Record]:
-    """Return the records of all methods of the mounting stage, failures included."""
-    records = [of_mounting(m, applied=applied) for m in mountings.methods.values()]
+    """Return the records of all methods of the mounting stage, failures included.
+
+    Keywords are those of `of_bundle`.
+    """
+    records = [
+        of_mounting(m, applied=applied, over_ground=over_ground) for m in mountings.methods.values()
+    ]
     for method, reason in mountings.failures.items():
         if method == "single_step":
             key = f"mounting/{method}"

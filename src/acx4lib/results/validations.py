@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
-from acx4lib.calibration.estimates import LIMIT_SCALE
+from acx4lib.calibration.estimates import LIMIT_SCALE, TWO_STEP, Calibration
 from acx4lib.flight.block import Block
-from acx4lib.georeferencing import accuracy, error_sources, standards
+from acx4lib.georeferencing import accuracy, error_sources, standards, weak
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistical import distributions
-from acx4lib.results.adjustments import Record, exchanged_entries, of_left_out, stopped_entries
+from acx4lib.results.adjustments import (
+    Record,
+    exchanged_entries,
+    of_left_out,
+    stopped_entries,
+    weak_entries,
+)
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.rows import exterior_table, of_method, point_table, rejected_table
 
@@ -25,16 +31,53 @@ MANY = 0.1
 """Share of rejected measurements above which these are not single gross errors."""
 
 
-def of_validations(validations: Sequence[Validation]) -> list[Record]:
-    """Return the records of all validations; without any, one record with the reason."""
+def of_validations(
+    validations: Sequence[Validation],
+    calibrations: Mapping[str, Calibration] | None = None,
+    features: frozenset[str] = frozenset(),
+    *,
+    late: bool = False,
+) -> list[Record]:
+    """Return the records of all validations; without any, one record with the reason.
+
+    Parameters
+    ----------
+    validations : sequence of Validation
+    calibrations : mapping of str to Calibration, optional
+        What was validated, by method: of the single step and of rigs it is said which parameters
+        have too much of the variance of check points.
+    features : frozenset of str
+        What the calibration's flight has, as `needs.features` returns it.
+    late : bool
+        Whether a delay of the positions was estimated with the calibration.
+    """
     if not validations:
         reason = "no method has all its parameters determined"
         return [of_left_out("validation", "all", reason)]
-    return [of_validation(validation) for validation in validations]
+    known = {name: c for name, c in (calibrations or {}).items() if name not in TWO_STEP}
+    return [
+        of_validation(validation, **_weak_entries(validation, known, features, late=late))
+        for validation in validations
+    ]
 
 
-def of_validation(validation: Validation) -> Record:
-    """Return the record of one method's validation."""
+def _weak_entries(
+    validation: Validation,
+    calibrations: Mapping[str, Calibration],
+    features: frozenset[str],
+    *,
+    late: bool,
+) -> dict[str, object]:
+    calibration = calibrations.get(validation.method)
+    if calibration is None or validation.stopped:
+        return {}
+    shares = weak.shares(validation.points.sources, calibration)
+    found = weak.of_calibration(calibration, shares)
+    return weak_entries(f"validation/{validation.method}", found, features, late=late)
+
+
+def of_validation(validation: Validation, **said: object) -> Record:
+    """Return the record of one method's validation; keywords become entries of the summary."""
     method, block = validation.method, validation.block
     points = validation.points
     names = [block.points[block.check.point_idx[i]] for i in points.point_idx]
@@ -63,7 +106,7 @@ def of_validation(validation: Validation) -> Record:
         stage="validation",
         method=method,
         tables=tables,
-        summary={f"validation/{method}": _validation_summary(validation)},
+        summary={f"validation/{method}": {**_validation_summary(validation), **said}},
     )
 
 

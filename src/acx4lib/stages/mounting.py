@@ -116,7 +116,11 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     with solving(flight, "calibration"):
         with explaining(flight, "calibration"):
             stage = calibrate(flight, block)
-        records = adjustments.of_mountings(stage.mountings, applied=stage.sigma_factors)
+        records = adjustments.of_mountings(
+            stage.mountings,
+            applied=stage.sigma_factors,
+            over_ground=flight.validation is None,
+        )
         records = explained(records, flight, "calibration")
     adjustments.write(results_path, "mounting", records, flight=flight)
     return stage

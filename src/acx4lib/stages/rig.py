@@ -56,11 +56,13 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
         Of the block heads.
     """
     stages = []
+    over_ground = "validation" not in flight.carried
     blocks = {"rig": "heads", "rig_calibration": "calibration"}
     for method in blocks if "calibration" in flight.carried else ("rig",):
         with solving(flight, blocks[method]):
             stage = calibrate(flight, method=method)
-            found = explained(records(stage), flight, blocks[method])
+            said = records(stage, over_ground=over_ground)
+            found = explained(said, flight, blocks[method])
         stages.append((stage, found))
     for stage, found in stages:
         write(results_path, f"mounting/{stage.method}", found, flight=flight)
@@ -94,11 +96,18 @@ def _of_heads(flight: Flight, name: str) -> Block:
     return select_cameras(block, [head for head in order if head in present])
 
 
-def records(stage: RigStage) -> list[Record]:
-    """Return what the rig leaves in a results folder, a failure included."""
+def records(stage: RigStage, *, over_ground: bool = False) -> list[Record]:
+    """Return what the rig leaves in a results folder, a failure included.
+
+    Parameters
+    ----------
+    stage : RigStage
+    over_ground : bool
+        As `adjustments.of_bundle` takes it.
+    """
     if stage.rig is None:
         return [of_left_out("mounting", stage.method, stage.left_out)]
-    record = of_mounting(stage.rig)
+    record = of_mounting(stage.rig, over_ground=over_ground)
     ((key, entry),) = record.summary.items()
     notes = [*_list(entry["notes"]), *(f"{key}: {note}" for note in _notes(stage))]
     return [replace(record, summary={key: {**entry, "notes": notes}})]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
@@ -28,8 +29,10 @@ class ValidationStage:
         By method, those whose parameters are all determined.
     validations : list of Validation
         One for each of them.
+    rigs : dict of str to Calibration
+        By method, where the block is measured in heads.
     in_heads : list of Validation
-        One for each rig, in the images of the heads; empty where the block is not measured there.
+        One for each of them, in the images of the heads.
     earlier : str
         Whose calibrations they are, in a sentence, where they are those of an earlier flight.
     """
@@ -37,6 +40,7 @@ class ValidationStage:
     block: Block
     calibrations: dict[str, Calibration]
     validations: list[Validation]
+    rigs: Mapping[str, Calibration]
     in_heads: list[Validation]
     earlier: str = ""
 
@@ -94,9 +98,15 @@ def _of_earlier(
 
 
 def _records(flight: Flight, stage: ValidationStage) -> list[adjustments.Record]:
-    validations = [*stage.validations, *stage.in_heads]
+    flown = flight.blocks.get("calibration")
     with solving(flight, "validation"):
-        return explained(of_validations(validations), flight, "validation")
+        records = of_validations(
+            [*stage.validations, *stage.in_heads],
+            {**stage.calibrations, **stage.rigs},
+            frozenset() if flown is None else features(flown),
+            late="delay" in flight.gnss,
+        )
+        return explained(records, flight, "validation")
 
 
 def _validated(
@@ -112,6 +122,7 @@ def _validated(
             block=block,
             calibrations=calibrations,
             validations=_validations(flight, block, calibrations),
+            rigs=rigs,
             in_heads=_validations(flight, measured, rigs),
         )
 

@@ -112,9 +112,7 @@ def test_the_rms_of_check_points_falls_with_the_height_of_the_mapping_flight():
         design.of(text.from_values(values(validation={**VALIDATION, "strips": strips})))
         for strips in (VALIDATION["strips"], low)
     )
-    rms = [
-        tables.predicted(found.validations["single_step"])["pairs"].rms for found in (high, lower)
-    ]
+    rms = [tables.expected_rms(found, "single_step")["pairs"].rms for found in (high, lower)]
     assert np.all(rms[1] < rms[0])
     points = high.validations["single_step"].points
     assert np.abs(points.d).max() < 1e-6

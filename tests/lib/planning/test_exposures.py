@@ -53,11 +53,33 @@ def test_the_aircraft_is_as_unsteady_as_it_says_and_the_same_in_every_run():
     assert abs(taken.rph_deg[:, 2].mean() - 30.0) <= CRAB_DEG
 
 
+def test_another_wind_moves_the_aircraft_as_much_and_otherwise():
+    long = block(replace(STRIP, length_m=40_000.0))
+    even, one, again, other = (exposures(long, wind=wind) for wind in (0, 1, 1, 2))
+    np.testing.assert_array_equal(one.rph_deg, again.rph_deg)
+    for taken in (one, other):
+        assert np.abs(taken.rph_deg[:, 0] - even.rph_deg[:, 0]).max() > 1.0
+        assert taken.rph_deg[:, :2].std() == pytest.approx(even.rph_deg[:, :2].std(), rel=0.1)
+    assert np.abs(one.rph_deg[:, 0] - other.rph_deg[:, 0]).max() > 1.0
+
+
+def test_exposures_stay_in_turn_however_short_the_base():
+    short = block(replace(STRIP, base_m=3.0))
+    assert all(np.all(np.diff(exposures(short, wind=k).time_s) > 0) for k in range(4))
+
+
 def test_time_goes_on_by_base_over_speed_and_four_minutes_for_a_turn():
     fast = replace(STRIP, speed_m_s=50.0)
     taken = exposures(block(STRIP, fast))
-    np.testing.assert_allclose(np.diff(taken.time_s)[:9], 100 / 70)
-    assert taken.time_s[10] - taken.time_s[9] == pytest.approx(240.0)
-    assert taken.time_s[11] - taken.time_s[10] == pytest.approx(2.0)
-    assert flying_time_s((STRIP, fast)) == pytest.approx(taken.time_s[-1])
+    # an exposure is late by as much as it is ahead: along its line the speed is constant
+    along = taken.local @ [1.0, 0.0]
+    for rows, speed in ((slice(10), 70.0), (slice(10, 20), 50.0)):
+        passed = along[rows] - along[rows][0]
+        np.testing.assert_allclose(passed, speed * (taken.time_s[rows] - taken.time_s[rows][0]))
+    ahead = along - np.tile(np.linspace(-450.0, 450.0, 10), 2)
+    planned = taken.time_s - ahead / np.repeat([70.0, 50.0], 10)
+    np.testing.assert_allclose(np.diff(planned)[:9], 100 / 70)
+    assert planned[10] - planned[9] == pytest.approx(240.0)
+    assert planned[11] - planned[10] == pytest.approx(2.0)
+    assert flying_time_s((STRIP, fast)) == pytest.approx(planned[-1])
     assert flying_time_s(()) == 0.0

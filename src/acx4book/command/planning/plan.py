@@ -85,7 +85,8 @@ def plan(
         terminal.need_book("plan --out")
     planned = text.read(file)
     chosen = None if target is None else choose(planned, target)
-    found = design.of(planned if chosen is None else chosen.plan)
+    flown = planned if chosen is None else chosen.plan
+    found = design.of(flown, winds=design.usual_winds(flown))
     terminal.show("\n".join(shown.lines(found)))
     if out is not None:
         source = text_of(file) if chosen is None else text.written(chosen.plan.values)

@@ -15,11 +15,7 @@ from acx4book.report.words import adjustment_title
 from acx4book.typesetting import style
 from acx4book.typesetting.field import sigma_figure
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.expected import Array
-from acx4lib.flight.block import Block
-from acx4lib.flight.design import flying_heights
 from acx4lib.georeferencing import mapping_flight
-from acx4lib.georeferencing.accuracy import triple
 from acx4lib.georeferencing.budget import SOURCES
 from acx4lib.georeferencing.mapping_flight import MappingFlight
 from acx4lib.results import folder
@@ -68,36 +64,10 @@ def mapped(material: Material) -> Mapped | str:
         for kind in ("validation", "calibration")
         if kind in material.flight.blocks
     )
-    flight = _flight(block, calibration)
+    flight = mapping_flight.like(block, calibration.cameras[0])
     if flight is None:
         return f"{WITHOUT}the flight states no flying height, or no σ of positions or attitudes."
     return Mapped(calibration=calibration, flight=flight, title=adjustment_title(name))
-
-
-def _flight(block: Block, calibration: Calibration) -> MappingFlight | None:
-    """Return a mapping flight like a block; None where something of it is not known."""
-    pixel = np.array([camera.pixel_mm for camera in block.cameras])
-    points = block.image_points
-    sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
-    height_m = float(np.median(flying_heights(block)))
-    position, attitude = (
-        _rms(block.trajectory.sigma_position),
-        _rms(block.trajectory.sigma_attitude),
-    )
-    sigma_px = float(_rms(sigma_mm[np.isfinite(sigma_mm)])) / calibration.cameras[0].pixel_mm
-    if not (np.isfinite([height_m, sigma_px, *position, *attitude]).all() and height_m > 0):
-        return None
-    return MappingFlight(
-        height_m=height_m,
-        sigma_position_m=triple(position),
-        sigma_attitude=triple(attitude),
-        sigma_px=sigma_px,
-    )
-
-
-def _rms(values: Array) -> Array:
-    root: Array = np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
-    return root
 
 
 def section(found: Mapped | str) -> Text:

@@ -12,11 +12,13 @@ from acx4book.report.shown import Text, show, table
 from acx4book.report.verdict import adjusted, compared
 from acx4book.report.verdict.consequences import CONSEQUENCES, UNKNOWN, by_gravity
 from acx4book.report.verdict.finding import FAILS, LEVEL, Finding, all_tests, judged
+from acx4book.report.verdict.weak import weak
 from acx4book.report.words import plural
 from acx4book.typesetting.labels import p_value
 
 QUESTIONS = (
     *(adjusted.one_flight, adjusted.converged, adjusted.contradictions, adjusted.determined),
+    weak,
     *(adjusted.global_test, adjusted.weights, adjusted.estimated_weights, adjusted.apart),
     *(adjusted.gross_errors, adjusted.controlled, adjusted.stable),
     *(compared.earlier, compared.mountings, compared.heights, compared.check_points),

@@ -232,6 +232,16 @@ class NetworkNormals:
         h[number[self.joined.points]] += self.joined.pulled(dx)
         return self.scene._replace(h=h)
 
+    def covariance(self, columns: Index) -> Array:
+        """Return the covariance of some unknowns, without that of all, shape (k, k)."""
+        if not isinstance(self._solver, Banded):
+            inverse = self._solver.inverse().reordered(self._order)
+            return inverse.at(columns[:, None], columns)
+        place = places(self._order)[columns]
+        unit = np.zeros((len(self._order), len(place)))
+        unit[place, np.arange(len(place))] = 1.0
+        return self._solver.solve(unit)[place]
+
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
         packed, solver, m = self.packed, self._solver, self._n_border

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, Trajectory
 from acx4lib.geometry.frames import log, transform
+from acx4lib.geometry.parameters import DELAYS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +70,7 @@ class Motion:
     Attributes
     ----------
     velocity : ndarray, shape (n, 3)
-        Along the grid's axes, m/s.
+        Along the grid's axes, m/s; the same at all exposures of a strip.
     rate : ndarray, shape (n, 3)
         Of rotation, about the body's axes, rad/s.
     """
@@ -77,30 +79,44 @@ class Motion:
     rate: Array
 
 
-def motion_of(block: Block) -> Motion:
-    """Return velocity and rate of rotation from the recorded poses of neighbours in a strip.
+STRAIGHT = 0.2
+"""Root mean square distance of exposures from uniform motion on a line, over the length of their
+strip, above which they have no common velocity."""
+
+
+def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
+    """Return the velocity of every strip, and the rate of rotation from neighbours in it.
 
     Parameters
     ----------
     block : Block
+    delays : sequence of str
+        Those that are asked for, names of `parameters.DELAYS`: the velocity is zero without
+        ``"delay"``, the rate without ``"attitude_delay"``.
 
     Raises
     ------
     AdjustmentError
-        Where an exposure has no time, no neighbour in its strip, or the time of its neighbour.
+        Where an exposure has no time, no neighbour in its strip, or the time of its neighbour, or
+        where a strip is not straight.
 
     Notes
     -----
-    At t_i it is the slope of the parabola through an exposure and its two neighbours; at either
-    end of a strip, that of the line to the one neighbour. Steady motion comes out exactly. Of an
-    oscillation of period T, sampled at intervals h, the share sin(2 pi h / T) / (2 pi h / T) is
-    seen: 94 % at T = 10 h, 64 % at T = 4 h, nothing at T = 2 h. White errors sigma of the recorded
-    poses are errors sigma / (sqrt(2) h) of their slopes.
+    The velocity is the slope of the line that fits the recorded positions of a strip over time.
+    That of neighbours alone would be no observation without error: what wind, and the moment of
+    exposure, move one position against the next by is divided by a second or two. A delay would be
+    estimated from this, and come out too small where the aircraft flies more steadily.
+
+    The rate is at t_i the slope of the parabola through an exposure and its two neighbours; at
+    either end of a strip, that of the line to the one neighbour. A steady turn comes out exactly.
+    Of an oscillation of period T, sampled at intervals h, the share sin(2 pi h / T) / (2 pi h / T)
+    is seen: 94 % at T = 10 h, 64 % at T = 4 h, nothing at T = 2 h. White errors sigma of the
+    recorded attitudes are errors sigma / (sqrt(2) h) of their slopes.
     """
     trajectory, strips = block.trajectory, strips_of(block)
     _require_neighbours(block, strips)
     velocity, rate = np.zeros((2, len(trajectory), 3))
-    for strip in range(len(strips.names)):
+    for strip, name in enumerate(strips.names):
         rows = np.flatnonzero(strips.idx == strip)
         rows = rows[np.argsort(strips.elapsed[rows], kind="stable")]
         step = np.diff(strips.elapsed[rows])
@@ -108,8 +124,24 @@ def motion_of(block: Block) -> Motion:
             again = trajectory.exposures[rows[int(np.argmin(step)) + 1]]
             msg = f"a delay cannot be estimated: {again!r} has the time of another of its strip"
             raise AdjustmentError(msg)
-        velocity[rows], rate[rows] = _slopes(trajectory, rows, step)
+        if "delay" in delays:
+            velocity[rows] = _uniform(trajectory.T_m_b.r[rows], strips.elapsed[rows], name)
+        if "attitude_delay" in delays:
+            rate[rows] = _rates(trajectory.T_m_b.R[rows], step)
     return Motion(velocity=transform(trajectory.R_g_m, velocity), rate=rate)
+
+
+def _uniform(r: Array, elapsed: Array, strip: str) -> Array:
+    """Return the velocity with which positions of a strip are passed at times from its middle."""
+    velocity: Array = elapsed @ r / (elapsed @ elapsed)
+    off = r - r.mean(axis=0) - elapsed[:, None] * velocity
+    length = np.linalg.norm(velocity) * np.ptp(elapsed)
+    if np.sqrt(np.mean(np.sum(off**2, axis=1))) > STRAIGHT * length:
+        msg = (
+            f"a delay cannot be estimated: strip {str(strip)!r} is not flown straight at one speed"
+        )
+        raise AdjustmentError(msg)
+    return velocity
 
 
 def has_times(trajectory: Trajectory) -> bool:
@@ -130,17 +162,10 @@ def _require_neighbours(block: Block, strips: Strips) -> None:
         raise AdjustmentError(msg)
 
 
-def _slopes(trajectory: Trajectory, rows: Index, step: Array) -> tuple[Array, Array]:
-    """Return slopes of positions, mapping axes, and of attitudes, body axes, along one strip."""
-    T = trajectory.T_m_b[rows]
-    moved = np.diff(T.r, axis=0)
-    turned = log(np.swapaxes(T.R[:-1], -1, -2) @ T.R[1:])  # about an axis that both share
-    return _slope(moved, step), _slope(turned, step)
-
-
-def _slope(change: Array, step: Array) -> Array:
-    """Return the slopes at n places, from the changes between them, shape (n - 1, 3)."""
-    mean = change / step[:, None]
+def _rates(R: Array, step: Array) -> Array:
+    """Return the slopes of attitudes along one strip, about the body's axes."""
+    turned = log(np.swapaxes(R[:-1], -1, -2) @ R[1:])  # about an axis that both share
+    mean = turned / step[:, None]
     before, after = step[:-1, None], step[1:, None]
     inside = (mean[:-1] * after + mean[1:] * before) / (before + after)
     return np.concatenate([mean[:1], inside, mean[-1:]])

@@ -174,7 +174,7 @@ def require_control(block: Block) -> None:
 def _has_speeds(block: Block) -> bool:
     """Tell whether strips are flown at different ground speeds; not where there are no times."""
     try:
-        speed = np.linalg.norm(motion_of(block).velocity, axis=1)
+        speed = np.linalg.norm(motion_of(block, delays=("delay",)).velocity, axis=1)
     except AdjustmentError:
         return False
     strip = strips_of(block).idx

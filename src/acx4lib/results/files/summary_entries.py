@@ -145,7 +145,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     ),
     **dict.fromkeys(
         (
-            *("left_out", "not_determined", "stopped", "exchanged", "not_confirmed"),
+            *("left_out", "not_determined", "weak", "stopped", "exchanged", "not_confirmed"),
             *("approximations", "sigma_beyond", "notes"),
         ),
         (_sentences, "a list of sentences"),
@@ -162,6 +162,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         ("weakest", "largest_correlations", "left_out_points"),
         (_by_name(_or_null(_number)), "numbers by name"),
     ),
+    "weak_parameters": (_by_name(_by_name(_or_null(_number))), "numbers by parameter and name"),
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),

@@ -54,11 +54,17 @@ def test_observed_positions_are_the_true_ones_and_their_errors(block):
 DELAYED = ("delay", "attitude_delay")
 
 
-def test_what_is_recorded_late_is_the_pose_of_a_later_time(block):
+@pytest.fixture(scope="module")
+def straight():
+    """Four straight strips of three exposures, about 4 s apart."""
+    return blocks.in_strips(blocks.standard(), 3)
+
+
+def test_what_is_recorded_late_is_the_pose_of_a_later_time(straight):
     """At the truth, positions and attitudes of 20 ms later leave no residual."""
-    net = uses.mounted_orientation(block, free=(), gnss=DELAYED)
+    net = uses.mounted_orientation(straight, free=(), gnss=DELAYED)
     motion, T = net.observed.motion, net.start.T_m_b
-    R_m_g = np.swapaxes(block.trajectory.R_g_m, -1, -2)
+    R_m_g = np.swapaxes(straight.trajectory.R_g_m, -1, -2)
     late = Pose(R=T.R @ exp(0.02 * motion.rate), r=T.r + transform(R_m_g, 0.02 * motion.velocity))
     truth = replace(net.start, delay=np.array([0.02, 0.02]))
     observed = replace(net.observed, T_m_b=late)
@@ -66,8 +72,8 @@ def test_what_is_recorded_late_is_the_pose_of_a_later_time(block):
         assert_allclose(v, 0.0, atol=1e-9)
 
 
-def test_derivatives_by_delays_and_poses_agree_with_differences(block, rng):
-    net = uses.mounted_orientation(block, free=(), free_mount=(), gnss=DELAYED)
+def test_derivatives_by_delays_and_poses_agree_with_differences(straight, rng):
+    net = uses.mounted_orientation(straight, free=(), free_mount=(), gnss=DELAYED)
     turned = exp(rng.normal(0, 0.02, (12, 3)))
     motion = replace(net.observed.motion, rate=rng.normal(0, 0.3, (12, 3)))
     net = replace(net, observed=replace(net.observed, motion=motion))
