@@ -78,6 +78,10 @@ class Way(Protocol):
         """
 
 
+NOTED = ("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
+"""Entries of summary.json whose sentences a run shows and succeeds."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunOutcome:
     """The outcome of a run; sentences have one line.
@@ -174,13 +178,7 @@ def run(
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
         not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
-        notes=tuple(
-            line
-            for key in (
-                *("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes"),
-            )
-            for line in _messages(folder, done, key, done)
-        ),
+        notes=tuple(line for key in NOTED for line in _messages(folder, done, key, done)),
     )
 
 
