@@ -61,13 +61,16 @@ def free_orientation(
     Raises
     ------
     ValueError
-        For an unknown name, or if there is not one position per image.
+        For an unknown name, or if there is not one position, or start, per image.
     """
     expected.instance("block", block, Block)
     n_images = len(block.images)
     if positions is not None:
         expected.instance("positions", positions, PoseObservations)
         expected.many("positions", positions.T_m_b, n_images, "poses")
+    if start is not None:
+        expected.instance("start", start, State)
+        expected.many("start.T_m_b", start.T_m_b, n_images, "poses")
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))

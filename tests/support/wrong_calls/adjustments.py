@@ -111,6 +111,10 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
+            lambda: mounting.two_step(BLOCK, free=FREE, start=BLOCK.T_m_b_images),
+            "start: expected a State, got a Pose",
+        ),
+        Wrong(
             lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),
             "block: expected a Block, got None",
         ),
