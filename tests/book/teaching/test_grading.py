@@ -182,7 +182,7 @@ def test_answers_for_another_students_flight_are_recognised_and_single_chances_a
         graded = grading.graded(sheet, case, answers, lambda: {"Bob": other, "Cid": right})
         return {v.question.name: v.says for v in graded}
 
-    lever = ("lever_x_m", "lever_y_m", "lever_z_m")
-    found = verdicts(lever)
-    assert all("this is the answer for the flight of Bob" in found[name] for name in lever)
-    assert "flight of" not in " ".join(verdicts(lever[:1]).values())
+    angles = ("boresight_omega_deg", "boresight_phi_deg", "boresight_kappa_deg")
+    found = verdicts(angles)
+    assert all("this is the answer for the flight of Bob" in found[name] for name in angles)
+    assert "flight of" not in " ".join(verdicts(angles[:1]).values())
