@@ -16,7 +16,6 @@ from acx4book.report.words import adjustment_title, begun, listed, pair_text, pl
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.gross_errors.limits import NAMES, too_many
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
-from acx4lib.bundle.variance_components import BOUNDS
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.folder import messages, rows
 
@@ -198,6 +197,8 @@ def estimated_weights(material: Material) -> Iterator[Finding]:
         answer = f"{begun('; '.join(lines))}. No result holds that rests on such weights."
         yield Finding(question="Estimated weights within bounds", state=FAILS, answer=answer)
         return
+    from acx4lib.bundle.variance_components import BOUNDS  # noqa: PLC0415 loads what adjusts
+
     answer = (
         "σ were multiplied by factors from the residuals, as flight.toml asks; none is outside "
         f"{BOUNDS[0]:.2g} to {BOUNDS[1]:g} by more than chance."

@@ -68,18 +68,16 @@ def _parts(material: Material, name: str) -> Iterator[_Part]:
     declared = entry.get("declared")
     compared = declared if isinstance(declared, dict) else {}
     if any("told" not in one for one in compared.values()):  # of an earlier version
-        for line in results.messages(entry, "not_confirmed"):
-            yield _Part(mistaken=line)
-        return
+        yield from (_Part(mistaken=line) for line in results.messages(entry, "not_confirmed"))
     for place, one in compared.items():
         camera, _, part = place.rpartition("/")
-        title = f"{part.replace('_', ' ')} of {camera}"
-        said = f"{title} {one['told']}"
-        if one["mistake"]:
-            yield _Part(mistaken="; ".join(filter(None, (said.strip(), one["mistake"]))))
-        if one["p"] is not None:
+        title, mistake = f"{part.replace('_', ' ')} of {camera}", one.get("mistake", "")
+        said = f"{title} {one.get('told', 'differs from the declared one')}"
+        if mistake:
+            yield _Part(mistaken=f"{said}; {mistake}" if one["told"] else f"{title} {mistake}")
+        if one.get("p") is not None:
             yield _Part(test=ChanceTest(name=title, p=float(one["p"]), said=said))
-        elif not one["mistake"]:
+        elif one["confirmed"]:
             yield _Part(approximate=said)
 
 

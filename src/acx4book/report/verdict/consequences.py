@@ -26,6 +26,12 @@ CONSEQUENCES: Mapping[str, Consequence] = {
         "a whole group of observations contradicts the others, so the calibration must not be used",
         "find what this group has wrong (unit, axes, names, times, σ), correct it, and run again",
     ),
+    "Estimated weights within bounds": Consequence(
+        "weights that were estimated hide a mistake of a whole group of observations, so the "
+        "calibration must not be used",
+        "find the mistake in the group that is named (datum, epoch, scale, unit, names), correct "
+        "it, and run again",
+    ),
     "Heights of one system": Consequence(
         "heights or the focal length have a wrong scale, so the calibration must not be used",
         "check heights in flight.toml, the geoid model and focal_mm, and run again",

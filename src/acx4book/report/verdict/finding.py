@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib.bundle.variance_components import WORTH_SAYING
 from acx4lib.least_squares.statistical.many_tests import holm
 
 HOLDS, FAILS, NOTE = "holds", "fails", "note"
 
 LEVEL = 0.05
 """Probability that anything fails in the report of a right flight: that of all tests together."""
+
+
+MATTERS = 1.1
+"""Factor of errors over their σ from which a difference matters: the run reports the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +124,7 @@ def _answered(finding: Finding) -> Finding:
 
 def matters(ratio: float) -> bool:
     """Tell whether errors over their σ are so far from one that it matters: by a tenth."""
-    return not 1 / WORTH_SAYING < ratio < WORTH_SAYING
+    return not 1 / MATTERS < ratio < MATTERS
 
 
 def all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:

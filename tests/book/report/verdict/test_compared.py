@@ -40,6 +40,8 @@ def test_a_mounting_without_sigma_is_an_approximation(folder):
     assert found == "fails"
     assert answer.startswith("boresight of CAM differs by")
     assert "turned by 90°" in answer
+    declare(folder, "lever_arm", told="", mistake="is 31.0 m long, and none is declared: why?")
+    assert state(folder, QUESTION)[1].startswith("lever arm of CAM is 31.0 m long, and none")
 
 
 @pytest.mark.parametrize(("p", "expected"), [(2e-4, "fails"), (0.02, "holds")])
@@ -69,6 +71,9 @@ def test_results_of_an_earlier_version_fail_in_the_runs_own_words(folder):
     old = {"CAM/lever_arm": {"difference": [1.0, 0.0, 0.0], "p": None, "confirmed": False}}
     edit_summary(folder, SINGLE, not_confirmed=[line], declared=old)
     assert state(folder, QUESTION) == ("fails", f"{line}.")
+    right = {"CAM/lever_arm": {"difference": [0.1, 0.0, 0.0], "p": 0.4, "confirmed": True}}
+    edit_summary(folder, SINGLE, not_confirmed=[], declared=right)
+    assert state(folder, QUESTION)[0] == "holds"
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.009, "holds"), (-0.011, "fails")])
