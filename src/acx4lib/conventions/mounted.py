@@ -18,6 +18,9 @@ from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
 from acx4lib.geometry.frames import Pose, exp, skew, transform
 from acx4lib.geometry.intersection import intersect
 
+WORST = 1 - 1 / 30
+"""Share of the residuals below `Mounted.worst`."""
+
 QUANTILE, NORMAL = 0.75, 1.1503
 """Share of the misfits that their size is taken at, and the normal distribution's value there."""
 
@@ -61,6 +64,8 @@ class Mounted:
     misfit : float
         Angle by which rays miss their points, per component, robustly; radians. Infinite where
         most points lie behind the cameras.
+    worst : float
+        Residual that one in thirty exceeds, radians: of images that a robust misfit does not see.
     held : bool
         Whether lever arms and focal lengths are held as declared, since no plausible ones fit.
     """
@@ -69,6 +74,7 @@ class Mounted:
     x_m: Array
     delay_s: float = 0.0
     misfit: float = np.inf
+    worst: float = np.inf
     held: bool = False
 
 
@@ -97,6 +103,34 @@ def _plausible(found: Mounted, seen: Sightings) -> bool:
         and abs(own.interior.f / given.interior.f - 1) < FARTHEST_F
         for own, given in zip(found.cameras, seen.cameras, strict=True)
     )
+
+
+def derivatives(seen: Sightings, T_m_b: Pose, found: Mounted) -> Array:
+    """Return the derivatives of all residuals by their points, radians per m, shape (n, 2, 3)."""
+    return _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))[2]
+
+
+def pattern_sizes(seen: Sightings, T_m_b: Pose, found: Mounted, patterns: Array) -> Array:
+    """Return the sizes of patterns in the residuals, estimated with all other unknowns.
+
+    Parameters
+    ----------
+    seen : Sightings
+    T_m_b : Pose
+    found : Mounted
+        The cameras without the patterns.
+    patterns : ndarray, shape (n, 2, k)
+        What each adds to the residuals, radians.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
+    prior = _prior_sigma(seen.cameras, held=found.held, delayed=False)
+    wide = np.concatenate([prior, np.full(patterns.shape[2], np.inf)])
+    dx, _ = _step(seen, found, (v, np.concatenate([A, patterns], axis=2), B), wide)
+    return dx[len(prior) :]
 
 
 # --- start ------------------------------------------------------------------------------------
@@ -181,7 +215,8 @@ def _adjusted(
     for _ in range(STEPS):
         v, A, B = _linear(seen, T_m_b, state, velocity)
         misfit = size(v)
-        state = replace(state, misfit=misfit)
+        worst = np.quantile(np.nan_to_num(np.abs(v), nan=np.inf), WORST, method="higher")
+        state = replace(state, misfit=misfit, worst=float(worst))
         settled = misfit > (1 - SETTLED) * best.misfit
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
@@ -285,7 +320,9 @@ def _step(
     weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
     WA, WB = weight * A, weight * B
     N = np.einsum("nki,nkj->ij", WA, A, optimize=True) + np.diag(prior**-2)
-    h = np.einsum("nki,nk->i", WA, v) + _from_declared(seen, state) / prior**2
+    h = np.einsum("nki,nk->i", WA, v)
+    declared = _from_declared(seen, state)
+    h[: len(declared)] += declared / prior[: len(declared)] ** 2
     C, D, g = (np.zeros((len(seen.x_m), 3, *more)) for more in ((3,), (len(h),), ()))
     np.add.at(C, seen.point_idx, np.swapaxes(WB, 1, 2) @ B)
     np.add.at(D, seen.point_idx, np.swapaxes(WB, 1, 2) @ A)

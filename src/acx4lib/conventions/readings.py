@@ -33,6 +33,8 @@ class Reading:
         One per exposure of the sightings.
     velocity : ndarray, shape (n_exposures, 3), or None
         m/s, where a delay is to be found.
+    of_some : bool
+        Whether it changes some images only, perhaps too few for the misfit of all.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Reading:
     seen: Sightings
     T_m_b: Pose
     velocity: Array | None = None
+    of_some: bool = False
 
 
 def readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Reading]:
@@ -90,17 +93,28 @@ def _poses(table: Table, rows: Index, frame: MappingFrame) -> Pose:
 
 def _of_clock(block: Block, given: Reading) -> Iterator[Reading]:
     """Positions of another time than the pictures'."""
+    velocity = velocities(block, given.seen)
+    if velocity is not None:
+        yield replace(given, name="the clock", quantity="position", velocity=velocity)
+
+
+def velocities(block: Block, seen: Sightings) -> Array | None:
+    """Return the velocity of every exposure that is seen, m/s; None where no times tell it.
+
+    Parameters
+    ----------
+    block : Block
+    seen : Sightings
+    """
     time_s = block.trajectory.time_s
     if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
-        return
+        return None
     velocity, strips = np.zeros((len(time_s), 3)), np.array(strip_of_exposure(block), dtype=object)
     for strip in dict.fromkeys(strips):
         own = np.flatnonzero(strips == strip)
         if len(own) > 1 and np.all(np.diff(time_s[own]) > 0):
             velocity[own] = np.gradient(block.trajectory.T_m_b.r[own], time_s[own], axis=0)
-    if np.any(velocity):
-        velocity = velocity[given.seen.exposures]
-        yield replace(given, name="the clock", quantity="position", velocity=velocity)
+    return velocity[seen.exposures] if np.any(velocity) else None
 
 
 def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
@@ -131,6 +145,23 @@ def _of_images(given: Reading) -> Iterator[Reading]:
     seen = given.seen
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
+    yield from _north_up(given, size)
     for columns, meaning, colrow in of_flight.pixel_readings(seen.colrow, size, pixel_mm):
         name = f"{columns.replace('_px', '')} {meaning}"
         yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
+
+
+def _north_up(given: Reading, size: Array) -> Iterator[Reading]:
+    """Images of the strips in one direction turned by 180 degrees, as they are displayed north up.
+
+    Either those against the first exposure's direction or those along it.
+    """
+    seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
+    against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
+    if not against.any() or against.all():
+        return
+    for turned in (against, ~against):
+        colrow = np.where(turned[:, None], size - 1 - seen.colrow, seen.colrow)
+        name = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        turned_back = replace(seen, colrow=colrow)
+        yield replace(given, name=name, quantity="image", seen=turned_back, of_some=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.conventions import fitted
 from acx4lib.conventions.mounted import Mounted, mounted, started
 from acx4lib.conventions.readings import Reading, readings
 from acx4lib.conventions.sightings import Sightings, sightings
@@ -27,6 +28,12 @@ Every exposure has two independent components of attitude or more, and the quant
 needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
 freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt(n).
 """
+
+FITTED, FITTED_CERTAIN = 1.5, 2.5
+"""The same for readings with a fitted number, of which there are four and not a hundred."""
+
+GROSS = 10.0
+"""Ratio of the residuals of the worst images above which a reading of some images is named."""
 
 ALIKE = 1.25
 """Ratio of misfits below which the simpler of two readings is named."""
@@ -118,7 +125,8 @@ def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
         (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
         for reading in _promising(others, started(seen, T_m_b).misfit)
     ]
-    return _best(tried, given, seen) or _of_sigma(other_unit(block, seen, given))
+    named = _best(tried, given, seen) or _best_fitted(block, seen, given)
+    return named or _of_sigma(other_unit(block, seen, given))
 
 
 def _promising(others: list[Reading], usual: float) -> list[Reading]:
@@ -154,6 +162,12 @@ def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings)
     """Return the simplest of the best readings, if it is much better than the given one."""
     camera = seen.cameras[0]
     floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    for reading, found in tried:
+        mends = GROSS * (found.worst + floor) < given.worst + floor
+        if reading.of_some and mends and found.misfit < ALIKE * given.misfit:
+            return _found(
+                reading, replace(given, misfit=given.worst), replace(found, misfit=found.worst)
+            )
     better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
     good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
     if not good:
@@ -163,6 +177,19 @@ def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings)
     near = [(r, m) for r, m in alike if _turn(m, seen) < NEAR]
     reading, found = (near or alike)[0]
     return _found(_named(reading, found), given, found)
+
+
+def _best_fitted(block: Block, seen: Sightings, given: Mounted) -> Found | None:
+    """Return the reading with a fitted number that leaves least, if that is clearly less."""
+    camera = seen.cameras[0]
+    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    tried = list(fitted.readings(block, seen, given))
+    if not tried:
+        return None
+    reading, found = min(tried, key=lambda one: one[1].misfit)
+    better = max(FITTED, np.exp(FITTED_CERTAIN / np.sqrt(len(seen.exposures))))
+    clearly = better * (found.misfit + floor) < given.misfit + floor
+    return _found(reading, given, found) if clearly else None
 
 
 def _turn(found: Mounted, seen: Sightings) -> float:

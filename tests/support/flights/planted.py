@@ -206,6 +206,46 @@ def _sigma_px(table: pd.DataFrame, flight: SimulatedFlight) -> None:
     table["sigma_px"] = flight.plan.noise.image_px * flight.plan.cameras[name].pixel_um / 1000
 
 
+def _moved(table: pd.DataFrame, _: SimulatedFlight) -> None:
+    table[["east_m", "north_m"]] += [0.5, 0.5]
+
+
+def _scaled(table: pd.DataFrame, _: SimulatedFlight) -> None:
+    for name in ("east_m", "north_m"):
+        middle = table[name].mean()
+        table[name] = middle + (table[name] - middle) * (1 + 400e-6)
+
+
+def _strips_of(table: pd.DataFrame, flight: SimulatedFlight) -> list:
+    """Return the planned strip of every measurement: images are called C1-01 and on."""
+    strips = flight.plan.blocks["calibration"].strips
+    return [strips[int(name[1:].partition("-")[0]) - 1] for name in table["image"]]
+
+
+def _camera_of(flight: SimulatedFlight):
+    (name,) = flight.plan.blocks["calibration"].cameras
+    return flight.plan.cameras[name]
+
+
+def _north_up(table: pd.DataFrame, flight: SimulatedFlight) -> None:
+    """Turn the images of the strips that are flown against the first one."""
+    camera, strips = _camera_of(flight), _strips_of(table, flight)
+    turns = np.radians([strip.turn_deg - strips[0].turn_deg for strip in strips])
+    for column, size in (("col_px", camera.width_px), ("row_px", camera.height_px)):
+        table[column] = np.where(np.cos(turns) < -0.5, size - 1 - table[column], table[column])
+
+
+def _rolling(table: pd.DataFrame, flight: SimulatedFlight) -> None:
+    """Read the rows out in 30 ms, at the planned speed over level ground."""
+    camera, strips = _camera_of(flight), _strips_of(table, flight)
+    ahead = Rotation.from_euler("XYZ", camera.boresight_deg, degrees=True).inv().apply([1, 0, 0])
+    late_s = 0.03 * (table["row_px"] - (camera.height_px - 1) / 2) / camera.height_px
+    scale = camera.f_mm / (camera.pixel_um / 1000) / np.array([s.height_m for s in strips])
+    moved = scale * late_s * np.array([strip.speed_m_s for strip in strips])
+    table["col_px"] -= ahead[0] * moved
+    table["row_px"] += ahead[1] * moved
+
+
 RADIAN, GON = np.pi / 180, 400 / 360
 
 TURNED = "the camera axes"
@@ -301,6 +341,23 @@ MISTAKES: Mapping[str, Mistake] = {
         table="control",
         named=("height of control points above the ellipsoid",),
         geoid=True,
+    ),
+    "control of another epoch": Mistake(
+        makes=_moved, table="control", named=("as from another epoch",)
+    ),
+    "control on the ground": Mistake(
+        makes=_scaled, table="control", named=("control points scaled by",), absorbed=True
+    ),
+    "pixels not square": Mistake(
+        makes=_pixels(lambda col, row, c: (1.002 * col - 0.001 * (c.width_px - 1), row)),
+        table="points",
+        named=("wider than high",),
+    ),
+    "north up": Mistake(  # nothing, where no strip is flown against the first
+        makes=_north_up, table="points", named=("in one direction turned",), absorbed=True
+    ),
+    "rolling shutter": Mistake(
+        makes=_rolling, table="points", named=("a rolling shutter",), absorbed=True
     ),
     "positions exchanged": Mistake(
         makes=_exchanged(("lat_deg", "lon_deg"), ("east_m", "north_m")),

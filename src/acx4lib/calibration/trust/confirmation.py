@@ -49,8 +49,8 @@ EXCHANGED_DEG = 0.5
 EXPLAINED = 0.12
 """Share of a difference that an exchange of axes leaves where it explains the difference."""
 
-ALONE = 0.12
-"""Share of a difference along an axis from which it is not along the others alone."""
+BESIDE = 0.35
+"""Share of a difference beside an axis up to which it is along this axis, if it may be noise."""
 
 UNSEEN = 1e-4
 """Share of a declared value's variance below which the other observations say nothing of it."""
@@ -233,16 +233,33 @@ def _lever_said(block: Block, camera: Camera, found: _Difference) -> tuple[str, 
         return "", f"is {found.size:.1f} m long, and none is declared: {heights}"
     told = f"differs from the declared one by {_listed(found.d, found.declared, '.2f')} m"
     if not found.significant(SURVEYED_M):
-        return told, ""
+        return (told if np.isfinite(found.p) or found.significant() else ""), ""
     if found.declared.all() and (axes := _exchanged_lever(camera.T_b_c.r, found.d)):
         return told, f"the declared one with {axes} would agree"
-    along = found.declared & (np.abs(found.d) > ALONE * found.size)
-    if along.tolist() == [True, False, False] and np.isfinite(speed := _speed(block)):
-        late = 1000 * abs(found.d[0]) / speed
-        return f"{told}; a clock that is {late:.0f} ms off would look like this", ""
-    if along.tolist() == [False, False, True]:
-        return f"{told}; heights of two systems would look like this", ""
-    return told, ""
+    looks = _looks_like(block, found)
+    return (f"{told}; {looks} would look like this" if looks else told), ""
+
+
+def _looks_like(block: Block, found: _Difference) -> str:
+    """Return at most two mistakes that remove a lever arm's difference; empty where none does."""
+    d = np.where(found.declared, found.d, 0.0)
+    axis = int(np.argmax(np.abs(d)))
+    rest = np.delete(np.abs(d), axis)
+    tolerance = SIGMAS * np.hypot(SURVEYED_M, np.delete(found.sigma_estimated, axis))
+    if np.any(rest > tolerance) or np.linalg.norm(rest) > BESIDE * found.size:
+        return ""
+    off = abs(d[axis])
+    if axis == 0 and np.isfinite(speed := _speed(block)):
+        return (
+            f"a clock that is {1000 * off / speed:.0f} ms off, or positions of an antenna "
+            f"{off:.2f} m {'before' if d[0] < 0 else 'behind'} the IMU,"
+        )
+    if axis == 2:
+        return (
+            f"heights of two systems, such as geoid models {off:.2f} m apart, or positions of an "
+            f"antenna {off:.2f} m {'above' if d[2] < 0 else 'below'} the IMU,"
+        )
+    return ""
 
 
 LEVER_MISTAKES: tuple[tuple[str, Array], ...] = (
