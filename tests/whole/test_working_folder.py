@@ -14,7 +14,7 @@ import pytest
 
 from support import every_command, overheard
 
-MAIN = 'if __name__ == "__main__":\n    from acx4book.command.acx4 import main\n    main()\n'
+MAIN = 'if __name__ == "__main__":\n    from acx4book.command.start import main\n    main()\n'
 
 SPOILT = 'import os\nopen(os.path.join({folder!r}, "executed"), "a").write(__name__ + "\\n")\n'
 """Of every module in the working folder."""
