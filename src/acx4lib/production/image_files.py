@@ -17,7 +17,7 @@ import numpy as np
 import tifffile
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.safe import tiff_tags
+from acx4lib.exchange.safe import picture_sizes, tiff_tags
 from acx4lib.expected import Raster
 from acx4lib.flight.text.files import opened
 from acx4lib.geometry.camera import Camera
@@ -52,6 +52,9 @@ _COLOURS = {
 }
 _YCBCR = 6
 _JPEG = {6, 7}
+_BOUNDED = {1, 5, 8, 32773, 32946, 34925, 50000}
+"""Ways to pack bytes: none, LZW, deflate, packbits, LZMA, zstd; what is too long is refused."""
+_HEADER_OF_PART = 2**17
 _ALPHA = {1, 2}
 _ORIENTATION = 274
 _REDUCED_OR_MASK = 1 | 4
@@ -92,7 +95,13 @@ class _Header:
     offsets: tuple[int, ...]
     counts: tuple[int, ...]
     n_parts: int
+    part_px: int
     as_in_memory: bool
+
+    @property
+    def pixel_bytes(self) -> int:
+        """Bytes of a pixel of all bands."""
+        return self.bands * np.dtype(self.dtype).itemsize
 
 
 def image_from_file(path: Path, camera: Camera) -> ImageFile:
@@ -125,7 +134,8 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
             header = _header(tiff)
     k = _reduction(header, camera)
     problem = _kind_problem(header) or _size_problem(header, camera, k)
-    problem = problem or _extent_problem(header, size)
+    problem = problem or _extent_problem(header, size) or _memory_problem(header, size)
+    problem = problem or _part_problem(path, header)
     if problem:
         raise FlightError([f"{path}: {problem}"])
     image = (_mapped if header.as_in_memory else _decoded)(path, header)
@@ -221,6 +231,8 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
     native = page.dtype == np.uint8 or (tiff.byteorder == "<") == (sys.byteorder == "little")
     interleaved = page.samplesperpixel == 1 or page.planarconfig == 1
     plain = page.fillorder == 1 and page.predictor == 1
+    tiled, in_strips = (page.tilelength, page.tilewidth), (page.rowsperstrip, page.imagewidth)
+    part = tiled if page.is_tiled else in_strips
     return _Header(
         width=int(page.imagewidth),  # a damaged tag may have several values
         height=int(page.imagelength),
@@ -235,6 +247,7 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
         offsets=tuple(map(int, page.dataoffsets)),
         counts=tuple(map(int, page.databytecounts)),
         n_parts=int(np.prod(page.chunked)),
+        part_px=int(part[0]) * int(part[1]),
         as_in_memory=bool(
             native and interleaved and plain and page.is_contiguous and page.is_memmappable
         ),
@@ -296,6 +309,30 @@ def _extent_problem(header: _Header, size: int) -> str | None:
     end = int((offsets + counts).max())
     if end > size:
         return f"ends after {size} bytes of at least {end}; was the copying interrupted?"
+    return None
+
+
+def _memory_problem(header: _Header, size: int) -> str | None:
+    """Return why the pixels must not be unpacked: too many for the file, or for the memory."""
+    if header.as_in_memory:
+        return None
+    whole, part = (n * header.pixel_bytes for n in (header.width * header.height, header.part_px))
+    # A part is there as it is unpacked, as it is put together, and as it is in the picture.
+    return picture_sizes.fault(max(whole, part), size, 2 * whole + 2 * part) or None
+
+
+def _part_problem(path: Path, header: _Header) -> str | None:
+    """Return a problem if parts say themselves what size they have, and it is another one."""
+    if header.compression in _BOUNDED:
+        return None
+    if header.compression not in _JPEG:
+        return f"is packed in the way {header.compression}; give it as deflate, LZW, zstd or JPEG"
+    with path.open("rb") as file:
+        for at, count in zip(header.offsets, header.counts, strict=False):
+            file.seek(at)
+            found = picture_sizes.size_of(file.read(min(count, _HEADER_OF_PART)))
+            if found is None or found[0] * found[1] > header.part_px:
+                return "has parts of JPEG that are larger than the picture says, or say no size"
     return None
 
 

@@ -16,7 +16,7 @@ import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.exchange.pictures import xmp
-from acx4lib.exchange.safe import opened, tiff_tags
+from acx4lib.exchange.safe import opened, picture_sizes, tiff_tags
 from acx4lib.flight.problems import quoted
 
 READ = frozenset(
@@ -33,8 +33,7 @@ READ = frozenset(
 
 _XMP_TAG = 700
 _EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
-_APP1, _SCAN, _END = 0xE1, 0xDA, 0xD9
-_SIZES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # frame headers
+_APP1 = 0xE1
 _BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error, OSError)
 
 
@@ -204,8 +203,8 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
     """Return size, tags and XMP of a JPEG."""
     exif: dict[str, Any] = {}
     size, packet = (0, 0, 0, 0), b""
-    for marker, part in _segments(data):
-        if marker in _SIZES:
+    for marker, part in picture_sizes.segments(data):
+        if marker in picture_sizes.FRAMES:
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
@@ -217,18 +216,6 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
         msg = "no frame header"
         raise ValueError(msg)
     return size, exif, _cut(packet)
-
-
-def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield markers and contents of a JPEG's segments up to its pixels."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker in (_SCAN, _END):
-            return
-        (length,) = struct.unpack(">H", data[at + 2 : at + 4])
-        yield marker, data[at + 4 : at + 2 + length]
-        at += 2 + length
 
 
 def _cut(packet: bytes) -> bytes:

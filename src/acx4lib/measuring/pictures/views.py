@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from acx4lib.errors import FlightError
+from acx4lib.exchange.safe import picture_sizes
 from acx4lib.expected import Array, Raster
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import (
@@ -129,12 +130,8 @@ def size_on_file(path: Path, camera: Camera) -> int:
     """Return K of a picture that has 1/K of its camera's size; a FlightError where it has not."""
     if path.suffix.lower() not in DECODED:
         return image_from_file(path, camera).reduction
-    rows, cols = _decoded(path).shape[:2]
-    k = max(camera.width_px // max(cols, 1), 1)
-    if (cols, rows) != (camera.width_px // k, camera.height_px // k):
-        says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
-        raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
-    return k
+    cols = _decoded(path, camera).shape[1]
+    return max(camera.width_px // cols, 1)
 
 
 @lru_cache(maxsize=AT_HAND)
@@ -150,7 +147,7 @@ def pixels(path: Path, declared: tuple[int, int], shrink: int) -> np.ndarray:
         A multiple of the factor by which the file itself is reduced.
     """
     if path.suffix.lower() in DECODED:
-        image = _decoded(path)[:, :, None]
+        image = _decoded(path, _of_size(path.name, declared))[:, :, None]
     else:
         image = image_from_file(path, _of_size(path.name, declared)).image
     reduce = shrink // max(declared[0] // image.shape[1], 1)
@@ -163,10 +160,28 @@ def pixels_of_view(view: View) -> np.ndarray:
     return pixels(view.path, size, view.shrink)
 
 
-def _decoded(path: Path) -> Raster:
-    """Return the grey values of a JPEG or PNG, (rows, cols)."""
+def _require_size(path: Path, camera: Camera) -> None:
+    """Raise the error of a JPEG or PNG whose header says that it must not be unpacked."""
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
+    data = path.read_bytes()
+    size = picture_sizes.size_of(data)
+    if size is None:
+        raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
+    cols, rows = size
+    k = max(camera.width_px // max(cols, 1), 1)
+    if (cols, rows) != (camera.width_px // k, camera.height_px // k):
+        says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
+        raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
+    # A progressive JPEG is kept as coefficients, of 2 bytes and three colours, until it is whole.
+    fault = picture_sizes.fault(cols * rows, len(data), 8 * cols * rows)
+    if fault:
+        raise FlightError([f"{path}: {fault}"])
+
+
+def _decoded(path: Path, camera: Camera) -> Raster:
+    """Return the grey values of a JPEG or PNG, (rows, cols)."""
+    _require_size(path, camera)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         raise FlightError([f"{path}: is damaged, its pixels cannot be decoded; copy it again"])
