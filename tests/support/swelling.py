@@ -95,6 +95,18 @@ def shots(folder, n):
     return folder_with(folder, {"reconstruction.json": text}), ("--orientations", "adjusted")
 
 
+def cameras(folder, n):
+    """Write a model of COLMAP with a camera for each image, brought into a flight with remarks."""
+    one = " ".join(map(str, (400, 300, 350.0, 350.0, 200.0, 150.0)))
+    turn = "1 0 0 0 0 0 0"
+    texts = {
+        "cameras.txt": "".join(f"{k} PINHOLE {one}\n" for k in range(1, n + 1)),
+        "images.txt": "".join(f"{k} {turn} {k} a{k}.jpg\n10 10 1\n" for k in range(1, n + 1)),
+        "points3D.txt": f"1 0 0 5 0 0 0 0.5 {' '.join(f'{k} 0' for k in range(1, n + 1))}\n",
+    }
+    return folder_with(folder, texts), ()
+
+
 # --- small files that want memory ------------------------------------------------------------
 
 
@@ -138,12 +150,13 @@ def meshes(folder, n):
 
 
 def false_header(size):
-    """Return a ZIP whose header says that `size` bytes of zeros are packed into nearly as many."""
+    """Return a ZIP of `size` bytes of zeros; its header counts what is behind them as packed."""
     packed = zlib.compressobj(9, zlib.DEFLATED, -15)
     part, data = bytes(1_000_000), b""
     for _ in range(size // len(part)):
         data += packed.compress(part)
     data += packed.flush()
+    data += os.urandom(size // 150)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr("doc.xml", data)
@@ -151,7 +164,8 @@ def false_header(size):
     at = whole.rindex(b"PK\1\2")
     struct.pack_into("<H", whole, 8, 8)  # deflated
     struct.pack_into("<H", whole, at + 10, 8)
-    struct.pack_into("<IIII", whole, at + 16, 0, size - 1, size, 7)
+    check = zlib.crc32(bytes(size))
+    struct.pack_into("<III", whole, at + 16, check, len(data), size)
     return bytes(whole)
 
 

@@ -4,12 +4,24 @@ Every file here once took seconds or minutes, or gigabytes.
 """
 
 import time
+import zipfile
 
+import cv2
+import numpy as np
 import pytest
 
+from acx4lib.errors import FlightError
+from acx4lib.exchange import written_toml
+from acx4lib.exchange.pictures import tags
 from acx4lib.exchange.programs.micmac import files
+from acx4lib.exchange.safe import archive, opened
+from acx4lib.flight.text.document import read_toml
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.measuring.pictures import views
+from acx4lib.production.image_files import image_from_file
 from support import swelling
-from support.limits import told
+from support.helpers import ROOT
+from support.limits import MEMORY, told
 
 SECONDS = 20
 """Of processor time: each takes one or two here, and took minutes when it grew with the square."""
@@ -47,6 +59,7 @@ def test_what_wants_much_is_refused_or_read_quickly(tmp_path, kind, write, n):
     assert "mistake" not in found.err
     assert found.err.count("\n") <= 1
     assert found.seconds < SECONDS
+    assert found.memory < MEMORY
 
 
 @pytest.mark.parametrize(
@@ -75,3 +88,151 @@ def test_interior_orientations_of_each_image_are_told_apart_in_linear_time(tmp_p
         seconds.append(time.process_time() - start)
         assert len(found.interior) == n
     assert seconds[1] < LESS * seconds[0]
+
+
+def test_settings_of_many_cameras_are_added_in_linear_time():
+    seconds = []
+    for n in (500, 2_000):
+        cameras = {f"C{k}": {f"k{j}": 1.0 for j in range(10)} for k in range(n)}
+        start = time.process_time()
+        found = written_toml.added("# remark\nname = 'x'\n", {"cameras": cameras})
+        seconds.append(time.process_time() - start)
+        assert found.startswith("# remark")
+    assert seconds[1] < LESS * seconds[0]
+
+
+# --- TOML ------------------------------------------------------------------------------------
+
+DOTTED = (".".join(["a"] * 400_000) + " = 1", f"[{'.'.join(['a'] * 400_000)}]")
+DEEP = "".join(f"[a{k}.b.c.d.e.f.g.h]\n" for k in range(40_000))
+
+
+@pytest.mark.parametrize("text", [*DOTTED, DEEP], ids=["keys", "a table", "tables"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("check", "{}"),
+        ("plan", "{}/flight.toml"),
+        ("import", "orientations", "{}/eo.csv", "--of", "camera", "--out", "{}"),
+    ],
+    ids=lambda one: one[0] + str(len(one)),
+)
+def test_keys_joined_by_dots_take_no_memory(tmp_path, text, command):
+    swelling.folder_with(tmp_path, {"flight.toml": text, "eo.csv": swelling.sources.ORIENTATIONS})
+    found = told(*(one.format(tmp_path) for one in command), memory=MEMORY)
+    assert found.status == 2
+    assert "mistake" not in found.err
+    assert found.memory < MEMORY
+    assert found.seconds < SECONDS
+
+
+def test_the_depth_of_keys_is_bounded_before_they_are_read(tmp_path):
+    (tmp_path / "x.toml").write_text(DOTTED[0])
+    (problem,) = read_toml(tmp_path / "x.toml").problems
+    assert str(problem).endswith("x.toml:1: file: 9 keys joined by dots; must be at most 8")
+
+
+def test_toml_of_strangers_is_parsed_in_one_place():
+    named = [p.name for p in (ROOT / "src").rglob("*.py") if "tomllib.load" in p.read_text("utf-8")]
+    assert sorted(named) == ["document.py", "written_toml.py"]  # this adds to what that one read
+
+
+# --- shared bytes ----------------------------------------------------------------------------
+
+
+def test_tags_of_a_tiff_share_no_bytes(tmp_path):
+    path = tmp_path / "a.tif"
+    path.write_bytes(swelling.tags(4_000, count=250_000))
+    with pytest.raises(FlightError, match=r"a\.tif:1: file: has tags of more than 1048"):
+        tags.read(path)
+    with pytest.raises(FlightError, match=r"a\.tif: has tags of more than 1048"):
+        image_from_file(path, of_size(1, 1))
+    path.write_bytes(swelling.tags(1, count=25_000, pages=90))  # all pages of a picture
+    with pytest.raises(FlightError, match="they may share none"):
+        image_from_file(path, of_size(1, 1))
+
+
+def test_tags_of_exif_share_no_bytes(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(swelling.exif(3_900))
+    with pytest.raises(FlightError, match=r"a\.jpg:1: file: has tags of more than 5"):
+        tags.read(tmp_path / "a.jpg")
+
+
+def test_pictures_whose_tags_share_bytes_take_no_memory(tmp_path):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for k in range(40):
+        (folder / f"{k}.jpg").write_bytes(swelling.exif(3_900))
+    (folder / "a.tif").write_bytes(swelling.tags(4_000, count=250_000))
+    found = told("import", "pictures", folder, "--out", tmp_path / "out")
+    assert (found.status, found.err.count("they may share none")) == (2, 41)
+    assert found.memory < MEMORY / 4
+    assert found.seconds < SECONDS
+
+
+def test_a_link_is_no_second_file(tmp_path):
+    found = named(tmp_path, swelling.named_again, "opf", 30)
+    assert "is the same file as" in found.err
+
+
+def named(tmp_path, write, kind, n):
+    return imported(tmp_path / "source", kind, write, n)
+
+
+# --- packed bytes ----------------------------------------------------------------------------
+
+
+def test_a_false_header_of_an_archive_helps_nothing(tmp_path):
+    path = tmp_path / "chunk.zip"
+    path.write_bytes(swelling.false_header(150_000_000))
+    with zipfile.ZipFile(path) as known:
+        (entry,) = known.infolist()
+        assert entry.compress_size * archive.LARGEST_RATIO > entry.file_size
+    with pytest.raises(FlightError, match="must have at most 200 times as many"):
+        archive.member(opened.read(path), "doc.xml")
+    found = told("import", "metashape", path, "--out", tmp_path / "out")
+    assert (found.status, found.err.count("\n")) == (2, 1)
+    assert found.memory < MEMORY / 10
+
+
+def of_size(width, height):
+    return Camera(
+        name="C", width_px=width, height_px=height, pixel_mm=0.005, interior=Interior(f=25.0)
+    )
+
+
+def test_pixels_are_compared_with_the_file_before_they_are_unpacked(tmp_path):
+    path = tmp_path / "a.tif"
+    path.write_bytes(swelling.deflated(60_000, 60_000))
+    assert path.stat().st_size < 4_000_000
+    with pytest.raises(FlightError, match=r"a\.tif: has 3600000000 bytes of pixels in \d+; 200"):
+        image_from_file(path, of_size(60_000, 60_000))
+    with pytest.raises(FlightError, match="has 60000 x 60000 px; C has 100 x 90"):
+        views.size_on_file(path, of_size(100, 90))
+
+
+def test_parts_of_a_picture_are_no_larger_than_it_says(tmp_path):
+    path, grey = tmp_path / "a.tif", np.zeros((900, 900), np.uint8)
+    whole = bytearray(swelling.deflated(90, 90))
+    at = whole.rindex(b"\x03\x01\x03\x00\x01\x00\x00\x00\x08")
+    for way, what in ((7, "parts of JPEG that are larger"), (34933, "packed in the way 34933")):
+        packed = cv2.imencode(".jpg" if way == 7 else ".png", grey)[1].tobytes()
+        whole[at + 8 : at + 10] = way.to_bytes(2, "little")
+        place = whole.index(b"\x11\x01\x04\x00")
+        whole[place + 8 : place + 12] = len(whole).to_bytes(4, "little")
+        counts = whole.index(b"\x17\x01\x04\x00")
+        whole[counts + 8 : counts + 12] = len(packed).to_bytes(4, "little")
+        path.write_bytes(bytes(whole) + packed)
+        with pytest.raises(FlightError, match=what):
+            image_from_file(path, of_size(90, 90))
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_photograph_is_compared_with_its_camera_before_it_is_unpacked(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    cv2.imwrite(str(path), np.zeros((12_000, 12_000), np.uint8))
+    with pytest.raises(FlightError, match="has 12000 x 12000 px; C has 100 x 90"):
+        views.size_on_file(path, of_size(100, 90))
+    if suffix == ".png":
+        with pytest.raises(FlightError, match="has 144000000 bytes of pixels in"):
+            views.pixels(path, (12_000, 12_000), 1)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from acx4lib.errors import OutputError
+from acx4lib.errors import FlightError, OutputError
 from acx4lib.exchange import written_toml
 from acx4lib.exchange.brought import Brought, number_of
+from acx4lib.flight.problems import lines_of
+from acx4lib.flight.text.document import read_toml
 from acx4lib.flight.text.files import text_of
 from acx4lib.flight.text.in_memory import Columns
 from acx4lib.flight.text.names import name_fault
@@ -177,8 +178,12 @@ def _is_edited(own: claims.OwnFolder) -> bool:
 
 def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
     """Return the text of flight.toml with settings added; a new one gets the folder's name."""
-    before = _read(folder / SETTINGS)
-    known = tomllib.loads(before)
+    before, known = _read(folder / SETTINGS), {}
+    if before:
+        toml = read_toml(folder / SETTINGS)
+        if toml.problems:
+            raise FlightError(lines_of(toml.problems))
+        known = toml.values
     for key in SYSTEMS:
         if key in known and key in brought and known[key] != brought[key]:
             msg = (

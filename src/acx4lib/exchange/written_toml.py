@@ -41,9 +41,9 @@ def added(text: str, values: Mapping[str, Any]) -> str:
     """
     both = _merged(tomllib.loads(text), values)
     if "#" in text:
-        lines = text.rstrip("\n").split("\n")
-        _set(lines, (), values)
-        edited = "\n".join(lines) + "\n"
+        sections = _sections(text)
+        _set(sections, (), values)
+        edited = "\n".join(line for section in sections.values() for line in section) + "\n"
         try:
             if tomllib.loads(edited) == both:
                 return edited
@@ -63,26 +63,37 @@ def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]
     return both
 
 
-def _set(lines: list[str], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
+def _sections(text: str) -> dict[str, list[str]]:
+    """Return the lines of each table, its header the first of them, by headers; one has none."""
+    sections: dict[str, list[str]] = {"": []}
+    header = ""
+    for line in text.rstrip("\n").split("\n"):
+        if line.lstrip().startswith("["):
+            header = _bare(line)
+            if header in sections:  # a table of an array, or a list in a list
+                header += f"#{len(sections)}"
+        sections.setdefault(header, []).append(line)
+    return sections
+
+
+def _set(sections: dict[str, list[str]], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
     """Set the values of a table, and of those in it, line by line."""
-    for key, value in values.items():
-        if not isinstance(value, Mapping):
-            _set_line(lines, keys, key, value_of(value))
+    header = f"[{'.'.join(map(key_of, keys))}]" if keys else ""
+    own = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
+    if own and header not in sections:
+        sections[next(reversed(sections))].append("")
+        sections[header] = [header]
+    for key, value in own.items():
+        _set_line(sections[header], min(len(keys), 1), key, value_of(value))
     for key, value in values.items():
         if isinstance(value, Mapping):
-            _set(lines, (*keys, key), value)
+            _set(sections, (*keys, key), value)
 
 
-def _set_line(lines: list[str], keys: tuple[str, ...], key: str, value: str) -> None:
-    header = f"[{'.'.join(map(key_of, keys))}]"
-    if keys and header not in map(_bare, lines):
-        lines += ["", header]
-    begin = 0
-    if keys:
-        begin = 1 + next(k for k, line in enumerate(lines) if _bare(line) == header)
-    tables = (k for k in range(begin, len(lines)) if lines[k].lstrip().startswith("["))
-    end = next(tables, len(lines))
+def _set_line(lines: list[str], begin: int, key: str, value: str) -> None:
+    """Set a value in the lines of a table, those before `begin` left out."""
     form = re.compile(rf"(?P<off>#\s*)?{re.escape(key_of(key))}\s*=[^#]*(?P<remark>#.*)?")
+    end = len(lines)
     found = [(k, match) for k in range(begin, end) if (match := form.fullmatch(lines[k].strip()))]
     if found:
         k, match = min(found, key=lambda one: bool(one[1]["off"]))

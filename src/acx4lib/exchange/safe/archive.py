@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import lzma
 import struct
 import zipfile
 import zlib
@@ -20,11 +19,11 @@ MOST_BYTES = 300_000_000
 LARGEST_RATIO = 200
 """Of a member's size to what it takes in the archive; text has about 10, a bomb 1000."""
 
-AT_A_TIME = 1_000_000
-"""Bytes that are unpacked between two looks at this ratio."""
+AT_A_TIME = 50_000
+"""Packed bytes between two looks at this ratio."""
 
 UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
     *(NotImplementedError, RuntimeError, OSError, EOFError, ValueError),
 )
 """What `zipfile` raises for damaged archives."""
@@ -56,18 +55,42 @@ def member(source: Opened, name: str) -> Opened:
                 raise source.wrong("archive", f"has no member {name!r}", "required")
             entry = entries[name]
             _require_size(source, entry, entry.file_size, entry.compress_size)
-            with archive.open(entry) as opened:
-                data, begin = bytearray(), packed.tell()
-                while part := opened.read(AT_A_TIME):
-                    data += part
-                    # What the header says may be wrong, what was read is not.
-                    taken = max(packed.tell() - begin, AT_A_TIME // LARGEST_RATIO)
-                    _require_size(source, entry, len(data), taken)
+            with archive.open(entry):  # it looks at the member's own header, and stops behind it
+                begin = packed.tell()
+            data = _unpacked(source, entry, begin)
     except UNREADABLE as error:
         reason = str(error).split("\n")[0] or type(error).__name__
         found = f"is no ZIP archive that can be read ({reason})"
         raise source.wrong("archive", found, "must be a whole ZIP archive") from None
-    return Opened(file=f"{source.file}/{name}", data=bytes(data))
+    return Opened(file=f"{source.file}/{name}", data=data)
+
+
+def _unpacked(source: Opened, entry: zipfile.ZipInfo, begin: int) -> bytes:
+    """Return a member's content; bytes are counted, since the header may say anything of them."""
+    packed = memoryview(source.data)[begin : begin + entry.compress_size]
+    if entry.compress_type == zipfile.ZIP_STORED:
+        data = bytes(packed)
+    elif entry.compress_type == zipfile.ZIP_DEFLATED:
+        data = _inflated(source, entry, packed)
+    else:
+        msg = "neither deflated nor stored"
+        raise NotImplementedError(msg)
+    if len(data) != entry.file_size or zlib.crc32(data) != entry.CRC:
+        msg = "other bytes than its header says"
+        raise zipfile.BadZipFile(msg)
+    return data
+
+
+def _inflated(source: Opened, entry: zipfile.ZipInfo, packed: memoryview) -> bytes:
+    stream, data = zlib.decompressobj(-zlib.MAX_WBITS), bytearray()
+    for at in range(0, len(packed), AT_A_TIME):
+        part: bytes | memoryview = packed[at : at + AT_A_TIME]
+        while part and not stream.eof:
+            data += stream.decompress(part, LARGEST_RATIO * AT_A_TIME)
+            part = stream.unconsumed_tail
+            taken = at + AT_A_TIME - len(part)
+            _require_size(source, entry, len(data), taken)
+    return bytes(data + stream.flush())
 
 
 def _require_size(source: Opened, entry: zipfile.ZipInfo, size: int, packed: int) -> None:

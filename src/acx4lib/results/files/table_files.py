@@ -330,12 +330,16 @@ def _rows(file: BinaryIO) -> list[bytes]:
     found = file.readlines(BYTES)
     if not any(b'"' in line for line in found):
         return found
-    rows, row = [], b""
+    rows: list[bytes] = []
+    row: list[bytes] = []
+    is_open = False
     for line in found:
-        row += line
-        if row.count(b'"') % 2 == 0:
-            rows.append(row)
-            row = b""
-    while row.count(b'"') % 2 and (line := file.readline()):
-        row += line
-    return [*rows, row] if row else rows
+        row.append(line)
+        is_open ^= line.count(b'"') % 2 == 1
+        if not is_open:
+            rows.append(b"".join(row))
+            row = []
+    while is_open and (line := file.readline()):
+        row.append(line)
+        is_open ^= line.count(b'"') % 2 == 1
+    return [*rows, b"".join(row)] if row else rows
