@@ -17,8 +17,8 @@ from typing import Protocol
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError
 from acx4lib.flight import reader as flights
 from acx4lib.flight.reader import Flight
-from acx4lib.results import earlier, provenance
 from acx4lib.results import folder as results
+from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.marks import changes
@@ -161,7 +161,7 @@ def run(
     flight = flights.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = tuple(stage for stage in wanted if stage not in skipped)
-    told = earlier.read(calibration, flight).told if str(calibration) else None
+    told = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         _check_calibration(own.path, stages, told)
@@ -180,6 +180,13 @@ def run(
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(line for key in NOTED for line in _messages(folder, done, key, done)),
     )
+
+
+def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
+    """Return what is said of the results of an earlier flight."""
+    from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
+
+    return earlier.read(calibration, flight).told
 
 
 def _run_steps(
