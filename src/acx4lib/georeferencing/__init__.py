@@ -5,6 +5,6 @@
 `differences` are what it finds, and `error_sources` what these share, for tests of all together.
 `ground_points` are those of single pixels on a known height.
 `budget` splits predicted variances by their sources, and `mapping_flight` predicts those of a
-regular flight. `accuracy` says what the differences mean, and `standards` which map scale they
-allow. Begin with `direct`.
+regular flight; `weak` names the parameters that have too much of them. `accuracy` says what the
+differences mean, and `standards` which map scale they allow. Begin with `direct`.
 """
