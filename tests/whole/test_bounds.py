@@ -19,7 +19,9 @@ from acx4lib.flight.text.document import read_toml
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.measuring.pictures import views
 from acx4lib.production.image_files import image_from_file
+from acx4lib.results.files import table_files
 from support import swelling
+from support.flights import written
 from support.helpers import ROOT
 from support.limits import MEMORY, told
 
@@ -236,3 +238,39 @@ def test_a_photograph_is_compared_with_its_camera_before_it_is_unpacked(tmp_path
     if suffix == ".png":
         with pytest.raises(FlightError, match="has 144000000 bytes of pixels in"):
             views.pixels(path, (12_000, 12_000), 1)
+
+
+def test_measure_unpacks_no_picture_that_is_larger_than_memory(tmp_path):
+    flight = written.write_flight(tmp_path / "flight")
+    large = {"width_px = 4000": "width_px = 60000", "height_px = 3000": "height_px = 60000"}
+    large |= {"pixel_um = 5.0": "pixel_um = 0.5"}
+    settings = (flight / "flight.toml").read_text()
+    for before, after in large.items():
+        settings = settings.replace(before, after)
+    (flight / "flight.toml").write_text(settings)
+    block = flight / "calibration"
+    (block / "image_points.csv").write_text("image,point,col_px,row_px\n")
+    header, *rows = (block / "images.csv").read_text().splitlines()
+    rows = [f"{row},p.tif" for row in rows[:1]] + [f"{row}," for row in rows[1:]]
+    (block / "images.csv").write_text("\n".join([f"{header},file", *rows]))
+    (block / "p.tif").write_bytes(swelling.deflated(60_000, 60_000))
+    found = told("measure", flight, "--out", tmp_path / "measured")
+    assert (found.status, found.err.count("\n")) == (2, 1)
+    assert "p.tif: has 3600000000 bytes of pixels in" in found.err
+    assert found.memory < MEMORY / 4
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def test_a_quotation_mark_without_another_makes_one_row_in_linear_time(tmp_path):
+    seconds = []
+    for n in (50_000, 200_000):
+        path = tmp_path / "parameters.csv"
+        path.write_bytes(table_files.header("parameters") + b'a,"x\n' + b"b,y\n" * n)
+        start = time.process_time()
+        (row,) = table_files.others(path, (b"-",))
+        seconds.append(time.process_time() - start)
+        assert row[0] == "a"
+        assert len(row[1]) == 5 + 4 * n
+    assert seconds[1] < LESS * max(seconds[0], 0.02)
