@@ -108,13 +108,15 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     pictures = dict(_pictures(flight))
     missing = [] if any("control_points" in name for name in names) else ["control_points.csv"]
     own.expect([*names, *pictures, *missing])
+    made = {
+        f"{block}/images.csv": _used_images(unmeasured, block, tables)
+        for block, tables in unmeasured.tables.items()
+    } | dict.fromkeys(missing, b"point,east_m,north_m,height_m\n")
     for name in names:
-        if name != SETTINGS:
+        if name != SETTINGS and name not in made:
             _put(own.path / name, _content(flight.path / name))
-    for block, tables in unmeasured.tables.items():
-        _put(own.path / block / "images.csv", _used_images(unmeasured, block, tables))
-    for name in missing:
-        _put(own.path / name, b"point,east_m,north_m,height_m\n")
+    for name, content in made.items():
+        _put(own.path / name, content)
     for name, source in pictures.items():
         target = own.path / name
         target.parent.mkdir(parents=True, exist_ok=True)
