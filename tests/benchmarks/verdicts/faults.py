@@ -213,7 +213,7 @@ def _lever_off(values: Values, size: float) -> None:
 FAULTS: Mapping[str, Fault] = {
     "step": Fault(guess=0.012, makes=_stepping),
     "sigma of image points": Fault(
-        guess=1.06, least=1.0, options=lambda size: Options(image_noise=size)
+        guess=1.115, least=1.0, options=lambda size: Options(image_noise=size)
     ),
     "sigma of GNSS": Fault(guess=1.5, least=1.0, options=lambda size: Options(gnss_noise=size)),
     "sigma of attitudes": Fault(
@@ -221,7 +221,10 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "gross errors": Fault(guess=1.0, makes=_gross, is_taken_out=True),
     "delay": Fault(guess=0.0015, makes=_late),
-    "delay in both": Fault(guess=0.003, options=lambda size: Options(gnss_delay_s=size)),
+    "delay in both": Fault(
+        guess=dict(zip(PLANS, (0.005, 0.005, 0.003, 0.003, 0.005), strict=True)),
+        options=lambda size: Options(gnss_delay_s=size),
+    ),
     "lever arm": Fault(guess=0.15, declares=_lever_off, plans=DECLARED),
     "datum in plan": Fault(guess=0.07, makes=_surveyed_off("east_m")),
     "datum in height": Fault(

@@ -59,6 +59,9 @@ FOUND = 0.8
 LEVEL = 0.05
 """Of a report as a whole."""
 
+SHOWS = 2.25
+"""Mean quantile of the most significant of some twenty tests; without any fault it is 2."""
+
 HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
 
@@ -272,7 +275,7 @@ def sizes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
 
 
 def predicted(pilots: pd.DataFrame, fault: Fault) -> float:
-    """Return the size of which 80 % should be found; the guess if no pilot found it.
+    """Return the size of which 80 % should be found, or the guess if the pilots do not tell.
 
     Parameters
     ----------
@@ -283,18 +286,22 @@ def predicted(pilots: pd.DataFrame, fault: Fault) -> float:
     Notes
     -----
     The most significant test of a report is taken for a normal one. Its quantile z grows in
-    proportion to the size, and is found beyond that of Holm's share of the level. Where a report
-    cannot be tested, or gross errors are taken out one by one, the guess stands.
+    proportion to the size, and is found beyond that of Holm's share of the level. The guess stands
+    where z is hardly larger than without a fault, where gross errors are taken out one by one, and
+    where what is significant is too small to fail.
     """
-    (size,) = pilots["size"].unique()
-    tested = pilots[pilots["p_joint"].notna()]
-    if not (tested["p_joint"] < LEVEL).any() or fault.is_taken_out:
-        return float(size)
+    own = pilots[np.isclose(pilots["size"], fault.begin(str(pilots["plan"].iloc[0])))]
+    size, tested = float(own["size"].iloc[0]), own[own["p_joint"].notna()]
+    is_small = (tested["p_joint"] < LEVEL) & (tested["holds"] == 1)
+    if tested.empty or is_small.any() or fault.is_taken_out:
+        return size
     # Holm's p of the smallest is p times the number of tests
-    each = np.clip(tested[["p_joint"]].to_numpy() / tested[["n_tests"]].to_numpy(), 1e-300, 1.0)
-    z = stats.norm.isf(each / 2)
+    each = np.clip(tested["p_joint"].to_numpy() / tested["n_tests"].to_numpy(), 1e-300, 1.0)
+    z = float(np.mean(stats.norm.isf(each / 2)))
+    if z < SHOWS:
+        return size
     critical = stats.norm.isf(LEVEL / tested["n_tests"].mean() / 2)
-    beyond = (size - fault.least) * (critical + stats.norm.ppf(FOUND)) / z.mean()
+    beyond = (size - fault.least) * (critical + stats.norm.ppf(FOUND)) / z
     return float(fault.least + float(f"{beyond:.2g}"))
 
 

@@ -182,23 +182,30 @@ def test_a_flight_that_has_a_row_is_not_flown_again(tmp_path):
     assert flights.fly_all(orders, tmp_path, 1)["source"].tolist() == both["source"].tolist()
 
 
-def pilots(z, *, size=2.0, n_tests=20):
+def pilots(z, fault, *, n_tests=20, holds=0):
     """Return flights whose most significant test has these normal quantiles."""
     joint = np.minimum(1.0, n_tests * 2 * stats.norm.sf(z))
-    return pd.DataFrame({"size": size, "p_joint": joint, "n_tests": n_tests})
+    size = FAULTS[fault].begin("flat")
+    told = {"plan": "flat", "size": size, "n_tests": n_tests, "holds": holds}
+    return pd.DataFrame({"p_joint": joint, **told})
 
 
 def test_the_predicted_size_is_that_which_a_normal_test_finds_in_80_percent():
-    fault = FAULTS["sigma of GNSS"]  # a factor: without a fault it is one
-    found = pilots(np.array([5.0, 6.0, 7.0]))
-    expected = 1 + (stats.norm.isf(0.05 / 20 / 2) + 0.8416) / 6.0
-    assert flights.predicted(found, fault) == pytest.approx(expected, rel=0.02)
+    fault = FAULTS["sigma of GNSS"]  # a factor, one without a fault; the guess is 1.5
+    found = flights.predicted(pilots(np.array([5.0, 6.0, 7.0]), "sigma of GNSS"), fault)
+    expected = 1 + 0.5 * (stats.norm.isf(0.05 / 20 / 2) + 0.8416) / 6.0
+    assert found == pytest.approx(expected, abs=0.006)
 
 
-def test_the_guess_stands_where_no_pilot_finds_the_fault_or_it_is_taken_out():
-    assert flights.predicted(pilots(np.array([1.0, 2.0])), FAULTS["delay"]) == 2.0
-    assert flights.predicted(pilots(np.array([9.0, 9.0])), FAULTS["gross errors"]) == 2.0
-
-
-def test_a_report_that_tests_nothing_predicts_nothing():
-    assert flights.predicted(pilots(np.array([np.nan])), FAULTS["delay"]) == 2.0
+@pytest.mark.parametrize(
+    ("z", "fault", "holds"),
+    [
+        ((1.0, 2.0), "delay", 1),  # as without a fault
+        ((9.0, 9.0), "gross errors", 0),  # taken out one by one
+        ((9.0, 9.0), "sigma of image points", 1),  # significant, but too small to fail
+        ((np.nan,), "delay", 0),  # a report that tests nothing
+    ],
+)
+def test_the_guess_stands_where_pilots_do_not_tell(z, fault, holds):
+    found = flights.predicted(pilots(np.array(z), fault, holds=holds), FAULTS[fault])
+    assert found == FAULTS[fault].begin("flat")
