@@ -18,6 +18,7 @@ import hashlib
 import os
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -230,6 +231,7 @@ def fly_all(orders: Sequence[Order], folder: Path, jobs: int) -> pd.DataFrame:
     """Fly what has no row yet; return the table, which is written again and again meanwhile."""
     path = folder / f"{NAME}.csv"
     rows = rows_of(path)
+    planned = Counter(order.purpose for order in orders)
     done = {tuple(row[key] for key in KEYS) for row in rows}
     missing = [order for order in orders if tuple(asdict(order).values()) not in done]
     with on_processes(jobs) as pool:
@@ -239,10 +241,10 @@ def fly_all(orders: Sequence[Order], folder: Path, jobs: int) -> pd.DataFrame:
                 what = f"{order.plan}, {order.fault or 'clean'}"
                 sys.stderr.write(f"\r{k} of {len(missing)}: {what}\33[K")
                 if k % EVERY == 0:
-                    write(folder, rows)
+                    write(folder, rows, planned)
         finally:
             if missing:
-                write(folder, rows)
+                write(folder, rows, planned)
     return pd.DataFrame(rows)
 
 
@@ -256,9 +258,10 @@ def rows_of(path: Path) -> list[Row]:
     return rows
 
 
-def write(folder: Path, rows: Sequence[Row]) -> None:
-    """Write the table, and what it hangs on."""
+def write(folder: Path, rows: Sequence[Row], planned: Mapping[str, int]) -> None:
+    """Write the table, and what it hangs on; how many flights are planned for every purpose."""
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about["planned"] = dict(planned)
     stored.write(folder, NAME, {"": pd.DataFrame(rows)}, about, digits=DIGITS)
 
 
