@@ -39,7 +39,7 @@ from acx4book.pages.benchmarks import (
     rendering_goals,
     speed,
 )
-from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors
+from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors, verdicts
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
@@ -278,6 +278,9 @@ def texts_of_benchmarks(
     yield "coverage-found.md", sigma.found(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
     yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
+    said = verdicts.read(BENCHMARKS)
+    yield "coverage-good.md", verdicts.good(said)
+    yield "coverage-spoilt.md", verdicts.spoilt(said)
 
 
 def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:

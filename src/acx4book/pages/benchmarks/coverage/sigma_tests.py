@@ -84,9 +84,24 @@ def share_within(z: Array, level: float) -> Share:
     """
     expected.positive_number("level", level)
     expected.some("z", z, "number")
-    test = stats.binomtest(int(np.sum(np.abs(z) <= level)), len(z))
+    return binomial(int(np.sum(np.abs(z) <= level)), len(z))
+
+
+def binomial(k: int, n: int) -> Share:
+    """Return the share k of n independent cases with its interval, Clopper's and Pearson's."""
+    test = stats.binomtest(k, n)
     low, high = test.proportion_ci(CONFIDENCE)
     return Share(value=float(test.statistic), low=float(low), high=float(high))
+
+
+def share_p(k: int, n: int, share: float) -> float:
+    """Return the two-sided p value of k of n independent cases where a share is expected."""
+    return float(stats.binomtest(k, n, share).pvalue)
+
+
+def too_many_p(k: int, n: int, share: float) -> float:
+    """Return the probability of k or more of n independent cases where a share is expected."""
+    return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
 
 
 # --- errors that belong to flights -----------------------------------------------------------
