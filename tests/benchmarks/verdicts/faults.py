@@ -28,6 +28,8 @@ PLANS = ("two-heights-crossing", "one-height", "flat", "oblique-heads", "no-cont
 DECLARED = ("flat", "oblique-heads")
 """Plans that declare a lever arm with its sigma."""
 
+UNDECLARED = tuple(plan for plan in PLANS if plan not in DECLARED)
+
 TRAJECTORY, POINTS = "calibration/trajectory.csv", "calibration/image_points.csv"
 SURVEYED = ("control_points.csv", "validation/control_points.csv")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
@@ -56,8 +58,9 @@ class Fault:
         Changes a flight's tables; returns gross errors that it planted.
     declares : callable
         Changes the values of the plan before the flight.
-    is_taken_out : bool
-        Whether it is found by taking it out; its size is then that which `acx4 plan` says.
+    known : tuple of str
+        Plans for which the guess is not a guess: unknowns take the fault up, so that no size is
+        found, or another theory than that of a test says which one is.
     """
 
     guess: float | Mapping[str, float]
@@ -66,7 +69,7 @@ class Fault:
     options: Callable[[float], Options] = lambda _: Options()
     makes: Callable[[Flown], list[Planted]] = lambda _: []
     declares: Callable[[Values, float], None] = lambda *_: None
-    is_taken_out: bool = False
+    known: tuple[str, ...] = ()
 
     def begin(self, plan: str) -> float:
         """Return the guess for a plan."""
@@ -213,23 +216,28 @@ def _lever_off(values: Values, size: float) -> None:
 FAULTS: Mapping[str, Fault] = {
     "step": Fault(guess=0.012, makes=_stepping),
     "sigma of image points": Fault(
-        guess=1.115, least=1.0, options=lambda size: Options(image_noise=size)
+        guess=1.115,
+        least=1.0,
+        options=lambda size: Options(image_noise=size),
+        known=PLANS,  # known to a hundredth; a report fails from a tenth on
     ),
     "sigma of GNSS": Fault(guess=1.5, least=1.0, options=lambda size: Options(gnss_noise=size)),
     "sigma of attitudes": Fault(
         guess=1.35, least=1.0, options=lambda size: Options(attitude_noise=size)
     ),
-    "gross errors": Fault(guess=1.0, makes=_gross, is_taken_out=True),
+    "gross errors": Fault(guess=1.0, makes=_gross, known=PLANS),
     "delay": Fault(guess=0.0015, makes=_late),
     "delay in both": Fault(
         guess=dict(zip(PLANS, (0.005, 0.005, 0.003, 0.003, 0.005), strict=True)),
         options=lambda size: Options(gnss_delay_s=size),
+        known=UNDECLARED,
     ),
     "lever arm": Fault(guess=0.15, declares=_lever_off, plans=DECLARED),
     "datum in plan": Fault(guess=0.07, makes=_surveyed_off("east_m")),
     "datum in height": Fault(
         guess=dict(zip(PLANS, (0.5, 0.5, 0.15, 0.2, 1.5), strict=True)),
         makes=_surveyed_off("height_m"),
+        known=PLANS[:2],
     ),
 }
 """By their names in the tables. Sizes are in degrees, s and m, and factors: of sigma, and of the

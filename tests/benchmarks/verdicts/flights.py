@@ -60,9 +60,6 @@ FOUND = 0.8
 LEVEL = 0.05
 """Of a report as a whole."""
 
-SHOWS = 2.25
-"""Mean quantile of the most significant of some twenty tests; without any fault it is 2."""
-
 HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
 
@@ -278,31 +275,27 @@ def sizes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
 
 
 def predicted(pilots: pd.DataFrame, fault: Fault) -> float:
-    """Return the size of which 80 % should be found, or the guess if the pilots do not tell.
+    """Return the size of which 80 % should be found, or the guess where that is known.
 
     Parameters
     ----------
     pilots : DataFrame
-        Flights with one size of a fault.
+        Flights of one plan, with a fault of the guessed size.
     fault : Fault
 
     Notes
     -----
     The most significant test of a report is taken for a normal one. Its quantile z grows in
-    proportion to the size, and is found beyond that of Holm's share of the level. The guess stands
-    where z is hardly larger than without a fault, where gross errors are taken out one by one, and
-    where what is significant is too small to fail.
+    proportion to the size, and is found beyond that of Holm's share of the level.
     """
-    own = pilots[np.isclose(pilots["size"], fault.begin(str(pilots["plan"].iloc[0])))]
-    size, tested = float(own["size"].iloc[0]), own[own["p_joint"].notna()]
-    is_small = (tested["p_joint"] < LEVEL) & (tested["holds"] == 1)
-    if tested.empty or is_small.any() or fault.is_taken_out:
+    plan = str(pilots["plan"].iloc[0])
+    size = fault.begin(plan)
+    tested = pilots[np.isclose(pilots["size"], size) & pilots["p_joint"].notna()]
+    if plan in fault.known or tested.empty:
         return size
     # Holm's p of the smallest is p times the number of tests
     each = np.clip(tested["p_joint"].to_numpy() / tested["n_tests"].to_numpy(), 1e-300, 1.0)
     z = float(np.mean(stats.norm.isf(each / 2)))
-    if z < SHOWS:
-        return size
     critical = stats.norm.isf(LEVEL / tested["n_tests"].mean() / 2)
     beyond = (size - fault.least) * (critical + stats.norm.ppf(FOUND)) / z
     return float(fault.least + float(f"{beyond:.2g}"))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from acx4book.pages.benchmarks import stored
@@ -184,6 +185,7 @@ def question_table(verdicts: Verdicts) -> pd.DataFrame:
     clean = verdicts.of("clean")
     rows = []
     for question in verdicts.questions:
+        asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
         states = clean[question].dropna()
         count = {state: int((states == state).sum()) for state in ("holds", "fails", "note")}
         tested = count["holds"] + count["fails"]
@@ -191,6 +193,7 @@ def question_table(verdicts: Verdicts) -> pd.DataFrame:
         rows.append(
             {
                 "Question": question,
+                "Flights": int(clean["source"].isin(asking).sum()),
                 "Holds": count["holds"],
                 "Fails": count["fails"],
                 "Share of failures": share,
@@ -279,18 +282,17 @@ def shares(verdicts: Verdicts) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        fault, plan, size, n, k; p of a share so far from `FOUND`; is_hidden, where no more reports
-        fail than chance lets fail without a fault.
+        fault, plan, size, n, k; p of a share so far from `FOUND`; is_hidden, where the fault is not
+        found so often, and no more reports fail than chance lets fail without it.
     """
     own = verdicts.of("spoilt")
     groups = own[own["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
     rows = [(*keys, len(rows), int(fails(rows).sum())) for keys, rows in groups]
     table = pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
     counts = list(zip(table["k"].tolist(), table["n"].tolist(), strict=True))
-    return table.assign(
-        p=[sigma_tests.share_p(k, n, FOUND) for k, n in counts],
-        is_hidden=[sigma_tests.too_many_p(k, n, LEVEL) > ALPHA for k, n in counts],
-    )
+    table = table.assign(p=[sigma_tests.share_p(k, n, FOUND) for k, n in counts])
+    as_without = np.array([sigma_tests.too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
+    return table.assign(is_hidden=(table["p"] < ALPHA) & as_without)
 
 
 def spoilt_verdict(verdicts: Verdicts) -> str:
