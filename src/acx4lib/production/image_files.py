@@ -327,7 +327,7 @@ def _part_problem(path: Path, header: _Header) -> str | None:
         return None
     if header.compression not in _JPEG:
         return f"is packed in the way {header.compression}; give it as deflate, LZW, zstd or JPEG"
-    with path.open("rb") as file:
+    with opened(path) as file:
         for at, count in zip(header.offsets, header.counts, strict=False):
             file.seek(at)
             found = picture_sizes.size_of(file.read(min(count, _HEADER_OF_PART)))

@@ -14,6 +14,7 @@ from acx4lib.errors import FlightError
 from acx4lib.exchange.safe import picture_sizes
 from acx4lib.expected import Array, Raster
 from acx4lib.flight.block import Block
+from acx4lib.flight.text.files import opened
 from acx4lib.geometry.camera import (
     Camera,
     Interior,
@@ -164,7 +165,8 @@ def _require_size(path: Path, camera: Camera) -> None:
     """Raise the error of a JPEG or PNG whose header says that it must not be unpacked."""
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
-    data = path.read_bytes()
+    with opened(path) as file:
+        data = file.read()
     size = picture_sizes.size_of(data)
     if size is None:
         raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
