@@ -113,7 +113,7 @@ test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats w
 test-all: .venv/.stamp-test ## all tests
 	@$(BIN)/pytest -q -n 2 --dist worksteal
 
-fuzz: .venv/.stamp-test ## read N mutated flights, and N files of each kind of other programs, drawn by SEED
+fuzz: .venv/.stamp-test ## read N mutated flights, results, archives, and files of each other program, drawn by SEED
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
 
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly

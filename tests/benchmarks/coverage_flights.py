@@ -33,7 +33,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.results.rows import RELATIVE
+from acx4lib.results.files.schemas import RELATIVE
 from acx4sim.plan import SlowErrors
 from benchmarks import machine, stored
 from support.flights import simulated

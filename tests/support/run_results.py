@@ -1,5 +1,6 @@
 """A results folder as a run leaves it, made without notebooks."""
 
+import contextlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, provenance, read_back, validations
 from acx4lib.results import folder as results
-from acx4lib.results.own_folder import claims
+from acx4lib.results.own_folder import claims, marks
 from acx4lib.results.rows import calibration_tables, orientation_tables
 from support.flights import written
 
@@ -30,7 +31,8 @@ LENS = Interior(
 )
 
 ADJUSTED = {
-    **dict.fromkeys(("n_observations", "n_unknowns", "redundancy", "n_rejected"), 1),
+    **dict.fromkeys(("n_unknowns", "redundancy"), 1),
+    **dict.fromkeys(("n_observations", "n_rejected"), 0),  # for it has no rows of them
     "sigma0_squared": 1.25,
     "chi_square_p": 0.3,
     "converged": True,
@@ -77,6 +79,19 @@ def edit_summary(folder, key, **values):
     (folder / "summary.json").write_text(json.dumps(summary))
 
 
+def seal_again(folder):
+    """Compute all checksums of changed results anew, so that what lies behind them is read."""
+    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
+        origin = json.loads((folder / provenance.FILE).read_text(encoding="utf-8"))
+        for name in origin["files"]:
+            path = folder / provenance.KEPT / name
+            if path.is_file():
+                origin["files"][name] = marks.written(path).sha256
+        (folder / provenance.FILE).write_text(json.dumps(origin, indent=2), encoding="utf-8")
+    with contextlib.suppress(OSError):
+        marks.mark_all(folder, runner.COMMAND)
+
+
 def state(folder_or_run, question):
     """Return what the verdict of a report says of one question: its state and the answer."""
     material = folder_or_run if isinstance(folder_or_run, Material) else read(folder_or_run)
@@ -103,7 +118,7 @@ def leave_calibration(folder, calibration, *, method="single_step", related=None
     with claims.claim(kept, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         for name, tables in made.items():
-            entry = {name: ADJUSTED} if name.startswith("mounting/") else {}
+            entry = {name: ADJUSTED if name.startswith("mounting/") else {"converged": True}}
             results.replace(kept, [name], tables=tables, summary=entry)
         provenance.keep(own, flown)
         own.seal()

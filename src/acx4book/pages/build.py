@@ -47,6 +47,7 @@ from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
 from acx4book.typesetting.drawing.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
+from acx4lib.results import agreement
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.provenance import KEPT
@@ -257,7 +258,8 @@ def texts_of_front(
 
 
 def _run(results_path: Path) -> tuple[results.Results, Flight]:
-    return results.read(results_path), read_kept(results_path / KEPT)
+    flight = read_kept(results_path / KEPT)
+    return agreement.read(results_path, flight), flight
 
 
 def texts_of_benchmarks(

@@ -183,8 +183,9 @@ def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
     said = said.rename(columns={"image_or_exposure": "image", "sigma_col": "sigma"})
     measured = _measured(block_of(material, adjustment))
     both = measured.merge(said, on=["image", "point"], how="inner")
-    if len(both) != len(said):
-        problem = f"{material.folder}: residuals.csv is not of the flight kept beside it; run again"
+    if 2 * len(both) != len(rows) or both.empty:
+        found = f"{len(rows)} rows of {adjustment} are not of the points in {KEPT}"
+        problem = f"{material.folder / 'residuals.csv'}:1: point: {found}; run all stages again"
         raise FlightError([problem])
     return both
 

@@ -20,6 +20,7 @@ from acx4lib.flight.block_from_tables import (
     used_exposures,
 )
 from acx4lib.flight.checks.between_tables import (
+    file_problems,
     height_problems,
     name_problems,
     position_problems,
@@ -185,7 +186,9 @@ def checked(
 
 
 def read_kept(path: str | Path) -> Flight:
-    """Return a flight from tables kept by a run, which were checked when they were first read.
+    """Return a flight from tables kept by a run.
+
+    How they fit together was judged when they were first read, perhaps by an earlier version.
 
     Parameters
     ----------
@@ -195,16 +198,26 @@ def read_kept(path: str | Path) -> Flight:
     Raises
     ------
     FlightError
-        Where a table cannot be read.
+        Where tables are wrong, or do not belong together.
     """
     folder = Path(path)
     toml = read_toml(folder / "flight.toml")
     blocks = _read_blocks(folder, folder)
-    problems = [*toml_problems(toml), *(p for b in blocks for p in b.problems)]
+    problems = [*toml_problems(toml), *([] if blocks else [_no_block(folder)])]
+    for tables in blocks:
+        problems += [*tables.problems, *name_problems(tables, toml)]
+    if problems:
+        raise FlightError(lines_of(problems))
+    setup = setup_of(toml)
+    problems = [
+        problem
+        for tables in blocks
+        for problem in (*sensor_problems(tables, setup), *position_problems(tables, setup.grid))
+    ]
     if problems:
         raise FlightError(lines_of(problems))
     notes = [note for tables in blocks for note in _notes(tables)]
-    return _flight(toml, setup_of(toml), blocks, notes)
+    return _flight(toml, setup, blocks, notes)
 
 
 def table_files(flight: Flight) -> list[Path]:
@@ -291,6 +304,7 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
     """Return what is wrong with a block; its geometry is checked only if all else is right."""
     problems = [*tables.problems]
     problems += name_problems(tables, toml)
+    problems += file_problems(tables)
     if setup is None:
         return problems
     problems += sensor_problems(tables, setup)

@@ -33,8 +33,9 @@ from acx4lib.planning import ground, winds
 from acx4lib.planning.design import Design
 from acx4lib.planning.exposures import flying_time_s
 from acx4lib.planning.winds import Expected
+from acx4lib.results.files.schemas import COMPONENTS
 from acx4lib.results.files.table_files import COLUMNS
-from acx4lib.results.rows import COMPONENTS, parameter_tables, unit_of
+from acx4lib.results.rows import parameter_tables, unit_of
 
 AXES = ("east_m", "north_m", "height_m")
 

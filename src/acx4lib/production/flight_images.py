@@ -213,6 +213,8 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     provenance.verify(results_path)
     found = provenance.results_before(results_path, ["heads"], flight)
+    if results.has(found, "synthetic"):
+        found = provenance.results_before(results_path, ["heads", "synthetic"], flight)
     reasons: list[str] = []
     for source in ORIENTED:
         reasons = results.messages(found.summary.get(source, {}), "left_out")

@@ -18,13 +18,15 @@ import pandas as pd
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
-from acx4lib.results.files import table_files
+from acx4lib.flight.problems import Problem
+from acx4lib.results.files import schemas, table_files
+from acx4lib.results.files.cell_checks import cell_problems
+from acx4lib.results.files.inside import is_there
 from acx4lib.results.files.summary_entries import read_summary, summary_text
 from acx4lib.results.files.table_files import COLUMNS
 from acx4lib.results.own_folder.whole_files import Drafts, together
 
-STAGES = ("heads", "synthetic", "mounting", "validation")
-"""The stages in the order of the paper, and of the rows of every table."""
+STAGES = schemas.STAGES
 
 _PLACES = {stage: place for place, stage in enumerate(STAGES)}
 
@@ -68,12 +70,12 @@ class Results:
     @cached_property
     def residuals(self) -> pd.DataFrame:
         """Of all observations."""
-        return table_files.read(self.folder / "residuals.csv")
+        return table_files.read(self.folder / "residuals.csv", cell_problems)
 
     @cached_property
     def synthetic_points(self) -> pd.DataFrame:
         """Of all blocks that are measured in heads."""
-        return table_files.read(self.folder / "synthetic_points.csv")
+        return table_files.read(self.folder / "synthetic_points.csv", cell_problems)
 
 
 SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
@@ -101,7 +103,7 @@ def read(folder: str | Path) -> Results:
     tables: dict[str, pd.DataFrame] = {}
     for name in SHORT:
         try:
-            tables[name] = table_files.read(at / f"{name}.csv")
+            tables[name] = table_files.read(at / f"{name}.csv", cell_problems)
         except FlightError as error:
             problems += error.problems
     found = read_summary(at / "summary.json", problems)
@@ -197,7 +199,26 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
         problem = f"{results.folder}: no results of {stage_method}; run stage {stage} first"
         raise FlightError([problem])
     frame = _with(results, table, stage_method)
-    return frame[_mask(table, frame, [stage_method])].reset_index(drop=True)
+    found = frame[_mask(table, frame, [stage_method])].reset_index(drop=True)
+    if table == "residuals":
+        _check_count(results, stage_method, len(found))
+    return found
+
+
+def _check_count(results: Results, stage_method: str, n: int) -> None:
+    """Refuse residuals that are not as many as the adjustments had observations."""
+    own = [v for k, v in results.summary.items() if _belongs(k, [stage_method])]
+    said = [entry.get("n_observations") for entry in own]
+    counted = sum(one for one in said if isinstance(one, int))
+    if counted != n and any(one is not None for one in said):
+        problem = Problem(
+            file=str(results.folder / "residuals.csv"),
+            line=1,
+            column="row",
+            found=f"has {n} rows of {stage_method}",
+            expected=f"summary.json counts {counted} observations",
+        )
+        raise FlightError([str(problem)])
 
 
 def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
@@ -206,7 +227,7 @@ def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
         found: pd.DataFrame = getattr(results, table)
         return found
     begin = table_files.begins(table, [stage_method])
-    return table_files.read_some(results.folder / f"{table}.csv", begin)
+    return table_files.read_some(results.folder / f"{table}.csv", begin, cell_problems)
 
 
 def cameras(results: Results, stage_method: str) -> tuple[str, ...]:
@@ -303,7 +324,7 @@ def _write(
 ) -> None:
     """Write a table anew with its old rows that stay, unless nothing changes."""
     old, gone = folder / f"{name}.csv", table_files.begins(name, stage_methods)
-    if not frames and table_files.is_there(old) and not table_files.holds(old, gone):
+    if not frames and is_there(old) and not table_files.holds(old, gone):
         return
     parts = heapq.merge(_old(old, gone), _new(name, frames), key=itemgetter(0))
     with new.open(old) as file:
@@ -313,7 +334,7 @@ def _write(
 
 def _old(path: Path, gone: tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
     """Yield the lines of a file that stay, with the places of their stages."""
-    if table_files.is_there(path):
+    if is_there(path):
         for stage, lines in table_files.others(path, gone):
             yield _PLACES.get(stage, 0), lines
 

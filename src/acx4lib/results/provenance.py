@@ -12,24 +12,31 @@ import importlib.metadata
 import json
 import platform
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.errors import FlightError
+from acx4lib.flight.problems import lines_of, quoted
 from acx4lib.flight.reader import Flight, read_kept, table_files
 from acx4lib.flight.text.document import read_toml
-from acx4lib.flight.text.files import text_of
+from acx4lib.results import agreement
 from acx4lib.results import folder as results
+from acx4lib.results.files.inside import is_there
+from acx4lib.results.files.schemas import STAGES
+from acx4lib.results.files.summary_entries import Wrong, problem_of, read_object
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import is_below, written
+from acx4lib.results.own_folder.marks import MARK, is_below, written
 from acx4lib.results.own_folder.whole_files import SCRATCH, copy, write
 
 KEPT = "flight"
 """Folder of the copies in the results."""
 
 FILE = "provenance.json"
+
+AGAIN = "run all stages again"
+"""What helps where the origin of results is not known."""
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 """Packages on whose versions the numbers depend."""
@@ -90,7 +97,27 @@ def read_run(folder: str | Path) -> Run:
     at = results.of_run(folder)
     verify(at)
     origin = read(at)
-    return Run(found=results.read(at), flight=read_kept(at / KEPT), provenance=origin)
+    flight = read_flight(at, origin)
+    return Run(found=agreement.read(at, flight), flight=flight, provenance=origin)
+
+
+def read_flight(folder: Path, origin: Provenance) -> Flight:
+    """Read the flight that is kept in a results folder.
+
+    Raises
+    ------
+    FlightError
+        Where its files are wrong, or one is there that no run left.
+    """
+    flight = read_kept(folder / KEPT)
+    problems = [
+        problem_of(folder / FILE, ("files",), f"without {name}", f"it stands in {KEPT}; {AGAIN}")
+        for name in (path.as_posix() for path in table_files(flight))
+        if name not in origin.files
+    ]
+    if problems:
+        raise FlightError(lines_of(problems))
+    return flight
 
 
 def digest(files: Mapping[str, str]) -> str:
@@ -137,13 +164,15 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
         problem = f"{at}: no results of stage {' and '.join(stages)}; run first: {command}"
         raise FlightError([problem])
     found, mine = results.read(at), identity(flight)
-    for stage in ("heads", "synthetic", "mounting"):
+    last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
+    for stage in STAGES[: last + 1]:  # a run of all stages has not yet replaced those after it
         other = _named(found.summary, stage, of=mine)
         if other:
             cure = f"run stage {stage} of this flight first"
             if stage == "mounting":
                 cure += ", or name the calibration of an earlier flight by calibration_path"
             raise FlightError([_of_another(at, [stage], other, flight, cure=cure)])
+    agreement.check(found, flight, stages=stages)
     return found
 
 
@@ -333,7 +362,8 @@ def verify(folder: Path) -> None:
     FlightError
         A line for each that was changed, cut or removed, or for who is writing there.
     """
-    claims.verify(folder, [*results.FILES, FILE], cure="run all stages again")
+    is_there(folder / MARK)
+    claims.verify(folder, [*results.FILES, FILE], cure=AGAIN)
 
 
 def read(folder: Path) -> Provenance:
@@ -346,13 +376,13 @@ def read(folder: Path) -> Provenance:
     """
     found = _read(folder)
     if not found.files:
-        problem = f"{folder / FILE}: says nothing of the flight; run all stages again"
-        raise FlightError([problem])
+        nothing = problem_of(folder / FILE, (), "says nothing of the flight", AGAIN)
+        raise FlightError([str(nothing)])
     paths = {name: folder / KEPT / name for name in found.files}
     changed = [
         name
         for name, path in paths.items()
-        if not path.is_file() or written(path).sha256 != found.files[name]
+        if not is_there(path, folder) or written(path).sha256 != found.files[name]
     ]
     if changed:
         problem = (
@@ -369,29 +399,40 @@ def stages(folder: Path) -> Mapping[str, Mapping[str, object]]:
 
 def _read(folder: Path) -> Provenance:
     path = folder / FILE
-    try:
-        said = json.loads(text_of(path))
-        found = Provenance(files=dict(said["files"]), stages=dict(said["stages"]))
-    except FileNotFoundError:
+    if not is_there(path):
         return Provenance(files={}, stages={})
-    except OSError as error:
-        raise FlightError([f"{path}: cannot be read ({error.strerror})"]) from None
-    except (ValueError, KeyError, TypeError, RecursionError):
-        found = None
-    if found is None or not _is_sound(found):
-        raise FlightError([f"{path}: not what a run wrote; remove it and run again"])
-    return found
+    said = read_object(path, "what a run wrote")
+    if problems := [problem_of(path, *one) for one in _wrong(said)]:
+        raise FlightError(lines_of(problems))
+    return Provenance(files=said["files"], stages=said["stages"])
 
 
-def _is_sound(found: Provenance) -> bool:
-    """Tell whether all names are below the folder and all values have their types."""
-    texts: list[object] = [*found.files.values()]
-    for stage in found.stages.values():
-        versions = stage.get("versions") if isinstance(stage, dict) else None
-        if not isinstance(versions, dict):
-            return False
-        texts += [stage.get("flight"), *versions.values()]
-    return all(isinstance(text, str) for text in texts) and all(map(is_below, found.files))
+def _wrong(said: Mapping[str, object]) -> Iterator[Wrong]:
+    """Yield what is wrong in a provenance."""
+    for key, test in (("files", _wrong_file), ("stages", _wrong_stage)):
+        values = said.get(key)
+        if isinstance(values, dict):
+            for name, value in values.items():
+                if fault := test(name, value):
+                    yield (key, name), fault[0], f"{fault[1]}; {AGAIN}"
+        else:
+            yield (key,), quoted(values), f"must be an object; {AGAIN}"
+
+
+def _wrong_file(name: str, sha256: object) -> tuple[str, str] | None:
+    if not is_below(name):
+        return "leads out of the flight", f"must be a file in {KEPT}"
+    return None if isinstance(sha256, str) else (quoted(sha256), "must be a checksum")
+
+
+def _wrong_stage(name: str, stage: object) -> tuple[str, str] | None:
+    if name not in STAGES:
+        return "is unknown", f"must be one of {', '.join(STAGES)}"
+    entry = stage if isinstance(stage, dict) else {}
+    versions = entry.get("versions")
+    texts = [entry.get("flight"), *versions.values()] if isinstance(versions, dict) else [None]
+    sound = all(isinstance(text, str) for text in texts)
+    return None if sound else (quoted(stage), "must have a flight and versions")
 
 
 def _write(folder: Path, provenance: Provenance) -> None:

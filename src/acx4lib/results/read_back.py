@@ -24,6 +24,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results import folder
+from acx4lib.results.files.schemas import RELATIVE
 
 if TYPE_CHECKING:
     from acx4lib.calibration.heads import RelativeOrientation
@@ -69,7 +70,7 @@ def read_relative_orientation(
     """
     # a calibration alone is read without what adjusts heads
     from acx4lib.calibration.heads import RelativeOrientation  # noqa: PLC0415
-    from acx4lib.results.rows import RELATIVE, joint_names  # noqa: PLC0415
+    from acx4lib.results.rows import joint_names  # noqa: PLC0415
 
     names = folder.cameras(found, stage_method)
     values = np.array(

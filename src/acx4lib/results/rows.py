@@ -28,22 +28,8 @@ from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing.differences import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.results.files.schemas import COMPONENTS, RELATIVE
 from acx4lib.results.files.table_files import COLUMNS
-
-COMPONENTS = {
-    "image_point": ("col_px", "row_px"),
-    "control_point": ("east_m", "north_m", "height_m"),
-    "gnss": ("east_m", "north_m", "height_m"),
-    "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
-    "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
-    "distance": ("distance_m",),
-    "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
-}
-"""Components of the residuals of every kind; angles are about the body's x, y, z axes."""
-
-
-RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
-"""Names of the parameters of a head's relative orientation, in their order."""
 
 
 def unit_of(kind: str, component: int = 0) -> float:

@@ -89,11 +89,11 @@ def test_tables_of_a_block_that_is_gone_are_not_kept(kept):
         (lambda f: (f / "flight/control_points.csv").unlink(), "control_points.csv changed since"),
         (
             lambda f: (f / "provenance.json").write_text("{"),
-            "provenance.json: not what a run wrote",
+            r"provenance.json:1: file: not JSON \(.*must be what a run wrote; remove it",
         ),
         (
-            lambda f: (f / "provenance.json").write_text("{}"),
-            "provenance.json: not what a run wrote",
+            lambda f: (f / "provenance.json").write_text('{"files": {}}'),
+            "provenance.json:1: stages: None; must be an object",
         ),
         (lambda f: (f / "provenance.json").unlink(), "says nothing of the flight"),
     ],

@@ -1,1 +1,1 @@
-"""Mutated files: flights, and those of other programs; every outcome must be a sentence."""
+"""Mutated files: flights, results, archives, those of other programs; all end with a sentence."""

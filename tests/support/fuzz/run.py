@@ -1,6 +1,7 @@
-"""Many mutated flights, or files of strangers, and how they ended.
+"""Many mutated flights, results, archives, or files of strangers, and how they ended.
 
-`python -m support.fuzz.run --cases N --seed SEED`: N flights, and N of each kind of other files.
+`python -m support.fuzz.run --cases N --seed SEED`: N of each
+kind of cases, and of the imports N of each program's.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[2]
 
-ALL = ("flights.cases", "strangers.cases")
+ALL = ("flights.cases", "strangers.cases", "results.cases", "archives.cases")
 """Modules that make cases."""
 
 

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import io
 import re
+from collections.abc import Callable
 
 import typer.main
 
@@ -21,12 +22,17 @@ LINE = re.compile(r"(?s).+:[1-9]\d*: [^:]+.*: .+; .+")
 
 def said(*arguments: object) -> tuple[int, str, str]:
     """Return the exit status of `acx4`, standard output and standard error."""
+    return said_by(lambda: acx4.main([str(argument) for argument in arguments]))
+
+
+def said_by(command: Callable[[], object]) -> tuple[int, str, str]:
+    """Return the exit status of a command that ends this process, standard output and error."""
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="strict")
     err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace")
     status = 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            acx4.main([str(argument) for argument in arguments])
+            command()
         except SystemExit as end:
             status = int(end.code or 0)
     out.flush()

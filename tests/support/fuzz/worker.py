@@ -2,7 +2,7 @@
 
 It says on standard output which case it begins, and how that ended, so that a process that
 was killed has named its case. `python -m support.fuzz.worker WHAT GOOD FIRST LAST SEED`; WHAT is a
-module of this folder: `flights.cases`, or `strangers.cases`.
+module of this folder, such as `flights.cases`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import traceback
 import warnings
 from pathlib import Path
 
-SECONDS = 20
+SECONDS = 10
 """A case that computes longer is ended, and this process with it."""
 
-WAITING = 120
+WAITING = 300
 """So is one that has not ended after so many seconds, whatever else the machine does."""
 
 MEMORY = 2**30

@@ -12,7 +12,8 @@ from acx4lib.bundle.gross_errors.rejections import noncentrality
 from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.calibration.trust.detectable import Detectable, detectable
-from acx4lib.results.rows import COMPONENTS, unit_of
+from acx4lib.results.files.schemas import COMPONENTS
+from acx4lib.results.rows import unit_of
 
 GROUPS = {
     "image_point": "Image points",

@@ -22,7 +22,7 @@ from acx4book.typesetting.myst import marked
 from acx4lib.calibration.absorption import Absorption
 from acx4lib.expected import Array
 from acx4lib.flight.reader import read_kept
-from acx4lib.results import folder
+from acx4lib.results import agreement, folder
 from acx4lib.results.provenance import KEPT
 
 MISPRINT, CONTRADICTION, OPEN, CONSISTENT = "misprint", "contradiction", "open", "consistent"
@@ -175,10 +175,12 @@ def read_run(results_path: str | Path) -> Run:
     """
     if not str(results_path):
         return Run()
-    found = folder.read(results_path)
     kept = Path(results_path) / KEPT
-    flight = read_kept(kept) if kept.is_dir() else None
-    if flight is None or not printed.applies(flight):
+    if not kept.is_dir():
+        return Run(correlations=_largest_correlations(folder.read(results_path)))
+    flight = read_kept(kept)
+    found = agreement.read(results_path, flight)
+    if not printed.applies(flight):
         return Run(correlations=_largest_correlations(found))
     return Run(
         correlations=_largest_correlations(found),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -44,7 +43,6 @@ def name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     if tables.distances is not None:
         yield from _distance_problems(tables.distances, tables.image_points)
     yield from _strip_problems(tables, toml)
-    yield from _file_problems(tables.images, tables.pictures, tables.pictures / tables.name)
     if tables.name == "heads":
         yield from _head_problems(tables.images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
@@ -107,7 +105,9 @@ def _unknown(table: Table, column: str, known: Collection[str], expected: str) -
     yield from counted(rows, problem)
 
 
-def _file_problems(images: Table, flight: Path, folder: Path) -> Iterator[Problem]:
+def file_problems(tables: BlockTables) -> Iterator[Problem]:
+    """Yield files of images that are not there, or outside of the flight."""
+    images, flight, folder = tables.images, tables.pictures, tables.pictures / tables.name
     names = images.text.get("file", ())
     expected = f"must be a file under {folder}, links resolved"
     inside, block = flight.resolve(), folder.resolve()

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from acx4lib.flight.text.files import text_of
+from acx4lib.errors import FlightError
+from acx4lib.flight.problems import Problem, lines_of
+from acx4lib.results.files.inside import is_there, text_of
+from acx4lib.results.files.schemas import STAGES
 
 Test = Callable[[Any], bool]
+
+Wrong = tuple[tuple[str, ...], str, str]
+"""Keys in a JSON file, what is there, and what should be."""
 
 
 def _number(value: object) -> bool:
     plain = isinstance(value, int | float) and not isinstance(value, bool)
-    return plain and -1e300 < value < 1e300  # type: ignore[operator] # compared as numbers only
+    return plain and -1e15 < value < 1e15  # type: ignore[operator] # compared as numbers only
+
+
+def _whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e15
+
+
+def _not_negative(value: object) -> bool:
+    return _number(value) and float(value) >= 0  # type: ignore[arg-type]
+
+
+def _probability(value: object) -> bool:
+    return _not_negative(value) and float(value) <= 1  # type: ignore[arg-type]
 
 
 def _or_null(test: Test) -> Test:
@@ -51,6 +69,10 @@ def _groups(value: object) -> bool:
 
 def _named_pairs(value: Any) -> bool:
     return isinstance(value, list) and all(_sentences(one) and len(one) == 3 for one in value)
+
+
+def _is_condition(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e300
 
 
 def _by_name(test: Test) -> Test:
@@ -133,16 +155,24 @@ def _is_earlier(value: Any) -> bool:
 
 
 _COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
-_JUDGED = ("expected_rejections", "height_scale_error", "height_offset_share")
 _OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
-_TESTED = ("sigma0_squared", "chi_square_p", "condition", "joint_chi_square", "joint_chi_square_p")
+_NOT_NEGATIVE = ("sigma0_squared", "joint_chi_square", "expected_rejections")
 
 TESTS: Mapping[str, tuple[Test, str]] = {
     "converged": (lambda value: isinstance(value, bool), "true or false"),
     **dict.fromkeys(
-        (*_COUNT, *_OF_PAIRS, *_TESTED, *_JUDGED, "joint_dof", "n_exposures"),
+        (*_COUNT, *_OF_PAIRS, "n_exposures"), (_or_null(_whole), "a whole number or null")
+    ),
+    **dict.fromkeys(
+        ("height_scale_error", "height_offset_share", "joint_dof"),
         (_or_null(_number), "a number or null"),
     ),
+    **dict.fromkeys(_NOT_NEGATIVE, (_or_null(_not_negative), "zero, positive or null")),
+    **dict.fromkeys(
+        ("chi_square_p", "joint_chi_square_p"),
+        (_or_null(_probability), "between 0 and 1, or null"),
+    ),
+    "condition": (_or_null(_is_condition), "a positive number or null"),
     **dict.fromkeys(
         (
             *("left_out", "not_determined", "weak", "stopped", "exchanged", "not_confirmed"),
@@ -185,21 +215,66 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
     problems : list of str
         A line for each thing that is wrong is added to it.
     """
-    if not path.is_file():
-        if path.exists():
-            problems.append(f"{path}: is no regular file; remove it and run again")
-        return {}
     try:
-        summary = json.loads(text_of(path))
-    except (ValueError, RecursionError) as error:
-        problems.append(f"{path}: not JSON ({error}); remove it and run again")
+        summary = read_object(path, "one object per stage/method") if is_there(path) else {}
+    except FlightError as error:
+        problems += error.problems
         return {}
-    if not isinstance(summary, dict):
-        problems.append(f"{path}: not one object per stage/method; remove it and run again")
-        return {}
-    wrong = [f"{path}: {line}; remove the results and run again" for line in wrong_entries(summary)]
-    problems += wrong
+    wrong = list(wrong_entries(summary))
+    problems += lines_of(problem_of(path, *one) for one in wrong)
     return {} if wrong else summary
+
+
+def read_object(path: Path, what: str) -> dict[str, Any]:
+    """Return the object that a JSON file holds, every key once.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file that is there.
+    what : str
+        What should be in it.
+
+    Raises
+    ------
+    FlightError
+    """
+    text = text_of(path)
+
+    def wrong(line: int, found: str) -> FlightError:
+        expected = f"must be {what}; remove it and run again"
+        problem = Problem(file=str(path), line=line, column="file", found=found, expected=expected)
+        return FlightError([str(problem)])
+
+    try:
+        found = json.loads(text, object_pairs_hook=_once)
+    except json.JSONDecodeError as error:
+        raise wrong(error.lineno, f"not JSON ({error.msg}, character {error.colno})") from None
+    except (ValueError, RecursionError) as error:
+        raise wrong(1, f"not JSON ({' '.join(str(error).split())})") from None
+    if not isinstance(found, dict):
+        raise wrong(1, _quoted(found))
+    return found
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        again = next(key for k, (key, _) in enumerate(pairs) if key in dict(pairs[:k]))
+        msg = f"{_quoted(again)} stands twice in one object"
+        raise ValueError(msg)
+    return found
+
+
+def problem_of(path: Path, keys: Sequence[str], found: str, expected: str) -> Problem:
+    """Return a problem of a key in a JSON file, with its line as far as it is found there."""
+    text, at = text_of(path) if path.is_file() else "", 0
+    for key in keys:
+        place = text.find(f"{json.dumps(key, ensure_ascii=False)}:", at)
+        at = place if place >= 0 else at
+    line = text.count("\n", 0, at) + 1
+    name = ": ".join(keys) or "file"
+    return Problem(file=str(path), line=line, column=name, found=found, expected=expected)
 
 
 def summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
@@ -220,8 +295,8 @@ def _plain(value: object) -> object:
     return value
 
 
-def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:
-    """Yield a line for each thing that is wrong with the objects of a summary.
+def wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
+    """Yield the keys of each thing that is wrong with the objects of a summary, and what is.
 
     Parameters
     ----------
@@ -229,15 +304,18 @@ def wrong_entries(summary: Mapping[str, object]) -> Iterator[str]:
         Objects read from JSON, by ``stage/method``.
     """
     for name, entry in summary.items():
+        if name.partition("/")[0] not in STAGES or "/" not in name:
+            yield (name,), "is unknown", f"must be of a stage: {', '.join(STAGES)}"
+            continue
         if not isinstance(entry, dict):
-            yield f"{name}: {_quoted(entry)}; must be an object"
+            yield (name,), _quoted(entry), "must be an object"
             continue
         for key, (test, expected) in TESTS.items():
             if key in entry and not test(entry[key]):
-                yield f"{name}: {key}: {_quoted(entry[key])}; must be {expected}"
+                yield (name, key), _quoted(entry[key]), f"must be {expected}"
         for key in _required(name, entry):
             if entry.get(key) is None:
-                yield f"{name}: {key}: missing; an adjustment has it"
+                yield (name, key), "is missing", "an adjustment has it"
 
 
 def _required(name: str, entry: Mapping[str, object]) -> tuple[str, ...]:

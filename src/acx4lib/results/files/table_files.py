@@ -6,8 +6,10 @@ copied as they are.
 
 from __future__ import annotations
 
+import csv
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from mmap import ACCESS_READ, mmap
@@ -19,48 +21,34 @@ import pandas as pd
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index
+from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.text.files import opened
 from acx4lib.least_squares import processors
+from acx4lib.results.files.inside import is_there
+from acx4lib.results.files.schemas import SCHEMAS, Schema
 
 SAID = 300
 """Characters of pandas' words that are repeated; they quote what was found in full length."""
 
-_METHOD = ("stage", "method")
-_DIFFERENCE = ("d_east_m", "d_north_m", "d_height_m")
-_SIGMA = ("sigma_east_m", "sigma_north_m", "sigma_height_m")
-_ATTITUDE = ("omega_deg", "phi_deg", "kappa_deg")
-_SIGMA_ATTITUDE = ("sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg")
+LONGEST = 10_000
+"""Bytes of the longest header that is looked at."""
 
-COLUMNS: Mapping[str, tuple[str, ...]] = {
-    "parameters": (*_METHOD, "camera", "parameter", "value", "sigma", "unit"),
-    "validation": ("method", "point", "image_a", "image_b", *_DIFFERENCE, *_SIGMA),
-    "check_points": (*_METHOD, "point", "n_images", *_DIFFERENCE, *_SIGMA),
-    "exterior_orientation": (
-        *(*_METHOD, "image", "east_m", "north_m", "height_m"),
-        *(*_ATTITUDE, *_SIGMA, *_SIGMA_ATTITUDE),
-    ),
-    "residuals": (
-        *(*_METHOD, "kind", "image_or_exposure", "point", "component"),
-        *("v", "sigma", "redundancy", "w"),
-    ),
-    "covariance": (*_METHOD, "row", "column", "value"),
-    "rejected": (*_METHOD, "kind", "image_or_exposure", "point", "statistic", "reason"),
-    "synthetic_points": (
-        *("block", "image", "point", "head"),
-        *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
-    ),
-}
+_METHOD = ("stage", "method")
+
+COLUMNS: Mapping[str, tuple[str, ...]] = {name: one.columns for name, one in SCHEMAS.items()}
 """Columns of every table, in order; a table's file is its name with ``.csv``."""
+
+CURE = "remove it and run again"
+"""What helps where a file is no table of results."""
+
+Check = Callable[[str, pd.DataFrame], Iterable[Problem]]
+"""It yields what is wrong with the rows of a file."""
 
 _OF = {"validation": "validation/", "synthetic_points": "synthetic/points/"}
 """What all rows of a table are of, as far as it has no columns for that."""
 
-_TEXT = {
-    *(*_METHOD, "camera", "parameter", "unit", "point", "image_a", "image_b", "image", "kind"),
-    *("image_or_exposure", "component", "row", "column", "reason", "block", "head"),
-}
 _COUNT = {"n_images"}
-"""Columns of text and of counts; all others are numbers."""
+"""Columns of counts."""
 
 _ALWAYS_EXACT = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
 _EXACT: dict[str, Any] = {} if _ALWAYS_EXACT else {"float_precision": "round_trip"}
@@ -117,22 +105,15 @@ def _coded(values: pd.Series) -> tuple[Index, list[str]]:
 # --- read ------------------------------------------------------------------------------------
 
 
-def is_there(path: Path) -> bool:
-    """Tell whether there is a table; FlightError where something else is in its place."""
-    if path.is_file():
-        return True
-    if path.exists():  # reading a pipe would wait without end
-        raise FlightError([f"{path}: is no regular file; remove it and run again"])
-    return False
-
-
-def read(path: Path) -> pd.DataFrame:
+def read(path: Path, check: Check | None = None) -> pd.DataFrame:
     """Return a table; a missing file counts as one without rows.
 
     Parameters
     ----------
     path : Path
         Its name is one of `COLUMNS` with ``.csv``.
+    check : callable, optional
+        Looks for what is wrong with the cells.
 
     Returns
     -------
@@ -142,20 +123,21 @@ def read(path: Path) -> pd.DataFrame:
     Raises
     ------
     FlightError
-        Where the file is no such table.
+        With a line for each thing that is wrong.
     """
-    source = path if is_there(path) else io.BytesIO(header(path.stem))
-    with _refusing(path):
-        return _parsed(path.stem, source)
+    if not is_there(path):
+        return _parsed(path, io.BytesIO(header(path.stem)), None)
+    with path.open("rb") as file:
+        return _parsed(path, file, check)
 
 
-def read_some(path: Path, begin: tuple[bytes, ...]) -> pd.DataFrame:
+def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) -> pd.DataFrame:
     """Return the rows from the first to the last that begins so, where their rows are together.
 
     Parameters
     ----------
-    path : Path
-        As `read` takes it.
+    path, check
+        As `read` takes them.
     begin : tuple of bytes
         As `begins` returns it.
 
@@ -167,49 +149,148 @@ def read_some(path: Path, begin: tuple[bytes, ...]) -> pd.DataFrame:
     Raises
     ------
     FlightError
-        Where the file is no such table.
+        As `read`.
     """
     if not is_there(path):
         return read(path)
     with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         firsts = [content.find(b"\n" + one) for one in begin]
         if -1 in firsts or not firsts:
-            return read(path)
+            return read(path, check)
         last = max(content.rfind(b"\n" + one, 0, len(content) - 1) for one in begin)
         end = content.find(b"\n", last + 1)
-        source = io.BytesIO(content[min(firsts) + 1 : end if end >= 0 else None])
-    with _refusing(path):
-        return _parsed(path.stem, source, names=list(COLUMNS[path.stem]))
-
-
-@contextmanager
-def _refusing(path: Path) -> Iterator[None]:
-    """Say of a file that it is no results table, and why."""
+        some = content[min(firsts) + 1 : end + 1 if end >= 0 else None]
     try:
-        yield
+        return _parsed(path, io.BytesIO(header(path.stem) + some), check)
+    except FlightError:  # the whole file has the numbers of the lines
+        return read(path, check)
+
+
+def _parsed(path: Path, file: BinaryIO, check: Check | None) -> pd.DataFrame:
+    """Return the table in an open file."""
+    schema = SCHEMAS[path.stem]
+    _check_header(path, sorted, file.readline(LONGEST))
+    if not _is_even(file, len(schema.columns)):
+        raise _broken(path, file, "has rows of another width than its header")
+    file.seek(0)
+    try:
+        frame = _typed(file, schema)
     except ValueError as error:
-        reason = str(error).strip().splitlines()[0][:SAID]
-        problem = f"{path}: not a results table ({reason}); remove it and run again"
-        raise FlightError([problem]) from None
+        raise _broken(path, file, str(error)) from None
+    if not isinstance(frame.index, pd.RangeIndex):
+        raise _broken(path, file, "has rows that are wider than its header")
+    problems = lines_of(check(str(path), frame)) if check else ()
+    if problems:
+        raise FlightError(problems)
+    counts = {name: "int64" for name in schema.columns if name in _COUNT}
+    return frame.astype(counts)[list(schema.columns)]
 
 
-def _parsed(name: str, source: Path | io.BytesIO, **options: Any) -> pd.DataFrame:
-    columns = list(COLUMNS[name])
-    texts = [column for column in columns if column in _TEXT]
-    numbers = [column for column in columns if column not in _TEXT | _COUNT]
-    types = {**dict.fromkeys(texts, "str"), **dict.fromkeys(numbers, "float64")}
-    frame = pd.read_csv(
-        source,
+def _is_even(file: BinaryIO, width: int) -> bool:
+    """Tell whether rows together have the cells that they should, and the last one ends.
+
+    A row that is too wide is refused by pandas, so that none can make up for one that is cut.
+    """
+    file.seek(0)
+    commas, lines, last, quotes = 0, 0, b"", False
+    while some := file.read(BYTES):
+        commas, lines = commas + some.count(b","), lines + some.count(b"\n")
+        last, quotes = some[-1:], quotes or b'"' in some
+    if quotes:
+        file.seek(0)
+        bare = re.sub(rb'"[^"]*"', b"", file.read())
+        commas, lines = bare.count(b","), bare.count(b"\n")
+    return last == b"\n" and commas == lines * (width - 1)
+
+
+def _check_header(path: Path, order: Callable[[Iterable[str]], list[str]], first: bytes) -> None:
+    """Refuse a file that does not begin with the columns of its table."""
+    columns = COLUMNS[path.stem]
+    found = _cells_of(first)
+    if order(found) != order(columns):
+        said = quoted(",".join(found)) if any(found) else "is empty"
+        expected = f"must be {','.join(columns)}; {CURE}"
+        problem = Problem(file=str(path), line=1, column="header", found=said, expected=expected)
+        raise FlightError([str(problem)])
+
+
+def _cells_of(header: bytes) -> list[str]:
+    return header.decode("utf-8-sig", errors="replace").strip().split(",")
+
+
+def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
+    """Return a table; its rows are lines as long as no cell has two."""
+    numbers = list(schema.ranges)
+    return pd.read_csv(
+        file,
         encoding="utf-8",
-        dtype={**dict.fromkeys(_COUNT, "int64"), **types},
+        dtype={**dict.fromkeys(schema.texts, "str"), **dict.fromkeys(numbers, "float64")},
         keep_default_na=False,
         na_values=dict.fromkeys(numbers, ""),
+        skip_blank_lines=False,
         **_EXACT,
-        **options,
     )
-    check_columns(name, frame.columns)
-    cut_off = [column for column in texts if frame[column].hasnans]
-    return frame.fillna(dict.fromkeys(cut_off, ""))[columns] if cut_off else frame[columns]
+
+
+# --- where a file is broken ------------------------------------------------------------------
+
+
+def _broken(path: Path, file: BinaryIO, reason: str) -> FlightError:
+    """Return where a file is no table: no text, rows of another width, no numbers, no end."""
+    file.seek(0)
+    data = file.read()
+    found = [*_no_text(data)] or [*_no_cells(data, SCHEMAS[path.stem])]
+    found = found or [(1, "file", " ".join(reason.split())[:SAID], "must be a table of results")]
+    problems = (
+        Problem(file=str(path), line=line, column=column, found=said, expected=f"{must}; {CURE}")
+        for line, column, said, must in found
+    )
+    return FlightError(lines_of(problems))
+
+
+Wrong = tuple[int, str, str, str]
+"""Line, column, what is there, and what should be."""
+
+
+def _no_text(data: bytes) -> Iterator[Wrong]:
+    """Yield the first byte that is no text."""
+    try:
+        at, said = data.decode().find("\0"), "holds a null character"
+    except UnicodeDecodeError as error:
+        at, said = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+    else:
+        at = data.find(b"\0") if at >= 0 else at
+    if at >= 0:
+        yield data.count(b"\n", 0, at) + 1, "file", said, "must be UTF-8 text"
+
+
+def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
+    """Yield rows that are cut or too wide, and cells that should be numbers."""
+    reader = csv.reader(io.StringIO(data.decode(), newline=""))
+    names = _cells_of(data.partition(b"\n")[0])
+    numbers = [names.index(name) for name in schema.ranges]
+    try:
+        for row in reader:
+            if len(row) != len(names):
+                expected = f"must have {len(names)} cells, as the header"
+                yield reader.line_num, "row", f"has {len(row)} cells", expected
+            elif reader.line_num > 1:
+                for k in numbers:
+                    if row[k] and not _is_number(row[k]):
+                        expected = "must be a finite number, decimal point"
+                        yield reader.line_num, names[k], quoted(row[k]), expected
+    except csv.Error as error:
+        yield reader.line_num, "row", str(error), "must be one row"
+    if not data.endswith(b"\n"):
+        found = "has no line end; was the file cut off?"
+        yield reader.line_num, "row", found, "every row must have one"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return np.isfinite(float(cell)) and "_" not in cell
+    except ValueError:
+        return False
 
 
 # --- written ---------------------------------------------------------------------------------
@@ -241,8 +322,8 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     # tables are read without what writes them
     from acx4lib.results.files.compiled.lines import LONGEST, put_lines  # noqa: PLC0415
 
-    texts = [column for column in COLUMNS[name] if column in _TEXT | _COUNT]
-    numbers = [column for column in COLUMNS[name] if column not in texts]
+    numbers = [column for column in SCHEMAS[name].ranges if column not in _COUNT]
+    texts = [column for column in COLUMNS[name] if column not in numbers]
     order = [texts.index(c) if c in texts else -1 - numbers.index(c) for c in COLUMNS[name]]
     coded = [_coded(frame[column]) for column in texts]
     values = [frame[column].to_numpy(dtype=float) for column in numbers]
@@ -317,11 +398,8 @@ def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
 def _opened(path: Path) -> Iterator[BinaryIO]:
     """Open a table after its header."""
     with opened(path) as file:
-        first = file.readline()
-        with _refusing(path):
-            if first.rstrip() != header(path.stem).rstrip():
-                msg = f"its header is not {header(path.stem).decode().rstrip()}"
-                raise ValueError(msg)
+        first = file.readline(LONGEST)
+        _check_header(path, list, first)
         yield file
 
 

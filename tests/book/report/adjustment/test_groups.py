@@ -10,7 +10,7 @@ from scipy import stats
 from acx4book.report.adjustment import groups
 from acx4book.report.material import read
 from acx4lib.results import folder as results
-from acx4lib.results.rows import COMPONENTS
+from acx4lib.results.files.schemas import COMPONENTS
 from support.run_results import SINGLE
 
 

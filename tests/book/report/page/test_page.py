@@ -68,7 +68,7 @@ def test_what_adjusts_is_not_loaded_for_a_report(reported):
         (shutil.rmtree, "no such folder"),
         (lambda f: (f / "residuals.csv").unlink(), "not complete, without residuals.csv"),
         (lambda f: (f / "summary.json").write_text("{}"), "no stage left results"),
-        (lambda f: (f / "summary.json").write_text("{"), "summary.json: not JSON"),
+        (lambda f: (f / "summary.json").write_text("{"), "summary.json:1: file: not JSON"),
         (lambda f: shutil.rmtree(f / "flight"), "not complete, without flight/flight.toml"),
         (lambda f: [p.unlink() for p in f.glob("*.*")], "no results of a run"),
     ],
@@ -111,5 +111,5 @@ def test_residuals_of_another_flight_are_refused(folder):
         table["point"] = table["point"].str.replace("T0", "X0")
 
     edit(folder, "residuals", rename)
-    with pytest.raises(FlightError, match="not of the flight kept beside it"):
+    with pytest.raises(FlightError, match=r"are not of the points in flight; run all"):
         image_residuals(read(folder), SINGLE)

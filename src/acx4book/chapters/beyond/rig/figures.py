@@ -28,7 +28,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.least_squares.covariance import correlation
-from acx4lib.results.rows import RELATIVE
+from acx4lib.results.files.schemas import RELATIVE
 
 NO_RIG = "The heads are not oriented together."
 FACTORS = (1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500)

@@ -18,7 +18,8 @@ from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.results.rows import RELATIVE, orientation_parameters
+from acx4lib.results.files.schemas import RELATIVE
+from acx4lib.results.rows import orientation_parameters
 from acx4lib.stages.rig import RigStage
 
 COLUMNS = {ONE_BY_ONE: "One by one", WITH_F: Markup("One by one, $f$ estimated"), RIG: "Rig"}

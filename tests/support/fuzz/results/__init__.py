@@ -1,0 +1,1 @@
+"""Results that were tampered with or half copied, through every command that reads them."""
