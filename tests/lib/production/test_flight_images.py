@@ -199,7 +199,7 @@ def test_exposures_that_are_not_there_are_named(rendered, made):
 
 def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     flight, results = own
-    with pytest.raises(FlightError, match="no such folder; expected the results of a run"):
+    with pytest.raises(FlightError, match="no results of stage heads; run first"):
         rendered(of=(flight, tmp_path / "nothing"))
     (tmp_path / "empty").mkdir()
     with pytest.raises(FlightError, match="has no orientation of the heads; run stage heads first"):
