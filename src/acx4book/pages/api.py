@@ -17,12 +17,9 @@ CELLAR = "compiled"
 """Name of the folders that no page shows."""
 
 EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
-BY_MODULE = (
-    "acx4book.",
-    *(f"acx4lib.exchange.{part}." for part in EXCHANGE),
-)
-"""Where modules are listed with what they are for: their functions serve one page, or one kind of
-files, and no user's program calls them."""
+BY_MODULE = tuple(f"acx4lib.exchange.{part}." for part in EXCHANGE)
+"""Where modules are listed with what they are for: their functions serve one kind of files, and no
+user's program calls them."""
 
 
 def write(book: Path) -> None:

@@ -5,7 +5,7 @@ import re
 from acx4book.pages import api
 from support.helpers import ROOT
 
-HOUSES = ("acx4lib", "acx4sim", "acx4book")
+HOUSES = ("acx4lib", "acx4sim")
 
 
 def test_every_room_has_a_page_in_the_book():
@@ -21,7 +21,6 @@ def test_modules_stand_in_the_order_of_the_docstring_and_cellars_are_left_out():
     names = [name.rpartition(".")[2] for name in api.contents("acx4lib.bundle")]
     assert names[0] == "network"
     assert "compiled" not in names
-    assert "__main__" not in str(api.contents("acx4book.reference"))
 
 
 def test_a_page_has_the_docstring_a_table_and_a_section_for_every_module():
@@ -50,8 +49,6 @@ def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
 
 def test_modules_for_users_show_their_functions_and_others_what_they_are_for():
     assert ".. automodule:: acx4lib.bundle.adjust\n```" in "\n".join(api.page("acx4lib.bundle"))
-    paper = "\n".join(api.page("acx4book.paper"))
-    assert ".. automodule:: acx4book.paper.printed\n   :no-members:\n" in paper
     exchange = "\n".join(api.page("acx4lib.exchange"))
     assert ".. automodule:: acx4lib.exchange.opencv\n```" in exchange
     assert ".. automodule:: acx4lib.exchange.safe.records\n   :no-members:\n" in exchange
