@@ -168,6 +168,10 @@ TAMPERED = [
     (text("summary.json", '{"a": 1, "a": 2}'), r"summary.json:1: file: .*'a' stands twice"),
     (text("summary.json", "[" * 100_000), r"summary.json:1: file: not JSON"),
     (entry(SINGLE, "sigma0_squared", 1e308), r"summary.json:\d+: .*: sigma0_squared: 1e\+308; m"),
+    (
+        entry(SINGLE, "sigma0_squared", 10**400),
+        r"summary.json:\d+: .*: sigma0_squared: 10.*; must",
+    ),
     (entry(SINGLE, "sigma0_squared", -1), r"summary.json:\d+: .*: sigma0_squared: -1; must be ze"),
     (entry(SINGLE, "redundancy", None), r"summary.json:\d+: .*: redundancy: is missing; an adjus"),
     (entry(SINGLE, "redundancy", 1.5), r"summary.json:\d+: .*: redundancy: 1.5; must be a whole"),

@@ -324,8 +324,7 @@ def _required(name: str, entry: Mapping[str, object]) -> tuple[str, ...]:
         return _VALIDATED
     sigma0_sq = entry.get("sigma0_squared")
     adjusted = name.startswith(("heads/bundle", "mounting/"))
-    is_number = isinstance(sigma0_sq, int | float) and math.isfinite(sigma0_sq)
-    return _ADJUSTED if adjusted and is_number else ()
+    return _ADJUSTED if adjusted and _number(sigma0_sq) else ()
 
 
 def _quoted(value: object) -> str:
