@@ -221,8 +221,10 @@ def _beside_print(flight: Flight, listed: Sequence[Parameter]) -> str:
 
 def _of_print(flight: Flight, stage: HeadsStage) -> str:
     """Say how far X_c and Y_c are from print, which a simulated flight was not given."""
+    if not (flight.simulated and paper.applies(flight)):
+        return ""
     far = [apart(p) for p in oriented(stage) if p.name in ("Xc_mm", "Yc_mm")]
-    if not (flight.simulated and paper.applies(flight) and far):
+    if not far:
         return ""
     return (
         f"$X_c$ and $Y_c$, which the simulation was not given, are {min(far):.1f} to "
