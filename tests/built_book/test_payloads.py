@@ -39,7 +39,7 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
-STUBS = ("first-flight", "library", "many-flights", "notation", "speed", "your-files")
+STUBS = ("coverage", "first-flight", "library", "many-flights", "notation", "speed", "your-files")
 """Pages that show nothing of a flight, but are referred to."""
 
 OTHERS = (
