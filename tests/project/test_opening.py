@@ -48,9 +48,11 @@ OTHERS = {
         "os.link": "as above",
         "shutil.copyfileobj": "as above",
     },
-    "acx4lib/flight/text/files.py": {
+    "acx4lib/opening.py": {
         "open": "the one place that reads",
         "os.open": "as above",
+    },
+    "acx4lib/flight/text/files.py": {
         "(group / f'memory.{name}').read_text": "a file of the system",
         "Path('/proc/meminfo').read_text": "a file of the system",
         "Path('/proc/self/statm').read_text": "a file of the system",
@@ -75,6 +77,7 @@ OTHERS = {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
+    "acx4lib/results/files/inside.py": {"read_text": "of the one place that reads"},
     "acx4lib/results/files/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
     "acx4lib/exchange/safe/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
     "acx4lib/exchange/safe/archive.py": {"zipfile.ZipFile": "of bytes", "archive.open": "of bytes"},

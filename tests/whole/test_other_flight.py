@@ -5,6 +5,7 @@ import re
 import shutil
 
 import numpy as np
+import pandas as pd
 import papermill
 import pytest
 from numpy.testing import assert_allclose
@@ -205,6 +206,9 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
         cells = [line.rpartition(",") for line in lines[1:]]
         scaled = [f"{names},{100 * float(value)!r}" for names, _, value in cells]
         path.write_text("\n".join([lines[0], *scaled]) + "\n")
+        parameters = pd.read_csv(results / "parameters.csv", dtype={"value": str})
+        tenfold = 10 * parameters["sigma"]
+        parameters.assign(sigma=tenfold).to_csv(results / "parameters.csv", index=False)
         own.seal()
     after = validation.run(reader.read(flown / "B"), tmp_path / "two", results)
     for old, new in zip(before.validations, after.validations, strict=True):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import io
 import os
 import resource
 import stat
 from pathlib import Path
 
 from acx4lib.flight.problems import Problem
+from acx4lib.opening import opened, text_of
+
+__all__ = ["fits", "free_memory", "named_file", "opened", "read_bytes", "read_text", "text_of"]
 
 SMALL = 10_000_000
 """Largest file, bytes, that is read without a check of the free memory."""
@@ -117,42 +118,6 @@ def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
         if size > most if most else not fits(size):
             return size, None
         return size, file.read(size + 1) if size else b""  # reading one of /proc may never end
-
-
-def opened(path: Path) -> io.BufferedReader:
-    """Open a regular file to be read. Every file that may be a stranger's is opened here.
-
-    Raises
-    ------
-    OSError
-        Where there is none, with its name; opening a pipe would wait for its other end, and a
-        device may never end.
-    """
-    return open(path, "rb", opener=_regular)
-
-
-def text_of(path: Path) -> str:
-    """Return the text of a regular file, UTF-8 with or without a byte-order mark.
-
-    Raises
-    ------
-    OSError
-        As `opened`.
-    UnicodeDecodeError
-    """
-    with opened(path) as file:
-        return file.read().decode("utf-8-sig")
-
-
-def _regular(path: str, flags: int) -> int:
-    handle = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
-    mode = os.fstat(handle).st_mode
-    if stat.S_ISREG(mode):
-        return handle
-    os.close(handle)
-    if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
-    raise OSError(errno.EINVAL, "no regular file", path)
 
 
 def fits(size: int) -> bool:

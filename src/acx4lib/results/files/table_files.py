@@ -127,7 +127,7 @@ def read(path: Path, check: Check | None = None) -> pd.DataFrame:
     """
     if not is_there(path):
         return _parsed(path, io.BytesIO(header(path.stem)), None)
-    with path.open("rb") as file:
+    with opened(path) as file:
         return _parsed(path, file, check)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TextIO
 
 from acx4lib.errors import OutputError
-from acx4lib.flight.text.files import opened
+from acx4lib.opening import opened
 from acx4lib.results.own_folder.whole_files import naming
 
 LOCK = ".acx4.lock"

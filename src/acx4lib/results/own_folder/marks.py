@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from acx4lib.errors import OutputError
-from acx4lib.flight.text.files import opened, text_of
+from acx4lib.opening import opened, text_of
 from acx4lib.results.own_folder.whole_files import write
 
 MARK = ".acx4.json"

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from acx4lib.errors import OutputError
-from acx4lib.flight.text.files import opened
+from acx4lib.opening import opened
 
 SCRATCH = ".acx4-new-"
 """What names of unfinished files begin with; a command that was killed leaves them behind."""

@@ -1,5 +1,6 @@
 """Groups of observations: ratios, redundancy, detectable errors."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,9 @@ def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, 
         ]
     )
     table[list(results.COLUMNS["residuals"])].to_csv(folder / "residuals.csv", index=False)
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["mounting/single_step"]["n_observations"] = len(table)
+    (folder / "summary.json").write_text(json.dumps(summary))
     (group,) = groups.qualities(read(folder), SINGLE)
     assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
     assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)
