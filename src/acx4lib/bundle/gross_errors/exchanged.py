@@ -135,11 +135,10 @@ def _is_of(one: Exchange, kind: str, row: int) -> bool:
 
 def _mended(block: Block, one: Exchange) -> Block:
     """Return the block with the values of two rows exchanged, and their sigma."""
-    table = block.trajectory if one.kind == "exposure" else block.control
-    order = np.arange(len(table))
+    given, control = block.trajectory, block.control
+    order = np.arange(len(given if one.kind == "exposure" else control))
     order[list(one.rows)] = one.rows[::-1]
     if one.kind == "exposure":
-        given = block.trajectory
         mended = replace(
             given,
             T_m_b=given.T_m_b[order],
@@ -148,7 +147,6 @@ def _mended(block: Block, one: Exchange) -> Block:
             time_s=given.time_s[order] if len(given.time_s) == len(order) else given.time_s,
         )
         return replace(block, trajectory=mended)
-    control = block.control
     moved = replace(
         control,
         x_m=control.x_m[order],
