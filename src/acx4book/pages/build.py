@@ -46,6 +46,7 @@ from acx4book.paper import printed, questions, scorecard_page
 from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
 from acx4book.typesetting.drawing.svg import vector
+from acx4book.typesetting.myst import numbered
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import agreement
 from acx4lib.results import folder as results
@@ -182,19 +183,37 @@ def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dic
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:
-    """Write an executed notebook as a page: the code of a cell that shows something is folded.
+    """Write an executed notebook as a page.
 
-    A note stands under the first cell.
+    Tables get the captions and names that the metadata of their cells have. Where the method does
+    not stand in the cells, the code of those that show something is folded. A note stands under
+    the first cell.
     """
     notebook = _read(executed)
     if note:
         notebook.cells[0].source += f"\n\n{note}"
+    opened = any("notebook.begin(" in cell.source for cell in notebook.cells)
     for cell in notebook.cells:
         tags = cell.metadata.get("tags", [])
-        if cell.cell_type == "code" and cell.outputs and "hide-input" not in tags:
+        if cell.cell_type != "code":
+            continue
+        if cell.outputs and "hide-input" not in tags and not opened:
             cell.metadata["tags"] = [*tags, "hide-input"]
+        _number_tables(cell)
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
     whole_files.write(page, text)
+
+
+def _number_tables(cell: nbformat.NotebookNode) -> None:
+    """Show the tables of a cell as Markdown, with the caption and the name in its metadata."""
+    told = cell.metadata.get("acx4", {})
+    for output in cell.outputs:
+        data = output.get("data", {})
+        if not {"text/html", "text/markdown"} <= data.keys():
+            continue
+        del data["text/html"]
+        if told:
+            data["text/markdown"] = numbered(data["text/markdown"], told["caption"], told["name"])
 
 
 def title(notebook: Path) -> str:

@@ -73,7 +73,12 @@ def myst_table(
         for row in table.itertuples(index=False, name=None)
     ]
     lines = ["| " + " | ".join(row) + " |" for row in ([_cell(h, "") for h in head], rules, *body)]
-    return "\n".join([f"```{{table}} {_text(caption)}", f":name: {name}", "", *lines, "```"])
+    return numbered("\n".join(lines), _text(caption), name)
+
+
+def numbered(table: str, caption: str, name: str) -> str:
+    """Return a Markdown table with a number, a caption in Markdown, and a label for references."""
+    return "\n".join([f"```{{table}} {caption}", f":name: {name}", "", table, "```"])
 
 
 def scientific(value: float, *, digits: int = 0) -> str:
@@ -108,6 +113,11 @@ def _cell(value: object, spec: str) -> str:
         return MISSING
     if isinstance(value, Number):
         return format(value, spec).replace("-", "\N{MINUS SIGN}")
+    return cell_text(value)
+
+
+def cell_text(value: object) -> str:
+    """Return what stands in a cell of a table, text as it is and `Markup` as Markdown."""
     return _text(value).replace("|", r"\|")
 
 

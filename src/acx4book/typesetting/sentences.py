@@ -1,0 +1,87 @@
+"""Sentences with numbers in the cells of notebooks: templates that a teacher can edit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+
+from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.plain_text import Markup, shown
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """Text in Markdown that Jupyter and the book show.
+
+    Attributes
+    ----------
+    text : str
+    """
+
+    text: str
+
+    def _repr_markdown_(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def say(template: str, **values: Any) -> Sentence:
+    """Return a sentence made of a template of Jinja and of values.
+
+    Text of a flight, such as the name of a point, is shown character for character; `Markup` is
+    Markdown. The filters are ``fixed`` (decimals), ``signed`` (decimals, with a sign), ``digits``
+    (significant ones), ``sci`` (a power of ten) and ``plural`` (``{{ n | plural("point") }}``:
+    1 point, 2 points); sequences of numbers are joined by commas.
+
+    Parameters
+    ----------
+    template : str
+        In Markdown; lines may be indented as the cell is.
+    values
+        By their names in the template.
+
+    Raises
+    ------
+    jinja2.UndefinedError
+        For a name without a value.
+    """
+    lines = [line.strip() for line in _jinja().from_string(template).render(values).splitlines()]
+    return Sentence("\n".join(lines).strip())
+
+
+@cache
+def _jinja() -> Environment:
+    jinja = Environment(
+        undefined=StrictUndefined, finalize=_finalized, trim_blocks=True, lstrip_blocks=True
+    )
+    jinja.filters |= {
+        "fixed": lambda x, n=2: _each(x, f".{n}f"),
+        "signed": lambda x, n=2: _each(x, f"+.{n}f"),
+        "digits": lambda x, n=3: _each(x, f".{n}g"),
+        "sci": lambda x, n=1: Markup(scientific(float(x), digits=n)),
+        "plural": _plural,
+    }
+    return jinja
+
+
+def _finalized(value: object) -> str:
+    if isinstance(value, float):
+        return _each(value, ".4g")
+    return shown(value)
+
+
+def _each(value: Any, spec: str) -> Markup:
+    """Return a number in a format, or several with commas between them."""
+    each = value if isinstance(value, Iterable) else (value,)
+    return Markup(", ".join(format(float(x), spec) for x in each).replace("-", "\N{MINUS SIGN}"))
+
+
+def _plural(number: Any, word: str, several: str = "") -> Markup:
+    """Return how many there are of something, with the word in its right form."""
+    return Markup(f"{int(number)} {word if int(number) == 1 else several or f'{word}s'}")
