@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.uses import free_orientation
+from acx4lib.calibration.estimates import from_bundle, not_determined
 from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -124,15 +125,16 @@ def calibrate_heads(
     return Heads(bundles=bundles, failures=failures)
 
 
-def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> RelativeOrientation:
+def relative_orientation(heads: Heads, synthetic: Camera | None) -> RelativeOrientation:
     """Return the orientation of heads in the synthetic frame, mean of their common exposures.
 
     Parameters
     ----------
-    bundles : mapping of str to Bundle
-        Self-calibrations; the first head is the reference.
-    synthetic : Camera
-        Its declared mounting turns the body frame into the synthetic frame.
+    heads : Heads
+        The first one is the reference.
+    synthetic : Camera or None
+        Its declared mounting turns the body frame into the synthetic frame. A flight without a
+        table [synthetic] has none.
 
     Returns
     -------
@@ -141,9 +143,10 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     Raises
     ------
     AdjustmentError
-        Where there is no exposure at which all heads are oriented.
+        Where there is no synthetic camera, a head could not be adjusted or its interior
+        orientation is not determined, or no exposure at which all heads are oriented.
     ValueError
-        For no bundles.
+        For no heads.
 
     Notes
     -----
@@ -151,12 +154,18 @@ def relative_orientation(bundles: Mapping[str, Bundle], synthetic: Camera) -> Re
     that the heads share, and from the trajectory. The scatter of the exposures would be too
     small: an error of a head's interior orientation is the same at all exposures.
     """
-    if not isinstance(bundles, Mapping):
-        msg = f"bundles: expected a mapping of Bundle, got {expected.given(bundles)}"
-        raise ValueError(msg)
-    fits = list(bundles.values())
-    expected.sequence("bundles", fits, Bundle)
+    expected.instance("heads", heads, Heads)
+    if synthetic is None:
+        raise AdjustmentError("flight.toml has no table [synthetic]")
     expected.instance("synthetic", synthetic, Camera)
+    if heads.failures:
+        raise AdjustmentError(f"{', '.join(heads.failures)} could not be adjusted")
+    fits = list(heads.bundles.values())
+    expected.some("heads", fits, "head")
+    weak = [name for name, fit in heads.bundles.items() if not_determined(from_bundle(fit))]
+    if weak:
+        msg = f"the interior orientation of {', '.join(weak)} is not determined"
+        raise AdjustmentError(msg)
     images, exposures = _common(fits)
     T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
     T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
@@ -81,8 +82,6 @@ def calibrate(
 ) -> Mountings:
     """Calibrate by all methods; the two-step ones begin with what the single step found.
 
-    They take over its rejections, and its estimates as start values.
-
     Parameters
     ----------
     block, free, fix, refraction, gnss
@@ -95,40 +94,57 @@ def calibrate(
     ValueError
         For an unknown name, or if `block` is no Block.
     """
-    methods: dict[str, Mounting] = {}
-    failures: dict[str, str] = {}
-    found: Bundle | None = None
-    try:
-        methods["single_step"] = single_step(
-            block, free=free, fix=fix, refraction=refraction, gnss=gnss
-        )
-        found = methods["single_step"].bundle
-    except AdjustmentError as error:
-        failures["single_step"] = str(error)
-    rejected = found.rejected if found else ()
-    for name, method in (("two_step", two_step), ("two_step_gnss", two_step_gnss)):
-        try:
-            methods[name] = method(
-                block,
-                free=free,
-                fix=fix,
-                rejected=rejected,
-                refraction=refraction,
-                start=_of_cameras(found),
-            )
-        except AdjustmentError as error:
-            failures[name] = str(error)
-    if not methods:
-        raise AdjustmentError("\n".join(f"mounting/{n}: {why}" for n, why in failures.items()))
-    methods = {name: methods[name] for name in METHODS if name in methods}
-    return Mountings(methods=methods, failures=failures)
+    return together(outcomes(block, free=free, fix=fix, refraction=refraction, gnss=gnss))
 
 
-def _of_cameras(found: Bundle | None) -> State | None:
-    """Return a state whose poses are those of the images' cameras; None where they do not fit."""
-    if found is None or found.stopped:
-        return None
-    return replace(found.state, T_m_b=found.T_m_c)
+def outcomes(
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
+) -> list[Mounting | Failed]:
+    """Return what every method comes to; arguments are those of `calibrate`."""
+    single = attempt(single_step, block, free=free, fix=fix, refraction=refraction, gnss=gnss)
+    return [
+        single,
+        *(
+            attempt(method, block, free=free, fix=fix, refraction=refraction, after=single)
+            for method in (two_step, two_step_gnss)
+        ),
+    ]
+
+
+def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
+    """Return the outcomes of several methods on one block as one value.
+
+    Parameters
+    ----------
+    outcomes : sequence of Mounting or Failed
+        One of each method at most.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no method has an outcome.
+    LinAlgError
+        Where one of them failed by numbers that nothing can be computed with.
+    """
+    for outcome in outcomes:
+        expected.one_of("method", outcome.method, METHODS)
+    expected.different("outcomes", [outcome.method for outcome in outcomes], "methods")
+    failed = [outcome for outcome in outcomes if isinstance(outcome, Failed)]
+    for failure in failed:
+        if isinstance(failure.error, np.linalg.LinAlgError):
+            raise failure.error
+    found = {outcome.method: outcome for outcome in outcomes if isinstance(outcome, Mounting)}
+    if not found:
+        raise AdjustmentError("\n".join(f"mounting/{one.method}: {one.reason}" for one in failed))
+    return Mountings(
+        methods={name: found[name] for name in METHODS if name in found},
+        failures={one.method: one.reason for one in failed},
+    )
 
 
 def single_step(
@@ -173,9 +189,8 @@ def two_step(
     *,
     free: Sequence[str],
     fix: Sequence[str] = (),
-    rejected: Sequence[Rejection] = (),
     refraction: str = "none",
-    start: State | None = None,
+    after: Mounting | Failed | None = None,
 ) -> Mounting:
     """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
 
@@ -184,21 +199,24 @@ def two_step(
     block : Block
     free, fix, refraction
         As in `single_step`.
-    rejected : sequence of Rejection
-        Gross errors found by another method; none are searched for here.
-    start : State, optional
-        Where to begin, as in `uses.free_orientation`.
+    after : Mounting, optional
+        Outcome of another method on the same block, of which the rejected gross errors are taken
+        over, since none are searched for here, and the estimates as start values. Of one that
+        failed nothing is.
 
     Raises
     ------
     AdjustmentError
         Where the control points do not orient the block, or the bundle does not converge.
+    ValueError
+        Where `after` is of another block.
     """
     estimated = free_mount(fix)
+    rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
     network = free_orientation(cleaned, free=free, refraction=refraction, start=start)
     require_control(cleaned)
-    bundle = replace(adjust(network), rejected=tuple(rejected))
+    bundle = replace(adjust(network), rejected=rejected)
     return _two_step("two_step", bundle, free=free, estimated=estimated)
 
 
@@ -207,9 +225,8 @@ def two_step_gnss(
     *,
     free: Sequence[str],
     fix: Sequence[str] = (),
-    rejected: Sequence[Rejection] = (),
     refraction: str = "none",
-    start: State | None = None,
+    after: Mounting | Failed | None = None,
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
@@ -218,7 +235,7 @@ def two_step_gnss(
 
     Parameters
     ----------
-    block, free, fix, rejected, refraction, start
+    block, free, fix, refraction, after
         As in `two_step`.
 
     Raises
@@ -227,6 +244,7 @@ def two_step_gnss(
         Where the bundle does not converge.
     """
     estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
+    rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
     lever = mountings(block.cameras).r[block.images.camera_idx]
     T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
@@ -240,8 +258,30 @@ def two_step_gnss(
     network = free_orientation(
         cleaned, free=free, positions=positions, refraction=refraction, start=start
     )
-    bundle = replace(adjust(network), rejected=tuple(rejected))
+    bundle = replace(adjust(network), rejected=rejected)
     return _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+
+
+def _taken_over(
+    block: Block, after: Mounting | Failed | None
+) -> tuple[tuple[Rejection, ...], State | None]:
+    """Return rejections and start values of another method, whose poses are the cameras'.
+
+    Where observations contradict each other, the estimates do not fit, and are no start values.
+    """
+    expected.instance("block", block, Block)
+    if after is None or isinstance(after, Failed):
+        return (), None
+    expected.instance("after", after, Mounting)
+    found, before = after.bundle, after.bundle.network.block
+    if (before.images.names, before.points) != (block.images.names, block.points) or len(
+        before.image_points
+    ) != len(block.image_points):
+        msg = "after: expected an outcome on the same block, got one on other images or points"
+        raise ValueError(msg)
+    if found.stopped:
+        return found.rejected, None
+    return found.rejected, replace(found.state, T_m_b=found.T_m_c)
 
 
 def _two_step(

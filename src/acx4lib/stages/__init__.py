@@ -4,6 +4,12 @@
 for the synthetic image (2.1, Table 2, Figure 1), from their `pictures` where there are any, and
 carries points into it that were measured in heads;
 `mounting` estimates interior orientation, boresight and lever arm (2.2 and 4.2, Table 3), `rig`
-those of all heads together; `validation` tests direct georeferencing (4.3, Table 4). Each has one
-function `run`. `order` says which of them a flight has data for. Begin with `heads`.
+those of all heads together; `validation` tests direct georeferencing (4.3, Table 4). Each has
+small functions, for what it reads and what it writes, which a notebook calls with the methods of
+`calibration` between them, and one function `run`, which is made of the same. `attempt` calls a
+method that may have no outcome. `order` says which stage a flight has data for. Begin with `heads`.
 """
+
+from acx4lib.attempts import Failed, attempt
+
+__all__ = ["Failed", "attempt"]

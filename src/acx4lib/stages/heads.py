@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import interior_exterior, largest_pairs
-from acx4lib.calibration.estimates import from_bundle, not_determined
 from acx4lib.calibration.heads import (
     Heads,
     RelativeOrientation,
     calibrate_heads,
     relative_orientation,
 )
-from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
 from acx4lib.stages.explained import explained, solving
@@ -47,57 +46,63 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
     results_path : path
     """
     with solving(flight, "heads"):
-        stage = orient(flight, calibrate(flight))
-        said = explained(records(stage), flight, "heads")
-    adjustments.write(results_path, "heads", said, flight=flight)
+        stage = calibrate(flight)
+    _write(flight, results_path, stage)
     return stage
 
 
-def calibrate(flight: Flight) -> Heads:
-    """Adjust every head of a flight by itself.
+def calibrate(flight: Flight) -> HeadsStage:
+    """Adjust every head of a flight by itself, and orient them where that is possible.
 
     Parameters
     ----------
     flight : Flight
         With a block heads.
     """
-    return calibrate_heads(
+    heads = calibrate_heads(
         flight.block("heads"),
         flight.head_names,
         free=flight.estimate_heads,
         refraction=flight.refraction,
     )
+    return gathered(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 
-def orient(flight: Flight, heads: Heads) -> HeadsStage:
-    """Orient the heads of a flight in the frame of its synthetic image, where that is possible.
+def gathered(heads: Heads, orientation: RelativeOrientation | Failed) -> HeadsStage:
+    """Return the heads and their orientation as one value.
+
+    Parameters
+    ----------
+    heads : Heads
+    orientation : RelativeOrientation or Failed
+    """
+    if isinstance(orientation, Failed):
+        return HeadsStage(heads=heads, orientation=None, left_out=orientation.reason)
+    return HeadsStage(heads=heads, orientation=orientation)
+
+
+def write(
+    flight: Flight,
+    results_path: str | Path,
+    heads: Heads,
+    orientation: RelativeOrientation | Failed,
+) -> None:
+    """Write the results of the heads, with an explanation of those that failed.
 
     Parameters
     ----------
     flight : Flight
+    results_path : path
     heads : Heads
+    orientation : RelativeOrientation or Failed
     """
-    left_out, synthetic = _why_not(flight, heads), flight.synthetic_camera
-    if left_out or synthetic is None:
-        return HeadsStage(heads=heads, orientation=None, left_out=left_out)
-    try:
-        orientation = relative_orientation(heads.bundles, synthetic)
-    except AdjustmentError as error:
-        return HeadsStage(heads=heads, orientation=None, left_out=str(error))
-    return HeadsStage(heads=heads, orientation=orientation)
+    _write(flight, results_path, gathered(heads, orientation))
 
 
-def _why_not(flight: Flight, heads: Heads) -> str:
-    """Return what stands against a relative orientation; empty where nothing does."""
-    if flight.synthetic is None:
-        return "flight.toml has no table [synthetic]"
-    missing = [name for name in flight.synthetic.heads if name not in heads.bundles]
-    if missing:
-        return f"{', '.join(missing)} could not be adjusted"
-    weak = [name for name, fit in heads.bundles.items() if not_determined(from_bundle(fit))]
-    if weak:
-        return f"the interior orientation of {', '.join(weak)} is not determined"
-    return ""
+def _write(flight: Flight, results_path: str | Path, stage: HeadsStage) -> None:
+    with solving(flight, "heads"):
+        said = explained(records(stage), flight, "heads")
+    adjustments.write(results_path, "heads", said, flight=flight)
 
 
 def records(stage: HeadsStage) -> list[adjustments.Record]:

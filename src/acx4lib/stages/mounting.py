@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
 from acx4lib import expected
-from acx4lib.calibration import mounting, weights
+from acx4lib.attempts import Failed
+from acx4lib.calibration import mounting
+from acx4lib.calibration import weights as sigma
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
@@ -52,6 +54,28 @@ class MountingStage:
         return self.mountings.methods.get("single_step")
 
 
+def run(flight: Flight, results_path: str | Path) -> MountingStage:
+    """Return what `calibrate` does, and write it to the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block calibration.
+    results_path : path
+        With the results of stage synthetic, where the block is measured in heads.
+
+    Raises
+    ------
+    FlightError
+        Where these are missing or of another flight, or this one has no block calibration.
+    AdjustmentError
+        As `calibrate`.
+    """
+    stage = calibrate(flight, measured(flight, results_path))
+    write(flight, results_path, stage.mountings, stage.sigma_factors)
+    return stage
+
+
 def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     """Calibrate the mounting by all methods, by the settings of flight.toml.
 
@@ -80,9 +104,14 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
         refraction=flight.refraction,
         gnss=flight.gnss,
     )
-    block, factors = weights.weighted(block, weights=flight.weights, **settings)
-    mountings = mounting.calibrate(block, **settings)
-    return MountingStage(block=block, sigma_factors=factors, settings=settings, mountings=mountings)
+    block, factors = weighted(flight, block, weights=flight.weights, **settings)
+    outcomes = mounting.outcomes(block, **settings)
+    return MountingStage(
+        block=block,
+        sigma_factors=factors,
+        settings=settings,
+        mountings=gathered(flight, outcomes),
+    )
 
 
 def _as_measured(flight: Flight) -> Block:
@@ -92,8 +121,8 @@ def _as_measured(flight: Flight) -> Block:
     return flight.block("calibration")
 
 
-def run(flight: Flight, results_path: str | Path) -> MountingStage:
-    """Return what `calibrate` does, and write it to the results.
+def measured(flight: Flight, results_path: str | Path) -> Block:
+    """Return the calibration block, its points carried where it is measured in heads.
 
     Parameters
     ----------
@@ -106,21 +135,80 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
     ------
     FlightError
         Where these are missing or of another flight, or this one has no block calibration.
-    AdjustmentError
-        As `calibrate`.
     """
-    block = flight.block("calibration")
-    if "calibration" in flight.carried:
-        found = provenance.results_before(results_path, ["synthetic"], flight)
-        block = mounted_block(flight, "calibration", found)
+    if "calibration" not in flight.carried:
+        return flight.block("calibration")
+    found = provenance.results_before(results_path, ["synthetic"], flight)
+    return mounted_block(flight, "calibration", found)
+
+
+def weighted(
+    flight: Flight,
+    block: Block,
+    *,
+    weights: str,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
+) -> tuple[Block, dict[str, float]]:
+    """Return what `calibration.weights.weighted` does; the reading that fits explains a failure.
+
+    Parameters
+    ----------
+    flight : Flight
+        Of which the block is.
+    block, weights, free, fix, refraction, gnss
+        As there.
+
+    Raises
+    ------
+    AdjustmentError
+        Where the single step or the factors do not converge.
+    """
+    with solving(flight, "calibration"), explaining(flight, "calibration"):
+        return sigma.weighted(
+            block, weights=weights, free=free, fix=fix, refraction=refraction, gnss=gnss
+        )
+
+
+def gathered(flight: Flight, outcomes: Sequence[Mounting | Failed]) -> Mountings:
+    """Return the outcomes of all methods as one value.
+
+    Parameters
+    ----------
+    flight : Flight
+    outcomes : sequence of Mounting or Failed
+        Of the methods that were tried, each once.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no method has an outcome, with the reading of the flight that would explain it.
+    """
+    with solving(flight, "calibration"), explaining(flight, "calibration"):
+        return mounting.together(outcomes)
+
+
+def write(
+    flight: Flight,
+    results_path: str | Path,
+    mountings: Mountings,
+    factors: Mapping[str, float],
+) -> None:
+    """Write the results of all methods, with an explanation of those that failed.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+    mountings : Mountings
+    factors : mapping of str to float
+        By what the given standard deviations were multiplied, by group of observations.
+    """
     with solving(flight, "calibration"):
-        with explaining(flight, "calibration"):
-            stage = calibrate(flight, block)
         records = adjustments.of_mountings(
-            stage.mountings,
-            applied=stage.sigma_factors,
-            over_ground=flight.validation is None,
+            mountings, applied=factors, over_ground=flight.validation is None
         )
         records = explained(records, flight, "calibration")
     adjustments.write(results_path, "mounting", records, flight=flight)
-    return stage

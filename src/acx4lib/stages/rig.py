@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import RIGS
 from acx4lib.calibration.mounting import Mounting
-from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
-from acx4lib.results.adjustments import Record, of_left_out, of_mounting, write
+from acx4lib.results import adjustments
+from acx4lib.results.adjustments import Record, of_left_out, of_mounting
 from acx4lib.stages.explained import explained, solving
 
 
@@ -55,18 +57,10 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     RigStage
         Of the block heads.
     """
-    stages = []
-    over_ground = "validation" not in flight.carried
-    blocks = {"rig": "heads", "rig_calibration": "calibration"}
-    for method in blocks if "calibration" in flight.carried else ("rig",):
-        with solving(flight, blocks[method]):
-            stage = calibrate(flight, method=method)
-            said = records(stage, over_ground=over_ground)
-            found = explained(said, flight, blocks[method])
-        stages.append((stage, found))
-    for stage, found in stages:
-        write(results_path, f"mounting/{stage.method}", found, flight=flight)
-    return stages[0][0]
+    methods = RIGS if "calibration" in flight.carried else RIGS[:1]
+    stages = [calibrate(flight, method=method) for method in methods]
+    write(flight, results_path, stages)
+    return stages[0]
 
 
 def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
@@ -79,21 +73,70 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
     method : str
         ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
     """
+    block = measured(flight, method)
+    with solving(flight, block.name):
+        found = attempt(
+            rig.calibrate, block, free=flight.estimate_heads, refraction=flight.refraction
+        )
+        return gathered(block, found, method)
+
+
+def measured(flight: Flight, method: str = "rig") -> Block:
+    """Return the block of a rig, with its heads in the order of flight.toml's [synthetic].
+
+    Parameters
+    ----------
+    flight : Flight
+        With the block.
+    method : str
+        ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
+    """
     expected.one_of("method", method, RIGS)
-    block = _of_heads(flight, "heads" if method == "rig" else "calibration")
-    try:
-        found = rig.calibrate(block, free=flight.estimate_heads, refraction=flight.refraction)
-    except AdjustmentError as error:
-        return RigStage(block=block, rig=None, left_out=str(error), method=method)
-    return RigStage(block=block, rig=replace(found, method=method), method=method)
-
-
-def _of_heads(flight: Flight, name: str) -> Block:
-    """Return a block with its heads in the order of flight.toml's [synthetic]."""
-    block = flight.block(name)
+    block = flight.block("heads" if method == "rig" else "calibration")
     present = [camera.name for camera in block.cameras]
     order = flight.synthetic.heads if flight.synthetic else present
     return select_cameras(block, [head for head in order if head in present])
+
+
+def gathered(block: Block, found: Mounting | Failed, method: str = "rig") -> RigStage:
+    """Return a block and the rig that was calibrated in it as one value.
+
+    Parameters
+    ----------
+    block : Block
+    found : Mounting or Failed
+    method : str
+        One of `estimates.RIGS`.
+
+    Raises
+    ------
+    LinAlgError
+        Where nothing can be computed with a number of the block.
+    """
+    if isinstance(found, Mounting):
+        return RigStage(block=block, rig=replace(found, method=method), method=method)
+    if isinstance(found.error, np.linalg.LinAlgError):
+        raise found.error
+    return RigStage(block=block, rig=None, left_out=found.reason, method=method)
+
+
+def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) -> None:
+    """Write the results of rigs beside those of stage mounting.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+    stages : sequence of RigStage
+        As `gathered` makes them.
+    """
+    over_ground, found = "validation" not in flight.carried, []
+    for stage in stages:
+        with solving(flight, stage.block.name):
+            said = records(stage, over_ground=over_ground)
+            found.append(explained(said, flight, stage.block.name))
+    for stage, rows in zip(stages, found, strict=True):
+        adjustments.write(results_path, f"mounting/{stage.method}", rows, flight=flight)
 
 
 def records(stage: RigStage, *, over_ground: bool = False) -> list[Record]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.results import folder, provenance
-from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, write
+from acx4lib.results import adjustments, folder, provenance
+from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation
 from acx4lib.results.carried import of_carried
 from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.explained import solving
@@ -155,8 +157,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
             name: carry(flight.block(name), refinement.orientation, synthetic)
             for name in flight.carried
         }
-    points = [of_carried(flight, carried)] if carried else []
-    write(results_path, "synthetic", [*records(refinement), *points], flight=flight)
+    write(flight, results_path, refinement, carried)
     return SyntheticStage(
         synthetic=synthetic,
         orientation=orientation,
@@ -198,22 +199,58 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
         From pixels; None takes the points that two heads measured at one exposure.
     """
     ties = shared_points(flight.block("heads"), orientation) if found is None else found.ties
-    orientations, fits, reasons = {"before": orientation}, {}, {}
-    for way in FREE:
-        try:
-            fits[way] = refine_by_rotations(orientation, ties, free=way)
-            orientations[way] = fits[way].orientation
-        except AdjustmentError as error:
-            reasons[way] = "; ".join([str(error), *_warnings(found)])
-    if len(ties):
-        rejected = fits["rotations"].rejected if fits else np.zeros(len(ties), dtype=bool)
-        orientations["mean shift"] = refine_by_mean_differences(orientation, ties[~rejected])
+    fits = {way: attempt(refine_by_rotations, orientation, ties, free=way) for way in FREE}
+    shifted = refine_by_mean_differences(orientation, kept(ties, fits["rotations"]))
+    return gathered(orientation, ties, fits, shifted, found)
+
+
+def kept(ties: TiePoints, fit: Refined | Failed) -> TiePoints:
+    """Return the tie points that a refinement did not reject; all, where it failed.
+
+    Parameters
+    ----------
+    ties : TiePoints
+    fit : Refined or Failed
+    """
+    return ties[~fit.rejected] if isinstance(fit, Refined) else ties
+
+
+def gathered(
+    orientation: RelativeOrientation,
+    ties: TiePoints,
+    fits: Mapping[str, Refined | Failed],
+    shifted: RelativeOrientation,
+    found: FoundTies | None = None,
+) -> Refinement:
+    """Return the refinements of the heads as one value.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+        Before them.
+    ties : TiePoints
+    fits : mapping of str to Refined or Failed
+        By rotations, by the ways of `refinement.FREE`.
+    shifted : RelativeOrientation
+        By mean differences; not taken where there are no tie points.
+    found : FoundTies, optional
+        Where the tie points are from pixels; what is wrong with overlaps is said with a failure.
+    """
+    for failure in fits.values():
+        if isinstance(failure, Failed) and isinstance(failure.error, np.linalg.LinAlgError):
+            raise failure.error
+    done = {way: fit for way, fit in fits.items() if isinstance(fit, Refined)}
+    orientations = {"before": orientation, **{way: fit.orientation for way, fit in done.items()}}
     return Refinement(
         ties=ties,
         from_pixels=found is not None,
-        orientations=orientations,
-        fits=fits,
-        reasons=reasons,
+        orientations={**orientations, **({"mean shift": shifted} if len(ties) else {})},
+        fits=done,
+        reasons={
+            way: "; ".join([failure.reason, *_warnings(found)])
+            for way, failure in fits.items()
+            if isinstance(failure, Failed)
+        },
     )
 
 
@@ -221,6 +258,27 @@ def _warnings(found: FoundTies | None) -> list[str]:
     """Return what is wrong with overlaps, once for all exposures."""
     overlaps = [] if found is None else found.overlaps
     return list(dict.fromkeys(one.sentence for one in overlaps if one.sentence))
+
+
+def write(
+    flight: Flight,
+    results_path: str | Path,
+    refinement: Refinement,
+    carried: Mapping[str, CarriedPoints],
+) -> None:
+    """Write the refined heads, and the points that they carried into the synthetic image.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+    refinement : Refinement
+    carried : mapping of str to CarriedPoints
+        By block; empty where the flight is measured in synthetic images.
+    """
+    points = [of_carried(flight, carried)] if carried else []
+    rows = [*records(refinement), *points]
+    adjustments.write(results_path, "synthetic", rows, flight=flight)
 
 
 def records(refinement: Refinement) -> list[Record]:

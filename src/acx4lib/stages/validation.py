@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from acx4lib.calibration.estimates import Calibration
@@ -11,7 +11,7 @@ from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
-from acx4lib.results import adjustments, earlier, provenance, read_back
+from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
 from acx4lib.stages.explained import explained, solving
@@ -67,64 +67,81 @@ def run(
     AdjustmentError
         Where nothing can be computed with the numbers of the block.
     """
-    if str(calibration_path):
-        return _of_earlier(flight, results_path, earlier.read(calibration_path, flight))
-    needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
-    before = [stage for stage, is_needed in needed.items() if is_needed]
-    found = provenance.results_before(results_path, before, flight)
-    block = mounted_block(flight, "validation", found)
-    calibrations = read_back.calibrations_for(flight, found, block.cameras)
-    rigs = {}
-    if "validation" in flight.carried:
-        rigs = read_back.rigs_for(found, flight.block("validation").cameras)
-    stage = _validated(flight, block, calibrations, rigs)
-    adjustments.write(results_path, "validation", _records(flight, stage), flight=flight)
+    before = _earlier(flight, calibration_path)
+    block = measured(flight, results_path, calibration_path)
+    methods = calibrations(flight, results_path, calibration_path)
+    rigs = calibrated_rigs(flight, results_path, calibration_path)
+    with solving(flight, "validation"):
+        stage = ValidationStage(
+            block=block,
+            calibrations=methods,
+            validations=_validations(flight, block, methods),
+            rigs=rigs,
+            in_heads=_validations(flight, flight.block("validation"), rigs),
+            earlier=before.sentence if before else "",
+        )
+    found = {one.method: one for one in (*stage.validations, *stage.in_heads)}
+    write(flight, results_path, found, {**methods, **rigs}, calibration_path)
     return stage
 
 
-def _of_earlier(
-    flight: Flight, results_path: str | Path, before: earlier.Earlier
-) -> ValidationStage:
-    """Validate the calibrations of an earlier flight, and write the results."""
-    block = before.block(flight)
-    rigs = before.rigs(flight.block("validation")) if "validation" in flight.carried else {}
-    stage = _validated(flight, block, before.calibrations(block), rigs)
-    first, *others = _records(flight, stage)
-    notes = [f"validation: {before.sentence}"]
-    records = [earlier.named(first, before, notes=notes)]
-    records += [earlier.named(record, before) for record in others]
-    adjustments.write(results_path, "validation", records, flight=flight)
-    return replace(stage, earlier=before.sentence)
+def measured(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Block:
+    """Return the validation block, its points carried where it is measured in heads.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`; raises as this does, here and below.
+    """
+    if before := _earlier(flight, calibration_path):
+        return before.block(flight)
+    return mounted_block(flight, "validation", _before(flight, results_path))
 
 
-def _records(flight: Flight, stage: ValidationStage) -> list[adjustments.Record]:
-    flown = flight.blocks.get("calibration")
-    with solving(flight, "validation"):
-        records = of_validations(
-            [*stage.validations, *stage.in_heads],
-            {**stage.calibrations, **stage.rigs},
-            frozenset() if flown is None else features(flown),
-            late="delay" in flight.gnss,
-        )
-        return explained(records, flight, "validation")
+def calibrations(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
+) -> dict[str, Calibration]:
+    """Return the calibrations whose parameters are all determined, by method.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`.
+    """
+    if before := _earlier(flight, calibration_path):
+        return before.calibrations(before.block(flight))
+    found = _before(flight, results_path)
+    block = mounted_block(flight, "validation", found)
+    return read_back.calibrations_for(flight, found, block.cameras)
 
 
-def _validated(
-    flight: Flight,
-    block: Block,
-    calibrations: dict[str, Calibration],
-    rigs: Mapping[str, Calibration],
-) -> ValidationStage:
-    """Validate calibrations in a block, and rigs as it was measured in heads."""
-    measured = flight.block("validation")
-    with solving(flight, "validation"):
-        return ValidationStage(
-            block=block,
-            calibrations=calibrations,
-            validations=_validations(flight, block, calibrations),
-            rigs=rigs,
-            in_heads=_validations(flight, measured, rigs),
-        )
+def calibrated_rigs(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
+) -> dict[str, Calibration]:
+    """Return calibrations of the heads, by method, where the block is measured in these.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`.
+    """
+    if "validation" not in flight.carried:
+        return {}
+    if before := _earlier(flight, calibration_path):
+        return before.rigs(flight.block("validation"))
+    found = _before(flight, results_path)
+    return read_back.rigs_for(found, flight.block("validation").cameras)
+
+
+def _earlier(flight: Flight, calibration_path: str | Path) -> earlier.Earlier | None:
+    return earlier.read(calibration_path, flight) if str(calibration_path) else None
+
+
+def _before(flight: Flight, results_path: str | Path) -> folder.Results:
+    """Return the results of the stages before."""
+    needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
+    stages = [stage for stage, is_needed in needed.items() if is_needed]
+    return provenance.results_before(results_path, stages, flight)
 
 
 def _validations(
@@ -134,3 +151,41 @@ def _validations(
         validate(block, calibration, method=method, refraction=flight.refraction)
         for method, calibration in calibrations.items()
     ]
+
+
+def write(
+    flight: Flight,
+    results_path: str | Path,
+    validations: Mapping[str, Validation],
+    calibrations: Mapping[str, Calibration],
+    calibration_path: str | Path = "",
+) -> None:
+    """Write the results of all validations.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+    validations : mapping of str to Validation
+        By method, those in the images of the heads among them.
+    calibrations : mapping of str to Calibration
+        By method, that of every validation.
+    calibration_path : path, optional
+        Results of the earlier flight whose calibrations they are.
+    """
+    flown, before = flight.blocks.get("calibration"), _earlier(flight, calibration_path)
+    with solving(flight, "validation"):
+        records = of_validations(
+            list(validations.values()),
+            calibrations,
+            frozenset() if flown is None else features(flown),
+            late="delay" in flight.gnss,
+        )
+        records = explained(records, flight, "validation")
+    if before:
+        notes = {0: [f"validation: {before.sentence}"]}
+        records = [
+            earlier.named(record, before, notes=notes.get(i, []))
+            for i, record in enumerate(records)
+        ]
+    adjustments.write(results_path, "validation", records, flight=flight)

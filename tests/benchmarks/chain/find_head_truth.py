@@ -46,7 +46,7 @@ class Chain:
 def calibrated_heads(flight: Flight) -> RelativeOrientation:
     """Return the relative orientation of a flight's heads."""
     heads = calibrate_heads(flight.heads, HEADS, free=flight.estimate_heads)
-    return relative_orientation(heads.bundles, flight.cameras["SYN"])
+    return relative_orientation(heads, flight.cameras["SYN"])
 
 
 def chain(flight: Flight) -> Chain:

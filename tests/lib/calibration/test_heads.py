@@ -58,6 +58,10 @@ def adjusted(block, free=("xp", "yp")):
     }
 
 
+def oriented(fits):
+    return ro.relative_orientation(ro.Heads(bundles=fits, failures={}), SYNTHETIC)
+
+
 @pytest.fixture(scope="module")
 def bundles(block):
     return adjusted(block)
@@ -67,7 +71,7 @@ def bundles(block):
 
 
 def test_angles_of_exact_heads_come_back(bundles):
-    found = ro.relative_orientation(bundles, SYNTHETIC)
+    found = oriented(bundles)
     assert_allclose(found.opk, R_H_S_OPK, atol=1e-10)  # rad
     assert [camera.name for camera in found.heads] == ["CAM1", "CAM2"]
     assert found.n_exposures == 6
@@ -75,7 +79,7 @@ def test_angles_of_exact_heads_come_back(bundles):
 
 def test_places_of_exact_heads_are_their_distances_in_millimetres_of_the_first(bundles, block):
     """S times the distance between the lenses in the synthetic frame, s = f_1 over the height."""
-    found = ro.relative_orientation(bundles, SYNTHETIC)
+    found = oriented(bundles)
     fit = bundles["CAM1"]
     s = []
     for image, pose in enumerate(fit.T_m_c.r):
@@ -104,7 +108,7 @@ def test_a_wrong_focal_length_goes_into_zc(block):
         ties=blocks.terrain(20, relief_m=5.0),
     )
     held = replace(exact, cameras=(head(0), replace(head(1), interior=Interior(f=50.0, yp=-0.03))))
-    found = ro.relative_orientation(adjusted(held, free=()), SYNTHETIC)
+    found = oriented(adjusted(held, free=()))
     # f held too short by 0.4 % puts the camera lower: Z_1 = Z (50.0 / 50.2), Zc less by 0.2 mm
     assert found.xyz_mm[1, 2] - found.xyz_mm[0, 2] == pytest.approx(-0.2, abs=0.02)
 
@@ -137,20 +141,20 @@ def without_images(block, images):
 
 def test_only_exposures_that_all_heads_have_are_averaged(block):
     some = without_images(block, [2, 7])  # CAM1 of exposure 1, CAM2 of exposure 3
-    assert ro.relative_orientation(adjusted(some), SYNTHETIC).n_exposures == 4
+    assert oriented(adjusted(some)).n_exposures == 4
 
 
 def test_an_exposure_without_attitude_is_not_averaged(block):
     sigma = block.trajectory.sigma_attitude.copy()
     sigma[4] = np.inf
     some = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
-    assert ro.relative_orientation(adjusted(some), SYNTHETIC).n_exposures == 5
+    assert oriented(adjusted(some)).n_exposures == 5
 
 
 def test_heads_that_share_no_exposure_are_an_error(block):
     halves = without_images(block, [0, 2, 4, 7, 9, 11])
     with pytest.raises(AdjustmentError, match="share no exposure"):
-        ro.relative_orientation(adjusted(halves), SYNTHETIC)
+        oriented(adjusted(halves))
 
 
 def test_a_mean_rotation_is_the_mean_of_small_turns(rng):
@@ -210,12 +214,10 @@ def test_what_a_heads_bundle_has_wrong_is_carried_over(block, rng, which, free):
 
     def at(share):
         state = fit.network.moved(fit.state, share * u, np.zeros((fit.network.n_points, 3)))
-        return values(
-            ro.relative_orientation({**fits, which: replace(fit, state=state)}, SYNTHETIC)
-        )
+        return values(oriented({**fits, which: replace(fit, state=state)}))
 
     effect = (at(1.0) - at(-1.0)) / 2
-    found = ro.relative_orientation(uncertain, SYNTHETIC).cov_joint
+    found = oriented(uncertain).cov_joint
     largest = np.abs(effect).max()
     # errors of a millimetre over 1000 m: curvature is a millionth
     assert_allclose(found, np.outer(effect, effect), atol=1e-5 * largest**2)
@@ -235,14 +237,14 @@ def test_what_the_trajectory_has_wrong_is_carried_over(bundles):
         for name, fit in fits.items():
             block = replace(fit.network.block, trajectory=replace(trajectory, T_m_b=T))
             moved[name] = replace(fit, network=replace(fit.network, block=block))
-        return values(ro.relative_orientation(moved, SYNTHETIC))
+        return values(oriented(moved))
 
     J = numeric_jacobian(at, np.zeros(36), step=np.tile([1e-2] * 3 + [1e-5] * 3, 6))
     numeric = np.zeros((30, 30))
     for e, cov in enumerate(trajectory.cov):
         own = J[:, 6 * e : 6 * e + 6]
         numeric += own @ cov @ own.T
-    found = ro.relative_orientation(fits, SYNTHETIC)
+    found = oriented(fits)
     assert np.all(found.sigma[:, 3:] > 1e-6)  # attitude noise, averaged over six exposures
     scale = np.sqrt(np.diag(numeric)) + 1e-30
     difference = (found.cov_joint - numeric) / np.outer(scale, scale)
@@ -259,16 +261,16 @@ def test_heads_share_the_errors_of_their_control_points():
     block = replace(block, control=replace(block.control, sigma_m=sigma))
 
     def estimate(changed):
-        return values(ro.relative_orientation(adjusted(changed, free=()), SYNTHETIC))[:12]
+        return values(oriented(adjusted(changed, free=())))[:12]
 
     fits = {
         name: replace(fit, solution=replace(fit.solution, cost=float(fit.solution.redundancy)))
         for name, fit in adjusted(block, free=()).items()
     }
-    found = ro.relative_orientation(fits, SYNTHETIC)
+    found = oriented(fits)
     numeric = blocks.numeric_covariance(block, estimate, kinds=("image_point", "control_point"))
     calm = without_trajectory_noise(fits)
-    cov = ro.relative_orientation(calm, SYNTHETIC).cov
+    cov = oriented(calm).cov
     scale = np.sqrt(np.diag(numeric))
     scale[2] = 1.0  # Zc of the first head has no error
     assert_allclose(cov / np.outer(scale, scale), numeric / np.outer(scale, scale), atol=0.01)

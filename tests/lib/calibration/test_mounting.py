@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from acx4book.paper import printed as paper
+from acx4lib.attempts import Failed
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
@@ -166,16 +167,22 @@ def test_a_part_of_the_mounting_can_be_held(exact_block, fix, names):
         assert found.n_columns == len(FREE) + len(names)
 
 
+def rejecting(block, rejected):
+    """Return the single step as if it had rejected other observations."""
+    single = mounting.single_step(block, free=FREE)
+    return replace(single, bundle=replace(single.bundle, rejected=rejected))
+
+
 @pytest.mark.parametrize("kind", ["gnss", "attitude"])
 def test_an_exposure_that_was_rejected_enters_no_mean(exact_block, kind):
     by = np.zeros((len(exact_block.trajectory), 3))
     by[3] = {"gnss": 5.0, "attitude": 0.01}[kind]
     spoilt = blocks.changed(blocks.approximate(exact_block), kind, by)
-    rejected = [Rejection(kind=kind, row=3, component=-1, statistic=99.0)]
-    found = mounting.two_step(spoilt, free=FREE, rejected=rejected)
+    rejected = (Rejection(kind=kind, row=3, component=-1, statistic=99.0),)
+    found = mounting.two_step(spoilt, free=FREE, after=rejecting(spoilt, rejected))
     assert np.flatnonzero(~found.averaged).tolist() == [3]
     assert_mounted(found.calibration.cameras[0], exact_block.cameras[0], lever_m=1e-7, angle=1e-9)
-    assert found.bundle.rejected == tuple(rejected)
+    assert found.bundle.rejected == rejected
 
 
 def test_a_mean_boresight_lies_amid_those_of_the_images():
@@ -188,6 +195,19 @@ def test_a_mean_boresight_lies_amid_those_of_the_images():
     away = log(found.calibration.cameras[0].T_b_c.R.T @ found.per_image.R)
     assert np.abs(away).max() > np.radians(0.2)
     assert_allclose(away.mean(axis=0), 0.0, atol=np.radians(0.002))  # weights differ by a per cent
+
+
+def test_a_method_begins_after_one_of_the_same_block_alone(noisy_block):
+    single = mounting.single_step(noisy_block, free=FREE)
+    fewer = replace(noisy_block, image_points=noisy_block.image_points[1:])
+    with pytest.raises(ValueError, match="after: expected an outcome on the same block"):
+        mounting.two_step(fewer, free=FREE, after=single)
+
+
+def test_nothing_is_taken_over_from_a_method_that_failed(noisy_block):
+    failed = Failed(method="single_step", reason="no start", error=AdjustmentError("no start"))
+    after, alone = (mounting.two_step(noisy_block, free=FREE, after=one) for one in (failed, None))
+    assert np.array_equal(after.calibration.cov, alone.calibration.cov)
 
 
 def test_single_step_says_what_it_rejected_and_the_others_take_it_over(noisy_block):

@@ -147,7 +147,7 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     heads = relative_orientation.calibrate_heads(
         flown.heads, flown.synthetic.heads, free=flown.estimate_heads
     )
-    said = relative_orientation.relative_orientation(heads.bundles, flown.cameras["SYN"])
+    said = relative_orientation.relative_orientation(heads, flown.cameras["SYN"])
     bundles = [
         adjustments.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
         for name, fit in heads.bundles.items()

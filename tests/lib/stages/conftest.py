@@ -14,7 +14,7 @@ def flight():
 
 @pytest.fixture(scope="session")
 def stage(flight):
-    return heads.orient(flight, heads.calibrate(flight))
+    return heads.calibrate(flight)
 
 
 @pytest.fixture(scope="session")

@@ -9,12 +9,16 @@ import pytest
 from acx4book.chapters.heads import sentences as head_sentences
 from acx4book.chapters.heads import tables
 from acx4book.paper.errata import audit
-from acx4lib.calibration.heads import Heads
+from acx4lib.calibration.heads import Heads, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.results import adjustments
 from acx4lib.results import folder as results
-from acx4lib.stages import heads, synthetic
+from acx4lib.stages import attempt, heads, synthetic
 from support.flights.simulated import HEADS
+
+
+def oriented(flight, fits):
+    return heads.gathered(fits, attempt(relative_orientation, fits, flight.synthetic_camera))
 
 
 def without_control(block):
@@ -36,7 +40,7 @@ def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder
 
 def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
-    failed = heads.orient(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
+    failed = oriented(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
     adjustments.write(tmp_path, "heads", heads.records(failed))
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
@@ -51,14 +55,14 @@ def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
 
 def test_heads_without_control_points_are_told_so(flight):
     block = without_control(flight.heads)
-    said = heads.calibrate(replace(flight, blocks={"heads": block}))
+    said = heads.calibrate(replace(flight, blocks={"heads": block})).heads
     assert set(said.failures) == set(HEADS)
     assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
 
 
 def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
     as_declared = replace(flight, estimate_heads=())
-    stage = heads.orient(as_declared, heads.calibrate(as_declared))
+    stage = heads.calibrate(as_declared)
     adjustments.write(tmp_path, "heads", heads.records(stage))
     read = synthetic.read_heads(as_declared, tmp_path)
     assert [head.interior.k1 for head in read.heads] == [0.0] * 4

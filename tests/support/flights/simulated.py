@@ -194,7 +194,7 @@ def head_estimates(*, seed, exact=False):
     heads = relative_orientation.calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads)
     assert not heads.failures
     oriented = relative_orientation.relative_orientation(
-        heads.bundles, flown.cameras[flown.synthetic.camera]
+        heads, flown.cameras[flown.synthetic.camera]
     )
     ties = tie_points.shared_points(flown.heads, oriented)
     refined = tie_points.refine_by_mean_differences(oriented, ties)

@@ -35,6 +35,8 @@ from support.wrong_calls.material import (
     said,
 )
 
+NO_HEADS = heads.Heads(bundles={}, failures={})
+
 
 def adjusted() -> list[Wrong]:
     lonely = replace(BLOCK, image_points=POINTS[:0])
@@ -111,8 +113,8 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
-            lambda: mounting.two_step(BLOCK, free=FREE, start=BLOCK.T_m_b_images),
-            "start: expected a State, got a Pose",
+            lambda: mounting.two_step(BLOCK, free=FREE, after=fit()),
+            "after: expected a Mounting, got a Bundle",
         ),
         Wrong(
             lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),
@@ -136,15 +138,15 @@ def adjusted() -> list[Wrong]:
             "has no camera 'TAIL', only CAM, SIDE",
         ),
         Wrong(
-            lambda: heads.relative_orientation({}, SYNTHETIC),
-            "bundles: expected one Bundle at least, got none",
+            lambda: heads.relative_orientation(NO_HEADS, SYNTHETIC),
+            "heads: expected one head at least, got none",
         ),
         Wrong(
-            lambda: heads.relative_orientation([fit()], SYNTHETIC),
-            "bundles: expected a mapping of Bundle, got a list",
+            lambda: heads.relative_orientation({"CAM": fit()}, SYNTHETIC),
+            "heads: expected a Heads, got a dict",
         ),
         Wrong(
-            lambda: heads.relative_orientation({"CAM": fit()}, "SYN"),
+            lambda: heads.relative_orientation(NO_HEADS, "SYN"),
             "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(

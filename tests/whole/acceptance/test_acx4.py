@@ -210,7 +210,7 @@ def test_gross_errors_of_the_heads_are_found_and_do_no_harm():
 def test_a_measurement_taken_out_of_a_head_is_no_tie_point():
     found = flown.fly("acx4", seed=1, blocks=("heads",)).flight
     heads = calibrate_heads(found.heads, HEADS[:2], free=found.estimate_heads)
-    oriented = relative_orientation(heads.bundles, found.cameras["SYN"])
+    oriented = relative_orientation(heads, found.cameras["SYN"])
     ties = shared_points(found.heads, oriented)
     points = found.heads.image_points
     row = np.flatnonzero(np.all(points.colrow == ties.colrow_a[0], axis=1))

@@ -9,7 +9,7 @@ import numpy as np
 
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.uses import free_orientation
-from acx4lib.calibration.heads import RelativeOrientation, relative_orientation
+from acx4lib.calibration.heads import Heads, RelativeOrientation, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, select_cameras
@@ -106,7 +106,7 @@ def hold(flight: Flight, stage: HeadsStage, change_mm: Array) -> HeldFocalLength
             continue
     orientation, synthetic = None, flight.synthetic_camera
     if stage.orientation is not None and synthetic is not None and len(bundles) == len(fits) > 1:
-        orientation = relative_orientation(bundles, synthetic)
+        orientation = relative_orientation(Heads(bundles=bundles, failures={}), synthetic)
     return HeldFocalLength(change_mm=change_mm, bundles=bundles, orientation=orientation)
 
 

@@ -14,7 +14,7 @@ def synthetic(flown):
 
 @pytest.fixture(scope="session")
 def orientation(fits, synthetic):
-    return relative_orientation(fits, synthetic)
+    return relative_orientation(Heads(bundles=fits, failures={}), synthetic)
 
 
 @pytest.fixture(scope="session")

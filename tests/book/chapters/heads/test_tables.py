@@ -5,9 +5,13 @@ from dataclasses import replace
 from acx4book.chapters.heads import held_focal_length, tables
 from acx4book.chapters.heads import sentences as head_sentences
 from acx4book.paper import printed as paper
-from acx4lib.calibration.heads import Heads
-from acx4lib.stages import heads
+from acx4lib.calibration.heads import Heads, relative_orientation
+from acx4lib.stages import attempt, heads
 from support.flights.simulated import HEADS
+
+
+def oriented(flight, fits):
+    return heads.gathered(fits, attempt(relative_orientation, fits, flight.synthetic_camera))
 
 
 def test_table_1_has_every_printed_number(flight, stage):
@@ -55,7 +59,7 @@ def test_held_focal_lengths_are_tabled_and_said(flight, stage):
 
 
 def test_other_heads_are_not_compared_with_the_paper(other):
-    stage = heads.orient(other, heads.calibrate(other))
+    stage = heads.calibrate(other)
     assert [head.name for head in stage.orientation.heads] == ["port", "starboard"]
     for table in (
         tables.quality(other, stage),
@@ -78,7 +82,7 @@ def test_the_paper_is_beside_no_other_choice_of_heads(flight):
 
 
 def test_without_any_head_everything_still_says_so(flight):
-    none = heads.orient(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
+    none = oriented(flight, Heads(bundles={}, failures=dict.fromkeys(HEADS, "no")))
     tried = held_focal_length.all_heads(flight, none, (-0.5, 0.0, 0.5))
     for table in (tables.quality, tables.interior, tables.border):
         assert table(flight, none)["Head"].tolist() == ["none could be adjusted"]

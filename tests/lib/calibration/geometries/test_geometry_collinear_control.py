@@ -69,9 +69,11 @@ def test_points_that_were_rejected_or_not_measured_do_not_count():
     control = np.concatenate([on_a_line(12), blocks.crosses()[:1]])
     block = block_with(control)
     assert np.isfinite(mounting.two_step(block, free=FREE).calibration.cov).all()
-    rejected = [Rejection(kind="control_point", row=12, component=2, statistic=9.0)]
+    single = mounting.single_step(block, free=FREE)
+    rejected = (Rejection(kind="control_point", row=12, component=2, statistic=9.0),)
+    after = replace(single, bundle=replace(single.bundle, rejected=rejected))
     with pytest.raises(AdjustmentError, match="12 control points"):
-        mounting.two_step(block, free=FREE, rejected=rejected)
+        mounting.two_step(block, free=FREE, after=after)
     points = block.image_points
     unseen = replace(block, image_points=points[points.point_idx != 12])
     with pytest.raises(AdjustmentError, match="12 control points"):

@@ -73,7 +73,7 @@ def compute(read: flight.Flight) -> str:
     """Adjust a flight as the stages do, and return how that ended."""
     with contextlib.suppress(AdjustmentError):
         if read.heads is not None:
-            heads.orient(read, heads.calibrate(read))
+            heads.calibrate(read)
     if read.calibration is None:
         return "computed"
     try:

@@ -109,7 +109,7 @@ def synthetic(seed: int) -> Case:
     flight = read_back(acx4_plan(), seed, ("heads", "calibration", "validation"))
     camera = flight.cameras["SYN"]
     heads = calibrate_heads(flight.blocks["heads"], flight.head_names, free=flight.estimate_heads)
-    oriented = relative_orientation(heads.bundles, camera)
+    oriented = relative_orientation(heads, camera)
     refined = refine(flight, oriented, None).orientation
 
     def carried(name: str) -> Block:

@@ -1,0 +1,68 @@
+"""A computation that is tried: its outcome, or why it has none, as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+import numpy as np
+
+from acx4lib.errors import AdjustmentError, unsolvable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Failed:
+    """A computation without an outcome; false in a condition.
+
+    Attributes
+    ----------
+    method : str
+        Name of the function that failed.
+    reason : str
+    error : Exception
+        What it raised: an AdjustmentError, or numpy's LinAlgError.
+    """
+
+    method: str
+    reason: str
+    error: Exception
+
+    def __bool__(self) -> bool:
+        """Tell that there is no outcome."""
+        return False
+
+    def __repr__(self) -> str:
+        """Say what failed, and why, in one line."""
+        return f"Failed({self.method}: {self.reason.splitlines()[0] if self.reason else ''})"
+
+    def table(self) -> pd.DataFrame:
+        """Return a table of parameters without any."""
+        import pandas as pd  # noqa: PLC0415 few attempts fail, and it loads long
+
+        index = pd.MultiIndex.from_arrays([[], []], names=["parameter", "unit"])
+        return pd.DataFrame({"value": [], "sigma": []}, index=index, dtype=float)
+
+
+def attempt(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Failed:
+    """Return what a function returns, or a Failed where its data determine no outcome.
+
+    Parameters
+    ----------
+    function : callable
+    *args, **kwargs
+        What it is called with.
+    """
+    name = getattr(function, "__name__", type(function).__name__)
+    try:
+        return function(*args, **kwargs)
+    except AdjustmentError as error:
+        return Failed(method=name, reason=str(error), error=error)
+    except np.linalg.LinAlgError as error:
+        return Failed(method=name, reason=str(unsolvable(str(error))), error=error)
