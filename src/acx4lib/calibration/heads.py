@@ -125,7 +125,9 @@ def calibrate_heads(
     return Heads(bundles=bundles, failures=failures)
 
 
-def relative_orientation(heads: Heads, synthetic: Camera | None) -> RelativeOrientation:
+def relative_orientation(
+    heads: Heads, synthetic: Camera | None, *, weak: bool = False
+) -> RelativeOrientation:
     """Return the orientation of heads in the synthetic frame, mean of their common exposures.
 
     Parameters
@@ -135,6 +137,8 @@ def relative_orientation(heads: Heads, synthetic: Camera | None) -> RelativeOrie
     synthetic : Camera or None
         Its declared mounting turns the body frame into the synthetic frame. A flight without a
         table [synthetic] has none.
+    weak : bool
+        Whether interior orientations that the data do not determine are good enough.
 
     Returns
     -------
@@ -162,9 +166,8 @@ def relative_orientation(heads: Heads, synthetic: Camera | None) -> RelativeOrie
         raise AdjustmentError(f"{', '.join(heads.failures)} could not be adjusted")
     fits = list(heads.bundles.values())
     expected.some("heads", fits, "head")
-    weak = [name for name, fit in heads.bundles.items() if not_determined(from_bundle(fit))]
-    if weak:
-        msg = f"the interior orientation of {', '.join(weak)} is not determined"
+    if not weak and (open_ones := [n for n, fit in heads.bundles.items() if _is_weak(fit)]):
+        msg = f"the interior orientation of {', '.join(open_ones)} is not determined"
         raise AdjustmentError(msg)
     images, exposures = _common(fits)
     T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
@@ -220,6 +223,10 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
         cov_joint=np.zeros((15 * n, 15 * n)),
         n_exposures=0,
     )
+
+
+def _is_weak(fit: Bundle) -> bool:
+    return bool(not_determined(from_bundle(fit)))
 
 
 def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:

@@ -151,6 +151,25 @@ def test_an_exposure_without_attitude_is_not_averaged(block):
     assert oriented(adjusted(some)).n_exposures == 5
 
 
+def test_weak_interior_orientations_orient_nothing_unless_they_may(block, rng):
+    heights = np.tile([0.03, 0.03, 20.0], (len(block.control), 1))  # of which f is a share
+    control = replace(block.control, sigma_m=heights)
+    noisy = blocks.noisy(replace(block, control=control), rng)
+    weak = adjusted(noisy, free=("f", "xp", "yp"))
+    with pytest.raises(AdjustmentError, match="the interior orientation of CAM1, CAM2 is not"):
+        oriented(weak)
+    fits = ro.Heads(bundles=weak, failures={})
+    assert ro.relative_orientation(fits, SYNTHETIC, weak=True).n_exposures == 6
+
+
+def test_a_head_that_could_not_be_adjusted_leaves_the_others_without_orientation(bundles):
+    fits = ro.Heads(bundles=bundles, failures={"CAM3": "too few"})
+    with pytest.raises(AdjustmentError, match="CAM3 could not be adjusted"):
+        ro.relative_orientation(fits, SYNTHETIC)
+    with pytest.raises(AdjustmentError, match=r"flight.toml has no table \[synthetic\]"):
+        ro.relative_orientation(replace(fits, failures={}), None)
+
+
 def test_heads_that_share_no_exposure_are_an_error(block):
     halves = without_images(block, [0, 2, 4, 7, 9, 11])
     with pytest.raises(AdjustmentError, match="share no exposure"):

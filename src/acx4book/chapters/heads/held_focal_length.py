@@ -106,7 +106,9 @@ def hold(flight: Flight, stage: HeadsStage, change_mm: Array) -> HeldFocalLength
             continue
     orientation, synthetic = None, flight.synthetic_camera
     if stage.orientation is not None and synthetic is not None and len(bundles) == len(fits) > 1:
-        orientation = relative_orientation(Heads(bundles=bundles, failures={}), synthetic)
+        orientation = relative_orientation(
+            Heads(bundles=bundles, failures={}), synthetic, weak=True
+        )
     return HeldFocalLength(change_mm=change_mm, bundles=bundles, orientation=orientation)
 
 

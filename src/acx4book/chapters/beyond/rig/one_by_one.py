@@ -47,7 +47,7 @@ def oriented(flight: Flight, stage: RigStage) -> dict[str, RelativeOrientation]:
         if fits.failures:
             continue
         try:
-            out[title] = heads.relative_orientation(fits, synthetic)
+            out[title] = heads.relative_orientation(fits, synthetic, weak=True)
         except AdjustmentError:
             continue
         if title == ONE_BY_ONE:
