@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.errors import AdjustmentError, unsolvable
 
 if TYPE_CHECKING:
@@ -40,14 +41,15 @@ class Failed:
 
     def __repr__(self) -> str:
         """Say what failed, and why, in one line."""
-        return f"Failed({self.method}: {self.reason.splitlines()[0] if self.reason else ''})"
+        return shown.line(f"Failed {self.method}", " ".join(self.reason.split()))
 
     def table(self) -> pd.DataFrame:
         """Return a table of parameters without any."""
-        import pandas as pd  # noqa: PLC0415 few attempts fail, and it loads long
+        return shown.parameter_table(())
 
-        index = pd.MultiIndex.from_arrays([[], []], names=["parameter", "unit"])
-        return pd.DataFrame({"value": [], "sigma": []}, index=index, dtype=float)
+    def quality(self) -> pd.DataFrame:
+        """Return a table of adjustments without any."""
+        return shown.row_table("method", {})
 
 
 def attempt(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Failed:

@@ -24,7 +24,7 @@ def test_what_is_not_determined_is_a_value_that_is_false_and_says_why():
     assert isinstance(failed, Failed)
     assert not failed
     assert failed.reason == "5 is odd\nand so on"
-    assert repr(failed) == "Failed(half: 5 is odd)"
+    assert repr(failed) == "Failed half: 5 is odd and so on"
 
 
 def test_a_failure_of_linear_algebra_is_one_of_the_data():

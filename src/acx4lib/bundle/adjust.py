@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.gross_errors.limits import Stopped
 from acx4lib.bundle.gross_errors.rejections import Exchange, Rejection
 from acx4lib.bundle.network import Network, camera_poses
@@ -24,6 +26,9 @@ from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.dense import held_at_zero
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HIGH = 100.0
 """Variance factor above which it is checked whether the minimum found is the right one."""
@@ -54,6 +59,23 @@ class Bundle:
     stopped: tuple[Stopped, ...] = ()
     exchanged: tuple[Exchange, ...] = ()
 
+    def __repr__(self) -> str:
+        """Say in a line what was adjusted, and how it fits."""
+        n = shown.count(self.solution.n_observations, "observation")
+        redundancy = f"redundancy {self.solution.redundancy}"
+        return shown.line(f"Bundle of {self.network.block.name!r}", n, redundancy, *self.said)
+
+    @property
+    def said(self) -> tuple[str, str, str]:
+        """How it fits, in parts of a line."""
+        fit = f"σ0² {self.solution.sigma0_sq:.3f} (p {self.solution.chi_square_p:.3f})"
+        steps = shown.count(self.solution.iterations, "iteration")
+        return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""
+
+    def quality(self) -> pd.DataFrame:
+        """Return the adjustment in a row: its size, redundancy and global test."""
+        return qualities("block", {self.network.block.name: self})
+
     @property
     def cameras(self) -> tuple[Camera, ...]:
         """The block's cameras with their estimates: interior orientation, mounting if mounted."""
@@ -83,6 +105,32 @@ class Bundle:
         undetermined = np.append(self.solution.undetermined, False)
         is_open: Mask = np.any(undetermined[self.network.layout.pose], axis=1)
         return ~is_open[self.network.pose_idx]
+
+
+def qualities(name: str, bundles: Mapping[str, Bundle]) -> pd.DataFrame:
+    """Return adjustments, a row for each: size, redundancy, global test, and what was taken out.
+
+    Parameters
+    ----------
+    name : str
+        What the keys are.
+    bundles : mapping of str to Bundle
+    """
+    return shown.row_table(name, {key: _quality(one) for key, one in bundles.items()})
+
+
+def _quality(bundle: Bundle) -> dict[str, object]:
+    solution = bundle.solution
+    return {
+        "observations": solution.n_observations,
+        "unknowns": solution.n_unknowns,
+        "redundancy": solution.redundancy,
+        "σ0²": solution.sigma0_sq,
+        "p of χ²": solution.chi_square_p,
+        "iterations": solution.iterations,
+        "rejected": len(bundle.rejected),
+        "left out": sum(bundle.network.left_out.values()),
+    }
 
 
 def adjust(network: Network) -> Bundle:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.trust.needs import needed
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
-from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED, SHOWN
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from acx4lib.bundle.adjust import Bundle
 
 TWO_STEP = ("two_step", "two_step_gnss")
@@ -70,10 +72,41 @@ class Calibration:
         expected.symmetric("cov", self.cov)
         expected.size("sigma0_sq", self.sigma0_sq)
 
+    def __repr__(self) -> str:
+        """Say in a line what was estimated."""
+        of = shown.names([camera.name for camera in self.cameras])
+        return shown.line("Calibration", of, *_size(self))
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters that were estimated, and those that were held.
+
+        Of an interior orientation, parameters that are held at zero are left out; of mountings,
+        all are there where one of them was estimated, or nothing at all.
+        """
+        return shown.parameter_table(parameter_rows(self))
+
     @property
     def n_columns(self) -> int:
         """Number of estimated parameters."""
         return self.layout.n_columns
+
+
+def _size(calibration: Calibration) -> tuple[str, str]:
+    n = shown.count(calibration.n_columns, "parameter")
+    return n, f"σ0² {calibration.sigma0_sq:.3f}" if calibration.n_columns else ""
+
+
+def parameter_rows(calibration: Calibration) -> Iterator[shown.Row]:
+    """Yield the parameters of a calibration as its table has them."""
+    sigma = {(p.camera, p.key): p.sigma for p in parameters(calibration)}
+    mounted = bool(np.any(calibration.layout.mount >= 0)) or not calibration.n_columns
+    for camera in calibration.cameras:
+        values = reported_values(camera)
+        for key, (name, _) in REPORTED.items():
+            is_held_and_used = mounted if key in MOUNT else values[name] != 0
+            if (camera.name, key) in sigma or is_held_and_used:
+                own = sigma.get((camera.name, key), np.nan)
+                yield shown.Row(camera.name, *SHOWN[key], values[name], own)
 
 
 @dataclass(frozen=True, kw_only=True)

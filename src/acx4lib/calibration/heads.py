@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle
+from acx4lib import expected, shown
+from acx4lib.bundle.adjust import Bundle, qualities
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.uses import free_orientation
-from acx4lib.calibration.estimates import from_bundle, not_determined
+from acx4lib.calibration.estimates import from_bundle, not_determined, parameter_rows
 from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
+from acx4lib.geometry.parameters import RELATIVE
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.eliminated_points import cross_covariance
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +42,21 @@ class Heads:
 
     bundles: dict[str, Bundle]
     failures: dict[str, str]
+
+    def __repr__(self) -> str:
+        """Name the heads in a line."""
+        failed = f"could not be adjusted: {', '.join(self.failures)}" if self.failures else ""
+        return shown.line("Heads", *self.bundles, failed)
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters of all heads with their units and sigma."""
+        return shown.parameter_table(
+            row for fit in self.bundles.values() for row in parameter_rows(from_bundle(fit))
+        )
+
+    def quality(self) -> pd.DataFrame:
+        """Return the adjustments, a row for every head."""
+        return qualities("camera", self.bundles)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +91,23 @@ class RelativeOrientation:
             expected.shape(name, getattr(self, name), (n, 3))
             expected.finite(name, getattr(self, name))
         expected.shape("cov_joint", self.cov_joint, (15 * n, 15 * n))
+
+    def __repr__(self) -> str:
+        """Say in a line of which heads, and from how much."""
+        of = shown.names([camera.name for camera in self.heads])
+        n = shown.count(self.n_exposures, "exposure")
+        return shown.line("RelativeOrientation", f"{of} over {n}")
+
+    def table(self) -> pd.DataFrame:
+        """Return the orientation of every head; sigma of what is held is NaN."""
+        to_shown = np.array([1.0, 1.0, 1.0, *3 * [np.degrees(1.0)]])
+        values = np.hstack([self.xyz_mm, self.opk]) * to_shown
+        sigma = np.where(self.sigma > 0, self.sigma, np.nan) * to_shown
+        return shown.parameter_table(
+            shown.Row(camera.name, *RELATIVE[i], float(values[k, i]), float(sigma[k, i]))
+            for k, camera in enumerate(self.heads)
+            for i in range(len(RELATIVE))
+        )
 
     @property
     def cov(self) -> Array:

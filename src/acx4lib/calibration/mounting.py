@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
-from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.adjust import Bundle, adjust, qualities
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.gross_errors.rejections import Rejection, without
 from acx4lib.bundle.observations.trajectory import PoseObservations, slow_errors
@@ -24,6 +25,9 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, transform
 from acx4lib.geometry.parameters import LEVER_ARM
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,6 +52,20 @@ class Mounting:
     per_image: Pose | None = None
     averaged: Mask | None = None
 
+    def __repr__(self) -> str:
+        """Say in a line what was estimated, and how it fits."""
+        of = shown.names([camera.name for camera in self.calibration.cameras])
+        n = shown.count(self.calibration.n_columns, "parameter")
+        return shown.line(f"Mounting by {self.method}", of, n, *self.bundle.said)
+
+    def table(self) -> pd.DataFrame:
+        """Return the calibration's parameters with their units and sigma."""
+        return self.calibration.table()
+
+    def quality(self) -> pd.DataFrame:
+        """Return the adjustment in a row."""
+        return qualities("method", {self.method: self.bundle})
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mountings:
@@ -63,6 +81,19 @@ class Mountings:
 
     methods: dict[str, Mounting]
     failures: dict[str, str]
+
+    def __repr__(self) -> str:
+        """Name the methods in a line."""
+        failed = f"without outcome {', '.join(self.failures)}" if self.failures else ""
+        return shown.line("Mountings", *self.methods, failed)
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters of all methods side by side."""
+        return shown.side_by_side(self.methods)
+
+    def quality(self) -> pd.DataFrame:
+        """Return the adjustments, a row for every method."""
+        return qualities("method", {name: one.bundle for name, one in self.methods.items()})
 
     def __getitem__(self, method: str) -> Mounting:
         """Return one method's outcome; raise an AdjustmentError with the reason if it failed."""

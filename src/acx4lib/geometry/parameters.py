@@ -38,3 +38,24 @@ REPORTED = {
 
 BORESIGHT_ANGLES = tuple(REPORTED[name][0] for name in BORESIGHT)
 """Names of the boresight angles in results."""
+
+SHOWN = {
+    **{key: (key, unit) for key, (_, unit) in REPORTED.items()},
+    **{
+        key: (f"{part} {axis}", unit)
+        for part, keys, axes, unit in (
+            ("lever", LEVER_ARM, "xyz", "m"),
+            ("boresight", BORESIGHT, "ωφκ", "°"),
+        )
+        for key, axis in zip(keys, axes, strict=True)
+    },
+    "k1": ("k1", "mm⁻²"),
+    "k2": ("k2", "mm⁻⁴"),
+    "k3": ("k3", "mm⁻⁶"),
+    "p1": ("p1", "mm⁻¹"),
+    "p2": ("p2", "mm⁻¹"),
+}
+"""The library's name of every parameter, and its name and unit in tables that values show."""
+
+RELATIVE = (("Xc", "mm"), ("Yc", "mm"), ("Zc", "mm"), ("ω", "°"), ("φ", "°"), ("κ", "°"))
+"""Names and units of a head's relative orientation, likewise."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.gross_errors.absurd_control import elsewhere
 from acx4lib.bundle.gross_errors.exchanged import pairs_of
 from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
@@ -16,10 +17,14 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
+from acx4lib.geometry.parameters import AXES
 from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.georeferencing import direct, error_sources, ray_tests
+from acx4lib.georeferencing import accuracy, direct, error_sources, ray_tests
 from acx4lib.georeferencing.differences import Differences, differences_at
 from acx4lib.least_squares.adjustment import two_sided_p
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,6 +73,36 @@ class Validation:
     redundancy: int
     joint_chi_square: float
     mean_cov: Array
+
+    def __repr__(self) -> str:
+        """Say in a line what was compared, and how it fits."""
+        points, pairs = (shown.count(len(of), n) for of, n in self._compared)
+        rms = accuracy.from_differences(self.points.d).rms if len(self.points) else ()
+        fit = f"RMS {', '.join(f'{value:.3f}' for value in rms)} m" if rms else ""
+        return shown.line(f"Validation of {self.method}", points, pairs, fit)
+
+    @property
+    def _compared(self) -> tuple[tuple[Differences, str], ...]:
+        return (self.points, "point"), (self.pairs, "pair")
+
+    def table(self) -> pd.DataFrame:
+        """Return mean, scatter and RMS of the differences, m, and the RMS that is expected.
+
+        Of pairs of images, as Table 4 counts, and of points, from all their rays.
+        """
+        rows = {}
+        for of, name in reversed(self._compared):
+            found = accuracy.from_differences(of.d)
+            by_sigma = np.sqrt(np.mean(of.sigma**2, axis=0)) if len(of) else np.full(3, np.nan)
+            for i, axis in enumerate(AXES):
+                rows[f"{name}s", axis, "m"] = {
+                    "n": found.n,
+                    "mean": found.mean[i],
+                    "scatter": found.std[i],
+                    "RMS": found.rms[i],
+                    "expected RMS": float(by_sigma[i]),
+                }
+        return shown.row_table(("of", "coordinate", "unit"), rows)
 
     @property
     def n_observations(self) -> int:
