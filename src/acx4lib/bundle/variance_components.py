@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -18,6 +18,7 @@ from acx4lib.least_squares.eliminated_points import elimination
 from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.residuals import Group
+from acx4lib.least_squares.statistical.weighted_squares import tails
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -32,8 +33,21 @@ PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
 GNSS plan and height are one group. Beside roll and pitch, positions in plan have so little
 redundancy that their component, estimated alone, may go to zero."""
 
+TESTED: tuple[tuple[str, str, tuple[int, ...]], ...] = (
+    ("control, plan", "control_point", (0, 1)),
+    ("control, height", "control_point", (2,)),
+    ("GNSS, plan", "gnss", (0, 1)),
+    ("GNSS, height", "gnss", (2,)),
+    ("roll and pitch", "attitude", (0, 1)),
+    ("heading", "attitude", (2,)),
+    ("distances", "distance", (0,)),
+)
+"""Groups besides the image points whose sigma are tested: a test needs less than an estimate."""
+
 LEAST_REDUNDANCY = 5.0
 """Effective redundancy below which a factor's standard deviation exceeds a third of it."""
+LEAST_TESTED = 1e-6
+"""Redundancy from which a group is tested: with less, residuals tell nothing."""
 LEAST_TO_ACCUSE = 2.0
 """Effective redundancy that is enough to call a sigma too small, where this is significant."""
 ALPHA = 0.001
@@ -47,6 +61,7 @@ are too large hide nothing, but residuals of a third of theirs are not those of 
 
 MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
 AT_A_TIME = 256  # rows of the joint redundancy that are computed together
+MOST_EXACT = 500  # rows of a group of which the distribution is computed from all eigenvalues
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +134,32 @@ class Component:
         return bool(far and replace(self, factor=self.applied, applied=1.0).p < ALPHA)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SigmaTest:
+    """A test of the sigma of one group of observations, those of the others taken for right.
+
+    Attributes
+    ----------
+    group : str
+    ratio : float
+        Root of v'Pv over the sum of the redundancy numbers: size of the errors over their sigma,
+        as far as they show in the group's own residuals.
+    redundancy : float
+        Sum of the redundancy numbers.
+    effective : float
+        Degrees of freedom of the chi-square distribution, times a factor, that has the mean and
+        the variance of v'Pv.
+    p : float
+        Two-sided probability of a ratio so far from one, if all sigma are right.
+    """
+
+    group: str
+    ratio: float
+    redundancy: float
+    effective: float
+    p: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
     """The observations of one group: rows and components of residuals."""
@@ -187,7 +228,7 @@ def components(
     for k, g in enumerate(groups):
         before = (applied or {}).get(g.name, 1.0)
         redundancy = float(np.sum(g["redundancy"]))
-        told = known and redundancy > 1e-6
+        told = known and redundancy > LEAST_TESTED
         out.append(
             Component(
                 group=g.name,
@@ -201,6 +242,87 @@ def components(
     return tuple(out)
 
 
+def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
+    """Test the sigma of every group of observations by the residuals of this group.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        An adjustment.
+
+    Returns
+    -------
+    tuple of SigmaTest
+        The image points of all cameras together, and the groups of `TESTED`; without those that
+        have no redundancy.
+
+    Notes
+    -----
+    The part v'P_k v of a group is a quadratic form of the errors. With W_k = P_k Q_vv, Q_vv the
+    residuals' covariance, it has the distribution of a sum of independent squares of standard
+    normal values, each times an eigenvalue of W_k [1]_. These lie between zero and one, so the mean
+    tr(W_k) is the sum of the redundancy numbers, and the variance 2 tr(W_k^2) is smaller than that
+    of a chi-square variable of so many degrees of freedom. The probability is exact for groups of
+    up to `MOST_EXACT` observations. The others, and image points, have the chi-square distribution
+    of the same mean and variance [2]_; where tr(W_k^2) is not computed it is taken too large, by
+    what other large groups show of the errors.
+
+    References
+    ----------
+    .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
+       edition, 1999, chapter 2.6.
+    .. [2] F. E. Satterthwaite, "An approximate distribution of estimates of variance components",
+       1946.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    images = bundle.solution.group("image_point")
+    every = _Rows(
+        name="image points", group=images, rows=np.arange(len(images.v)), columns=np.arange(2)
+    )
+    groups = [g for g in (every, *_parts(bundle, TESTED)) if len(g["sigma"])]
+    shares = _shares(bundle, groups)
+    if not np.isfinite(shares).all():  # where a point has no coordinates in numbers
+        return ()
+    weights = _eigenvalues(bundle, groups)
+    tested = zip(groups, np.diag(shares).tolist(), weights, strict=True)
+    return tuple(_sigma_test(*of) for of in tested if np.sum(of[0]["redundancy"]) > LEAST_TESTED)
+
+
+def _sigma_test(group: _Rows, square: float, weights: Array) -> SigmaTest:
+    """Test one group; `square` is tr(W^2), `weights` are the eigenvalues of W, if computed."""
+    cost, redundancy = float(np.sum(group["squares"])), float(np.sum(group["redundancy"]))
+    effective = redundancy**2 / min(max(square, redundancy**2 / len(group["sigma"])), redundancy)
+    if len(weights):
+        below, above = tails(cost, weights)
+    else:
+        scaled = effective * cost / redundancy
+        below = distributions.chi2_cdf(scaled, effective)
+        above = distributions.chi2_sf(scaled, effective)
+    return SigmaTest(
+        group=group.name,
+        ratio=float(np.sqrt(cost / redundancy)),
+        redundancy=redundancy,
+        effective=effective,
+        p=min(1.0, 2 * min(below, above)),
+    )
+
+
+def _eigenvalues(bundle: Bundle, groups: list[_Rows]) -> list[Array]:
+    """Return the eigenvalues of W of every group that has few rows, and is not of images."""
+    others = [g for g in groups if g.group.kind != "image_point"]
+    first = dict(zip([g.name for g in others], _starts(others), strict=False))
+    few = [g.name for g in others if len(g["sigma"]) <= MOST_EXACT]
+    W = _shown(bundle, others) if few else None
+    out: list[Array] = []
+    for g in groups:
+        if W is None or g.name not in few:
+            out.append(np.zeros(0))
+            continue
+        own = first[g.name] + np.arange(len(g["sigma"]))
+        out.append(np.clip(np.linalg.eigvalsh(W(own)[:, own]), 0.0, 1.0))
+    return out
+
+
 def _groups(bundle: Bundle) -> Iterator[_Rows]:
     """Yield every group; image points by camera."""
     network = bundle.network
@@ -209,7 +331,12 @@ def _groups(bundle: Bundle) -> Iterator[_Rows]:
     for k, name in enumerate(image_groups(network.block)):
         rows = np.flatnonzero(camera_idx == k)
         yield _Rows(name=name, group=images, rows=rows, columns=np.arange(2))
-    for name, kind, columns in PARTS:
+    yield from _parts(bundle, PARTS)
+
+
+def _parts(bundle: Bundle, parts: Sequence[tuple[str, str, tuple[int, ...]]]) -> Iterator[_Rows]:
+    """Yield groups besides the image points."""
+    for name, kind, columns in parts:
         group = bundle.solution.group(kind)
         rows = np.arange(len(group.v))
         yield _Rows(name=name, group=group, rows=rows, columns=np.array(columns))
@@ -252,6 +379,20 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     out = np.zeros((len(chosen), len(groups)))
     if len(chosen) == 0:
         return out
+    W, first = _shown(bundle, groups), _starts(groups)
+
+    def with_all(some: Index) -> Array:
+        return np.asarray(np.add.reduceat(np.sum(W(some) ** 2, axis=0), first[:-1]))
+
+    for row, k in enumerate(chosen):
+        starts = range(first[k], first[k + 1], AT_A_TIME)
+        parts = [np.arange(start, min(start + AT_A_TIME, first[k + 1])) for start in starts]
+        out[row] = sum(processors.in_order(with_all, parts))
+    return out
+
+
+def _shown(bundle: Bundle, groups: list[_Rows]) -> Callable[[Index], Array]:
+    """Return what gives some rows of W, made symmetric, of all these groups."""
     points = bundle.network.observed_points
     network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
@@ -262,19 +403,19 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
     gain, own = elimination(network, bundle.state, points)
     by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
     spread = sparse.csr_array(sparse.block_diag([np.zeros((0, 0)), *own]) @ by_points.T)
-    first = np.cumsum([0, *(len(g["sigma"]) for g in groups)])
 
-    def with_all(some: Index) -> Array:
+    def rows(some: Index) -> Array:
         W = -(by_points[some] @ spread).toarray()
         W[np.arange(len(some)), some] += 1
         W -= (by_columns @ bundle.solution.inverse.times(by_columns[some].toarray()).T).T
-        return np.asarray(np.add.reduceat(np.sum(W**2, axis=0), first[:-1]))
+        return np.asarray(W)
 
-    for row, k in enumerate(chosen):
-        starts = range(first[k], first[k + 1], AT_A_TIME)
-        parts = [np.arange(start, min(start + AT_A_TIME, first[k + 1])) for start in starts]
-        out[row] = sum(processors.in_order(with_all, parts))
-    return out
+    return rows
+
+
+def _starts(groups: list[_Rows]) -> Index:
+    """Return the first row of each group, and the number of all rows."""
+    return np.cumsum([0, *(len(g["sigma"]) for g in groups)])
 
 
 def _seeing(network: Network, points: Index) -> Network:
@@ -357,6 +498,11 @@ def beyond(found: Sequence[Component]) -> list[str]:
         for c in found
         if c.is_beyond
     ]
+
+
+def tests_as_json(found: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
+    """Return the tests by group, as values for JSON."""
+    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in found}
 
 
 def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:

@@ -13,7 +13,14 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.limits import Stopped, sentence
 from acx4lib.bundle.gross_errors.rejections import Exchange
 from acx4lib.bundle.gross_errors.single_tests import expected_failures
-from acx4lib.bundle.variance_components import as_json, beyond, components, sentences
+from acx4lib.bundle.variance_components import (
+    as_json,
+    beyond,
+    components,
+    sentences,
+    sigma_tests,
+    tests_as_json,
+)
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -153,6 +160,7 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
+        "sigma_tests": tests_as_json(sigma_tests(bundle)),
         "sigma_beyond": [f"{key}: {line}" for line in beyond(judged)],
         "height_scale_error": height_scale(bundle) - 1,
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],

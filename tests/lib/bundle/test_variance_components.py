@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import acx4sim
 from acx4lib.bundle import variance_components
@@ -18,6 +19,7 @@ from acx4sim.plan import SlowErrors
 from support import blocks
 from support.flights import simulated as flown
 
+SIGMA_GROUPS = [of for of in variance_components.TESTED if of[0] != "distances"]
 FREE = ("f", "xp", "yp", "k1")
 PLAIN = Camera(
     name="CAM",
@@ -33,8 +35,12 @@ def component(found, group):
     return next(c for c in found if c.group == group)
 
 
+def bundle_of(block):
+    return adjust(mounted_orientation(block, free=FREE))
+
+
 def of_block(block, **options):
-    return variance_components.components(adjust(mounted_orientation(block, free=FREE)), **options)
+    return variance_components.components(bundle_of(block), **options)
 
 
 @pytest.fixture(scope="module")
@@ -109,10 +115,30 @@ def test_of_weighted_means_the_effective_redundancy_is_that_of_the_spread_within
     assert np.isnan(component(found, "control height").factor)
 
 
+@pytest.mark.parametrize("wrong", [0.5, 1.0, 3.0])
+def test_of_weighted_means_the_test_of_sigma_is_chi_square_of_the_distance_to_the_mean(wrong):
+    """A survey and the mean of the images differ by both errors; a share of it is the survey's."""
+    block, survey, images = means(noise_m=0.08 * wrong)
+    test = next(
+        t
+        for t in variance_components.sigma_tests(
+            adjust(mounted_orientation(block, free=(), free_mount=()))
+        )
+        if t.group == "control, plan"
+    )
+    n_points, n_images, _ = images.shape
+    variance = 0.01**2 + (0.5 * 0.2) ** 2 / n_images  # as block and images declare them
+    square = np.sum((survey - images.mean(axis=1)) ** 2) / variance
+    below, above = (tail(square, 2 * n_points) for tail in (stats.chi2.cdf, stats.chi2.sf))
+    assert test.effective == pytest.approx(2 * n_points, rel=1e-3)
+    assert test.p == pytest.approx(2 * min(below, above), rel=1e-2)
+
+
 # --- brute force -----------------------------------------------------------------------------
 
 
-def test_factors_and_effective_redundancies_are_those_of_the_whole_dense_problem(block):
+def dense(block):
+    """Return residuals over sigma, the projector on them, and the kind and component of each."""
     network = mounted_orientation(block, free=FREE)
     state, _ = solve(network, network.start)
     n, n_points = network.n_columns, network.n_points
@@ -126,9 +152,14 @@ def test_factors_and_effective_redundancies_are_those_of_the_whole_dense_problem
                 row[n + 1 + 3 * e.point[i] : n + 4 + 3 * e.point[i]] = e.B[i, d]
             rows.append(row / e.sigma[i, d])
             v.append(e.v[i, d] / e.sigma[i, d])
-            owner.append(_group_of(e.kind, d))
+            owner.append((e.kind, d))
     q, _ = np.linalg.qr(np.array(rows)[:, np.any(rows, axis=0)])
-    W = np.eye(len(q)) - q @ q.T
+    return np.array(v), np.eye(len(q)) - q @ q.T, owner
+
+
+def test_factors_and_effective_redundancies_are_those_of_the_whole_dense_problem(block):
+    v, W, owner = dense(block)
+    owner = [_group_of(*of) for of in owner]
     names = list(dict.fromkeys(owner))
     member = np.array([[name == o for o in owner] for name in names], dtype=float)
     h = member @ W**2 @ member.T
@@ -139,6 +170,24 @@ def test_factors_and_effective_redundancies_are_those_of_the_whole_dense_problem
         assert c.factor == pytest.approx(np.sqrt(max(s_sq, 0.0)), rel=1e-6)
         assert c.effective == pytest.approx(1 / inverse, rel=1e-6)
         assert c.n == owner.count(name)
+
+
+def test_probabilities_of_sigma_are_those_of_simulated_residuals(block, rng):
+    """Errors of the given sigma, and the residuals that any adjustment leaves of them."""
+    v, W, owner = dense(block)
+    found = {test.group: test for test in variance_components.sigma_tests(bundle_of(block))}
+    errors = rng.normal(size=(len(W), 8_000))
+    left = W @ errors
+    for name, kind, components in [("image points", "image_point", (0, 1)), *SIGMA_GROUPS]:
+        own = [k == kind and d in components for k, d in owner]
+        part, test = W[np.ix_(own, own)], found[name]
+        assert test.redundancy == pytest.approx(np.trace(part), rel=1e-6)
+        assert test.effective == pytest.approx(np.trace(part) ** 2 / np.sum(part**2), rel=1e-5)
+        cost = np.sum(v[own] ** 2)
+        assert test.ratio == pytest.approx(np.sqrt(cost / np.trace(part)), rel=1e-6)
+        below = np.mean(np.sum(left[own] ** 2, axis=0) < cost)
+        of_chance = 4 * np.sqrt(below * (1 - below) / errors.shape[1]) + 1e-4
+        assert min(below, 1 - below) == pytest.approx(test.p / 2, abs=of_chance)
 
 
 def _group_of(kind, d):

@@ -264,6 +264,10 @@ def adjusted() -> list[Wrong]:
             "applied: expected names of image points, .*, got 'gnss'",
         ),
         Wrong(
+            lambda: variance_components.sigma_tests(BLOCK),
+            "bundle: expected a Bundle, got a Block",
+        ),
+        Wrong(
             lambda: unknowns.layout(-1, 3, free=()),
             "n_cameras: expected a whole number of 0 or more, got -1",
         ),

@@ -5,6 +5,7 @@ Everything is computed from residuals.csv. Components that have a common weight 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -58,6 +59,8 @@ class Quality:
         Median of the a priori sigma, in `unit`.
     ratio : float
         A posteriori over a priori sigma; NaN without redundancy.
+    p : float
+        Two-sided probability of a ratio so far from one, if sigma is right; NaN without.
     weak : int
         Number of components with a redundancy number below `CONTROLLED`.
     detectable, detectable_max : float
@@ -71,18 +74,10 @@ class Quality:
     redundancy: float
     sigma: float
     ratio: float
+    p: float
     weak: int
     detectable: float
     detectable_max: float
-
-    @property
-    def p(self) -> float:
-        """Two-sided probability of a ratio so far from one, if sigma is right; NaN without."""
-        if not self.redundancy > 0:
-            return np.nan
-        square = self.ratio**2 * self.redundancy
-        below = distributions.chi2_cdf(square, self.redundancy)
-        return 2 * min(below, distributions.chi2_sf(square, self.redundancy))
 
 
 _FOUND: WeakKeyDictionary[Material, list[Quality]] = WeakKeyDictionary()
@@ -109,8 +104,11 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
     -----
     The ratio is the square root of v'Pv, divided by the group's sum of redundancy numbers. The
     expectation of its square is the variance of unit weight, whatever the sizes of the groups.
-    This is the first iteration of a variance component estimation, used as a diagnosis. The
-    minimal detectable error of an observation is delta_0 sigma / sqrt(r) [1]_.
+    This is the first iteration of a variance component estimation, used as a diagnosis. Its test
+    is that of `variance_components.sigma_tests`, from summary.json. Results of earlier versions
+    have none: there v'Pv is compared with chi-square of the redundancy, whose variance is too
+    large, so that wrong sigma of small groups are found more rarely. The minimal detectable error
+    of an observation is delta_0 sigma / sqrt(r) [1]_.
 
     References
     ----------
@@ -126,13 +124,21 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
         for k in pair.unique()
     }
     group = pair.map(names)
-    return [_of_group(adjustment, str(name), own) for name, own in rows.groupby(group, sort=False)]
+    told = material.found.summary[adjustment].get("sigma_tests")
+    tests: Mapping[str, Mapping[str, float]] = told if isinstance(told, dict) else {}
+    return [
+        _of_group(adjustment, str(name), own, tests.get(str(name)))
+        for name, own in rows.groupby(group, sort=False)
+    ]
 
 
-def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
+def _of_group(
+    adjustment: str, name: str, rows: pd.DataFrame, test: Mapping[str, float] | None
+) -> Quality:
     sigma, v = rows["sigma"].to_numpy(), rows["v"].to_numpy()
     r = rows["redundancy"].clip(0.0, 1.0).to_numpy()
     total = float(r.sum())
+    ratio = float(np.sqrt(np.sum((v / sigma) ** 2) / total)) if total > 0 else np.nan
     with np.errstate(divide="ignore"):
         detectable = DETECTABLE * sigma / np.sqrt(r)
     return Quality(
@@ -142,8 +148,17 @@ def _of_group(adjustment: str, name: str, rows: pd.DataFrame) -> Quality:
         n=len(rows),
         redundancy=total,
         sigma=float(np.median(sigma)),
-        ratio=float(np.sqrt(np.sum((v / sigma) ** 2) / total)) if total > 0 else np.nan,
+        ratio=ratio,
+        p=float(test["p"]) if test else _p(ratio, total),
         weak=int(np.sum(r < CONTROLLED)),
         detectable=float(np.median(detectable)),
         detectable_max=float(detectable.max()),
     )
+
+
+def _p(ratio: float, redundancy: float) -> float:
+    if not redundancy > 0:
+        return np.nan
+    square = ratio**2 * redundancy
+    below = distributions.chi2_cdf(square, redundancy)
+    return 2 * min(below, distributions.chi2_sf(square, redundancy))

@@ -124,6 +124,14 @@ def _turns(value: Any) -> bool:
     )
 
 
+def _is_sigma_test(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and all(_not_negative(value.get(key)) for key in ("ratio", "redundancy", "effective"))
+        and _probability(value.get("p"))
+    )
+
+
 def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
 
@@ -193,6 +201,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         (_by_name(_or_null(_number)), "numbers by name"),
     ),
     "weak_parameters": (_by_name(_by_name(_or_null(_number))), "numbers by parameter and name"),
+    "sigma_tests": (_by_name(_is_sigma_test), "ratio, redundancy, effective and p by group"),
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),

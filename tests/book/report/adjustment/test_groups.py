@@ -1,7 +1,6 @@
 """Groups of observations: ratios, redundancy, detectable errors."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -68,9 +67,21 @@ def test_baardas_delta_is_the_textbooks_4_13():
     assert_allclose(stats.norm.isf(0.0005) + groups.DETECTABLE - 3.9, 4.13, atol=0.005)
 
 
-def test_the_probability_of_a_ratio_is_that_of_chi_square(run):
-    for group in groups.qualities(run, SINGLE):
+def test_the_probability_of_a_ratio_is_the_one_that_the_run_tells(run):
+    told = run.found.summary[SINGLE]["sigma_tests"]
+    found = groups.qualities(run, SINGLE)
+    assert {group.group for group in found} == set(told)
+    for group in found:
+        assert group.p == told[group.group]["p"]
+        assert_allclose(group.ratio, told[group.group]["ratio"], rtol=1e-6)
+        assert_allclose(group.redundancy, told[group.group]["redundancy"], rtol=1e-6)
+
+
+def test_in_results_of_earlier_versions_it_is_that_of_chi_square(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary[SINGLE]["sigma_tests"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    for group in groups.qualities(read(folder), SINGLE):
         square, r = group.ratio**2 * group.redundancy, group.redundancy
         expected = 2 * min(stats.chi2.cdf(square, r), stats.chi2.sf(square, r))
         assert_allclose(group.p, expected, rtol=1e-9)
-        assert np.isnan(replace(group, redundancy=0.0).p)

@@ -47,6 +47,9 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
         )
         table.loc[rows, "sigma"] = table.loc[rows, "sigma"].astype(float) * ratio / 2.5
 
+    told = read(folder).found.summary[SINGLE]["sigma_tests"]
+    wrong = {**told["GNSS, height"], "ratio": 2.5, "p": 1e-9}
+    edit_summary(folder, SINGLE, sigma_tests={**told, "GNSS, height": wrong})
     edit(folder, "residuals", optimistic)
     said = "Significant: GNSS, height of single-step: σ is 2.5 times too small."
     assert state(folder, "A priori standard deviations") == ("fails", said)
