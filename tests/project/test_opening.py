@@ -111,6 +111,7 @@ OTHERS = {
     },
     "acx4book/pages/back/pdf.py": {"shutil.copytree": "into a temporary folder"},
     "acx4book/typesetting/drawing/svg.py": {"figure.savefig": "in memory"},
+    "acx4book/typesetting/style.py": {"self.savefig": "in memory"},
 }
 """By file and call, the reason why it opens no file that is left or may be a stranger's."""
 

@@ -223,7 +223,7 @@ papermill_io.register("/", Whole())
 def _show_as_drawings(shell: InteractiveShell) -> None:
     """Let IPython show figures as vectors, and no longer as pixels."""
     formatters = shell.display_formatter.formatters  # type: ignore[union-attr] # always there
-    formatters["image/png"].pop(Figure, None)
+    formatters["image/png"].for_type(Figure, lambda _: None)
     formatters["image/svg+xml"].for_type(Figure, vector)
 
 

@@ -10,6 +10,7 @@ Every figure is made inside `applied`. It is none of pyplot, which would keep it
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import cache
@@ -23,12 +24,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.transforms import Bbox
 
 from acx4book.typesetting.plain_text import shown
 from acx4lib.expected import Array, Index
 
 WIDTH = 7.0
 """Width of a figure, inches; the book shows it over the whole column."""
+
+MARGIN = 0.04
+"""Free space above and below a drawing, inches."""
+
+PAGE_DPI = 96
+"""Pixels of a page in an inch."""
 
 INK = "#1f2933"
 SOFT = "#67737f"
@@ -165,9 +173,37 @@ def applied() -> AbstractContextManager[None]:
     return mpl.rc_context(RC)
 
 
+class Shown(Figure):
+    """A figure that any notebook shows as a picture, without pyplot."""
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """Return the pixels, and the width in which a page shows them."""
+        buffer = io.BytesIO()
+        with mpl.rc_context(RC):
+            self.draw_without_rendering()
+            box = shown_part(self, self.get_tightbbox())
+            self.savefig(buffer, format="png", dpi=RC["figure.dpi"], bbox_inches=box)
+        return buffer.getvalue(), {"width": round(PAGE_DPI * box.width)}
+
+
+def shown_part(fig: Figure, box: Bbox) -> Bbox:
+    """Return the part of a figure that is shown, inches.
+
+    It is as wide as the figure, wider where something reaches out of it, and as high as the box.
+
+    Parameters
+    ----------
+    fig : Figure
+    box : Bbox
+        Around all that is drawn, inches.
+    """
+    left, right = min(0.0, box.x0), max(fig.get_figwidth(), box.x1)
+    return Bbox([[left, box.y0 - MARGIN], [right, box.y1 + MARGIN]])
+
+
 def figure(*, figsize: tuple[float, float]) -> Figure:
     """Return an empty figure of a size in inches."""
-    fig = Figure(figsize=figsize)
+    fig = Shown(figsize=figsize)
     FigureCanvasAgg(fig)
     return fig
 

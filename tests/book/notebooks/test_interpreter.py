@@ -77,12 +77,14 @@ def test_a_binary_picture_is_text_and_a_figure_is_a_drawing_when_its_cell_ends(t
         tmp_path,
         f"from IPython.display import Image\nImage({pixel}, format='png')",
         "import matplotlib.pyplot as plt\n_ = plt.plot([1, 2])\nprint('before')",
+        "from acx4book.typesetting import style\nstyle.nothing('no data')",
     )
     assert cells[0].outputs[0].data["image/png"].startswith("iVBORw0KGgo")
     text, picture = cells[1].outputs
     assert text.text == "before\n"
-    assert picture.data["image/svg+xml"].startswith("<svg ")
-    assert "image/png" not in picture.data
+    for drawn in (picture, *cells[2].outputs):
+        assert drawn.data["image/svg+xml"].startswith("<svg ")
+        assert "image/png" not in drawn.data
 
 
 def test_the_own_commands_of_ipython_work_and_their_wrong_use_is_an_error(tmp_path):

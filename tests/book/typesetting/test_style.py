@@ -1,5 +1,6 @@
 """The style of figures: colours that all tell apart, nothing left behind."""
 
+import io
 import itertools
 import re
 
@@ -7,6 +8,8 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from IPython.core.formatters import DisplayFormatter
+from PIL import Image
 from scipy.spatial import KDTree
 
 from acx4book.typesetting import style
@@ -27,6 +30,19 @@ def test_the_style_leaves_pyplot_as_it_found_it():
     assert (dict(mpl.rcParams), plt.get_fignums()) == before
     assert fig.dpi == 150
     assert fig.get_facecolor() == (1, 1, 1, 1)
+
+
+def test_a_figure_shows_itself_as_one_picture_as_wide_as_it_is():
+    with style.applied():
+        fig, _ = style.subplots(figsize=(3, 2))
+        fig.text(0.5, -0.2, "below", va="top")
+    shown, about = DisplayFormatter().format(fig)
+    assert set(shown) == {"text/plain", "image/png"}
+    assert about == {"image/png": {"width": 288}}
+    picture = Image.open(io.BytesIO(shown["image/png"]))
+    assert picture.width == pytest.approx(3 * 150, abs=1)
+    assert picture.height > 2.2 * 150  # what reaches out of it is drawn, too
+    assert DisplayFormatter().format(fig) == (shown, about)
 
 
 # Linear RGB as full protanopes, deuteranopes and tritanopes see it.

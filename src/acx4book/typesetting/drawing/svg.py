@@ -22,9 +22,6 @@ from PIL import WebPImagePlugin as _  # noqa: F401 else Pillow loads every forma
 from acx4book.typesetting import style
 from acx4book.typesetting.drawing import compact
 
-MARGIN = 0.04
-"""Free space above and below a drawing, inches."""
-
 LOSSY = 20_000
 """Bytes from which a picture inside a drawing is stored with the loss of WebP."""
 
@@ -66,9 +63,7 @@ def _lay_out(figure: Figure) -> Bbox:
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)  # one of matplotlib's that does nothing draws twice as well
-    box = figure.get_tightbbox()
-    left, right = min(0.0, box.x0), max(figure.get_figwidth(), box.x1)
-    return Bbox([[left, box.y0 - MARGIN], [right, box.y1 + MARGIN]])
+    return style.shown_part(figure, figure.get_tightbbox())
 
 
 class _Canvas(FigureCanvasSVG):

@@ -1,0 +1,121 @@
+"""What a notebook calls besides the library: how it begins, and where it ends early.
+
+It works in any kernel, under plain papermill, and in the interpreter of ``acx4 run``. Outside of
+IPython nothing is shown.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from typing import Any
+
+from IPython.core.getipython import get_ipython
+from IPython.display import display
+
+from acx4lib.flight.reader import Flight
+from acx4lib.stages import order
+
+INJECTED = "# Parameters\n"
+"""How the cell begins in which papermill gives values to parameters, below the notebook's own."""
+
+
+class End(Exception):
+    """The notebook ends here, and nothing is wrong."""
+
+
+def begin() -> None:
+    """Begin a notebook: check the parameters that it was given.
+
+    Raises
+    ------
+    ValueError
+        Where papermill was given a parameter that the notebook does not have, which it would
+        ignore, or a value of another type than the default.
+    """
+    shell: Any = get_ipython()
+    if shell is None:
+        return
+    _check_parameters(shell.user_ns.get("In", []))
+
+
+def _check_parameters(cells: Sequence[str]) -> None:
+    """Compare the last cell of papermill among those that were run with the one before it."""
+    given = max((i for i, cell in enumerate(cells) if cell.startswith(INJECTED)), default=0)
+    own = _assigned(cells[given - 1]) if given else {}
+    if not own:
+        return
+    for name, value in _assigned(cells[given]).items():
+        if name not in own:
+            msg = f"unknown parameter {name}; this notebook has {', '.join(own)}"
+            raise ValueError(msg)
+        wanted = type(own[name])
+        if type(value) is not wanted and (wanted, type(value)) != (float, int):
+            hint = f"; papermill takes text as it is by -r {name}" if wanted is str else ""
+            msg = f"parameter {name}: {value!r}; must be {wanted.__name__}{hint}"
+            raise ValueError(msg)
+
+
+def _assigned(cell: str) -> dict[str, object]:
+    """Return the plain values by the names that a cell gives them; empty where it does more."""
+    found: dict[str, object] = {}
+    try:
+        for node in ast.parse(cell).body:
+            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", 0)
+            if not isinstance(target, ast.Name):
+                return {}
+            found[target.id] = ast.literal_eval(getattr(node, "value", None) or "None")
+    except (SyntaxError, ValueError):
+        return {}
+    return found
+
+
+def needs(flight: Flight, stage: str) -> None:
+    """End the notebook in one sentence where a flight has no data for a stage.
+
+    Cells below do nothing where a program runs the notebook; where a reader does, they wait.
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : str
+        As `acx4lib.stages.order.missing` takes it.
+
+    Raises
+    ------
+    End
+        Which no notebook shows as an error.
+    """
+    reason = order.missing(flight, stage)
+    if not reason:
+        return
+    sentence = f"This notebook ends here: {reason}."
+    shell: Any = get_ipython()
+    if shell is not None:
+        display({"text/markdown": sentence, "text/plain": sentence}, raw=True)  # type: ignore[no-untyped-call] # IPython's
+        _end(shell)
+    raise End(sentence)
+
+
+def _end(shell: Any) -> None:
+    """Let `End` stop the cell that runs, without an error among its outputs.
+
+    A reader's other cells are not run after it, and can be, one by one. A program would take this
+    for a failure: for it the cell has ended well, and those below are empty.
+    """
+    shell.set_custom_exc((End,), lambda *_, **__: None)
+    if not _is_read(shell):
+        shell.events.register("post_run_cell", _ended_well)
+        shell.input_transformers_cleanup.append(lambda _: [])
+
+
+def _is_read(shell: Any) -> bool:
+    """Tell whether a reader runs the cells, whom a cell may ask for input."""
+    kernel = getattr(shell, "kernel", None)
+    request = {} if kernel is None else kernel.get_parent("shell")
+    return bool(request.get("content", {}).get("allow_stdin"))
+
+
+def _ended_well(result: Any) -> None:
+    if isinstance(result.error_in_exec, End):
+        result.error_in_exec = None
