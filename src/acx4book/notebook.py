@@ -13,8 +13,13 @@ from typing import Any
 from IPython.core.getipython import get_ipython
 from IPython.display import display
 
+from acx4book.typesetting import tables
+from acx4book.typesetting.sentences import say
+from acx4lib.errors import visible
 from acx4lib.flight.reader import Flight
 from acx4lib.stages import order
+
+__all__ = ["begin", "end", "needs", "say"]
 
 INJECTED = "# Parameters\n"
 """How the cell begins in which papermill gives values to parameters, below the notebook's own."""
@@ -25,7 +30,7 @@ class End(Exception):
 
 
 def begin() -> None:
-    """Begin a notebook: check the parameters that it was given.
+    """Begin a notebook: check the parameters that it was given, and let tables show themselves.
 
     Raises
     ------
@@ -37,6 +42,7 @@ def begin() -> None:
     if shell is None:
         return
     _check_parameters(shell.user_ns.get("In", []))
+    tables.register(shell)
 
 
 def _check_parameters(cells: Sequence[str]) -> None:
@@ -73,8 +79,6 @@ def _assigned(cell: str) -> dict[str, object]:
 def needs(flight: Flight, stage: str) -> None:
     """End the notebook in one sentence where a flight has no data for a stage.
 
-    Cells below do nothing where a program runs the notebook; where a reader does, they wait.
-
     Parameters
     ----------
     flight : Flight
@@ -86,10 +90,26 @@ def needs(flight: Flight, stage: str) -> None:
     End
         Which no notebook shows as an error.
     """
-    reason = order.missing(flight, stage)
-    if not reason:
-        return
-    sentence = f"This notebook ends here: {reason}."
+    if reason := order.missing(flight, stage):
+        end(reason)
+
+
+def end(reason: str) -> None:
+    """End the notebook in one sentence.
+
+    Cells below do nothing where a program runs the notebook; where a reader does, they wait.
+
+    Parameters
+    ----------
+    reason : str
+        Why there is nothing more to show.
+
+    Raises
+    ------
+    End
+        Which no notebook shows as an error.
+    """
+    sentence = f"This notebook ends here: {visible(reason)}."
     shell: Any = get_ipython()
     if shell is not None:
         display({"text/markdown": sentence, "text/plain": sentence}, raw=True)  # type: ignore[no-untyped-call] # IPython's

@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.heads.figures import mean_residuals
-from acx4book.chapters.mounting.reliability import reliability_table
-from acx4book.chapters.mounting.tables import determination
-from acx4book.chapters.mounting.variants import correlations
+from acx4book.chapters.mounting.tables import determination, reliability
 from acx4book.report.words import adjustment_title, parameter_title
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.matrix import correlation_matrix
 from acx4lib.calibration import mounting
-from acx4lib.calibration.mounting import Mountings
+from acx4lib.calibration.correlations import parameter_correlations
+from acx4lib.calibration.trust.detectable import detectable
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks
@@ -44,11 +43,11 @@ def made(request, noisy_block):
 
 def test_tables_take_any_name(made):
     block, single = made
-    worst = reliability_table(single)["On"]
+    worst = reliability(single.bundle, detectable(single.bundle))["On"]
     assert set(worst) <= {*LABELS.values(), *(f"boresight about ${axis}$" for axis in "xyz")}
     determined = determination({"single_step": single})
     assert len(determined) == 1
-    related = correlations(Mountings(methods={"single_step": single}, failures={}))
+    related = parameter_correlations(single.calibration)
     labels = [f"{block.cameras[0].name}/{name}" for name in related.index]
     correlation_matrix(pd.DataFrame(related.to_numpy(), index=labels, columns=labels))
 

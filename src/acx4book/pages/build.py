@@ -9,7 +9,7 @@ What the other pages include is written: texts and figures.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,13 @@ import nbformat
 from matplotlib.figure import Figure
 
 from acx4book.chapters.flight.figures import exposure
-from acx4book.chapters.mounting import determination
 from acx4book.notebooks import execute, runner
 from acx4book.pages import (
     accuracy,
     api,
     example,
     frames,
+    geometry,
     independent,
     methods,
     provenance,
@@ -73,6 +73,9 @@ UNDATED = 315_532_800
 
 OF_RESULTS = ("06-errata", "07-report")
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
+
+OWN = "template/study"
+"""The notebook that a reader's own chapter begins with: it adjusts the flight of the run."""
 
 OF_IDEAL = ("mounting", "validation")
 """Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
@@ -167,18 +170,26 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
             whole_files.write(executed / f"{name}.md", text)
     for name in OF_RESULTS:
-        source = runner.NOTEBOOKS_PATH / f"{name}.ipynb"
-        values = execute.with_defaults(source, {"results_path": str(results_path)})
-        execute.execute(source, executed / source.name, parameters=values, on_cell=_silent)
-        execute.scrub(executed / source.name)
-        fold(executed / source.name, executed / source.name)
+        _run_here(name, executed, {"results_path": str(results_path)})
+    of = ideal_path or results_path
+    _run_here(OWN, executed, {"flight_path": str(of / KEPT), "results_path": str(of)})
+
+
+def _run_here(name: str, executed: Path, given: Mapping[str, str]) -> None:
+    """Run a notebook, and write it as a page."""
+    source, page = runner.NOTEBOOKS_PATH / f"{name}.ipynb", executed / f"{name}.ipynb"
+    values = execute.with_defaults(source, given)
+    execute.execute(source, page, parameters=values, on_cell=_silent)
+    execute.scrub(page)
+    fold(page, page)
 
 
 def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
-    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS, "scorecard"), name)
-    of_ideal = {runner.NOTEBOOKS[stage]: "acx4-ideal, simulated" for stage in OF_IDEAL if ideal}
+    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard"), name)
+    shows_ideal = [*(runner.NOTEBOOKS[stage] for stage in OF_IDEAL), OWN]
+    of_ideal = dict.fromkeys(shows_ideal if ideal else (), "acx4-ideal, simulated")
     return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
 
 
@@ -192,7 +203,7 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
     notebook = _read(executed)
     if note:
         notebook.cells[0].source += f"\n\n{note}"
-    opened = any("notebook.begin(" in cell.source for cell in notebook.cells)
+    opened = any("acx4" in cell.metadata for cell in notebook.cells)
     for cell in notebook.cells:
         tags = cell.metadata.get("tags", [])
         if cell.cell_type != "code":
@@ -205,8 +216,12 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
 
 
 def _number_tables(cell: nbformat.NotebookNode) -> None:
-    """Show the tables of a cell as Markdown, with the caption and the name in its metadata."""
+    """Show the tables of a cell as Markdown, with the caption and the name in its metadata.
+
+    A sentence of which no case holds is left out.
+    """
     told = cell.metadata.get("acx4", {})
+    cell.outputs = [o for o in cell.outputs if o.get("data", {}).get("text/markdown") != ""]
     for output in cell.outputs:
         data = output.get("data", {})
         if not {"text/html", "text/markdown"} <= data.keys():
@@ -245,7 +260,7 @@ def texts_of_run(
     simulated = truth is not None
     yield from scorecard_page.texts(found, flown, simulated=simulated, ideal=ideal).items()
     yield "simulation.md", simulation.page(flown, truth)
-    yield "geometry.md", determination.geometry_page()
+    yield "geometry.md", geometry.geometry_page()
     yield "provenance.md", provenance.page(flight_path, results_path)
 
 

@@ -7,6 +7,8 @@ names of a run's results (`parameters.csv`), so that both can be joined.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 
@@ -17,7 +19,9 @@ from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
-from acx4lib.geometry.camera import INTERIOR, Interior
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, REPORTED
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 """Columns of Table 1."""
@@ -196,6 +200,92 @@ def corners(column: str) -> Array:
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     xy: Array = 0.5 * pixel_mm(column) * np.array(size_px) * signs
     return xy
+
+
+def columns(
+    number: int, flight: Flight, titles: Mapping[str, str], *, part: str = "both"
+) -> pd.DataFrame:
+    """Return columns of a table of the paper, to be joined to estimates of the same parameters.
+
+    Parameters
+    ----------
+    number : {1, 3}
+        Table.
+    flight : Flight
+        Without the paper's cameras there are no columns.
+    titles : mapping of str to str
+        Titles of the columns, by the paper's (head or method).
+    part : str
+        ``"both"``, or ``"sigma"`` for the standard deviations alone.
+
+    Returns
+    -------
+    DataFrame
+        Text to the digits of the print, as in `shown`; the index has the levels ``parameter`` and
+        ``unit`` of a calibration's table. The columns have two levels, as those of several tables
+        side by side do; standard deviations alone have one.
+    """
+    rows = table(number)
+    names = list(dict.fromkeys(zip(rows["parameter"], rows["unit"], strict=True)))
+    index = pd.MultiIndex.from_tuples(
+        [(_words(name), _sign(unit)) for name, unit in names], names=["parameter", "unit"]
+    )
+    chosen = titles if applies(flight) else {}
+    cells = [[_cell(number, name, column, part) for name, _ in names] for column in chosen]
+    filled = pd.DataFrame(dict(enumerate(cells)), index=index)
+    if part == "sigma":
+        return filled.set_axis([*chosen.values()], axis=1)
+    heads = [(title, "printed") for title in chosen.values()] or [("", "")]
+    return filled.set_axis(pd.MultiIndex.from_tuples(heads)[: len(cells)], axis=1)
+
+
+def _words(name: str) -> str:
+    """Return the name of a parameter in results as a calibration's table has it."""
+    words = re.sub(r"_(mm|m|deg)$", "", name).replace("_", " ")
+    for word, letter in (("omega", "ω"), ("phi", "φ"), ("kappa", "κ")):
+        words = words.replace(word, letter)
+    return words
+
+
+def _sign(unit: str) -> str:
+    """Return a unit of results files as a calibration's table has it."""
+    if unit == "deg":
+        return "°"
+    return re.sub(r"\^(-\d)", lambda m: m[1].translate(SUPERSCRIPTS), unit)
+
+
+def _cell(number: int, parameter: str, column: str, part: str) -> str:
+    if part == "both":
+        return shown(number, parameter, column)
+    spread = sigma(number, parameter, column)
+    known = np.isfinite(spread)
+    return Markup(digits(printed(number, parameter, column), spread) if known else "")
+
+
+def differences(number: int, column: str, other: str, parameters: Sequence[str]) -> list[float]:
+    """Return by how much the printed values of one column differ from those of another."""
+    return [value(number, p, column) - value(number, p, other) for p in parameters]
+
+
+def cameras(flight: Flight, declared: Sequence[Camera]) -> dict[str, list[Camera]]:
+    """Return the camera of Table 3's single step under the title "printed"; nothing for others.
+
+    Parameters
+    ----------
+    flight : Flight
+    declared : sequence of Camera
+        Those of the calibration block.
+    """
+    if not applies(flight) or len(declared) != 1:
+        return {}
+
+    def values(keys: Sequence[str]) -> list[float]:
+        return [value(3, REPORTED[key][0], "single_step") for key in keys]
+
+    R = rotation_from_opk(np.radians(values(BORESIGHT)))
+    mounted = Pose(R=R, r=np.array(values(LEVER_ARM)))
+    lens = interior(3, "single_step")
+    return {"printed": [replace(declared[0], interior=lens, T_b_c=mounted)]}
 
 
 def applies(flight: Flight) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
+from acx4book.typesetting.labels import value_and_sigma
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
 
@@ -36,8 +37,9 @@ def say(template: str, **values: Any) -> Sentence:
 
     Text of a flight, such as the name of a point, is shown character for character; `Markup` is
     Markdown. The filters are ``fixed`` (decimals), ``signed`` (decimals, with a sign), ``digits``
-    (significant ones), ``sci`` (a power of ten) and ``plural`` (``{{ n | plural("point") }}``:
-    1 point, 2 points); sequences of numbers are joined by commas.
+    (significant ones), ``sci`` (a power of ten), ``pm`` (``{{ value | pm(sigma) }}``), ``plural``
+    (``{{ n | plural("point") }}``: 1 point, 2 points) and ``listed`` (text, with commas between);
+    sequences of numbers are joined by commas.
 
     Parameters
     ----------
@@ -66,6 +68,8 @@ def _jinja() -> Environment:
         "digits": lambda x, n=3: _each(x, f".{n}g"),
         "sci": lambda x, n=1: Markup(scientific(float(x), digits=n)),
         "plural": _plural,
+        "pm": value_and_sigma,
+        "listed": lambda texts: Markup(", ".join(shown(text) for text in texts)),
     }
     return jinja
 

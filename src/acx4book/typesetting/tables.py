@@ -47,7 +47,7 @@ SYMBOLS = {
 }
 """What is shown in the place of the names of parameters in an index."""
 
-LEAST, MOST = 1e-3, 1e6
+LEAST, MOST = 1e-4, 1e6
 """A column with a number beyond these, and of very different ones, has powers of ten."""
 
 DIGITS = 4
@@ -211,7 +211,7 @@ def _texts(column: pd.Series, spec: str) -> tuple[list[str], bool]:
     if not is_numeric_dtype(column):
         return [_object(v, spec) for v in column], False
     if spec:
-        return [MISSING if np.isnan(v) else _minus(format(v, spec)) for v in column], True
+        return [MISSING if np.isnan(v) else _in_format(v, spec) for v in column], True
     return _rounded(column.to_numpy(float)), True
 
 
@@ -240,6 +240,14 @@ def _plain(value: Any) -> str:
     if value and np.isfinite(value) and not LEAST <= abs(value) < MOST:
         return _minus(scientific(float(value), digits=2))
     return _minus(f"{value:.{DIGITS}g}")
+
+
+def _in_format(value: float, spec: str) -> Markup:
+    """Return a number in a format; of a positive one that this makes zero, that it is smaller."""
+    text = format(value, spec)
+    if value > 0 and re.fullmatch(r"0\.0+", text):
+        return Markup(f"<\N{NO-BREAK SPACE}{text[:-1]}1")
+    return _minus(text)
 
 
 def _minus(text: str) -> Markup:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from scipy import sparse
 
-from acx4lib import expected, shown
+from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
@@ -20,9 +20,6 @@ from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.residuals import Group
 from acx4lib.least_squares.statistical.weighted_squares import tails
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -164,22 +161,6 @@ class SigmaTest:
     p: float
 
 
-class Components(tuple[Component, ...]):
-    """Variance components of all groups of an adjustment that took part."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        """Name the factors in a line."""
-        return shown.line("Components", *(f"{c.group} {c.factor:.2f}" for c in self))
-
-    def table(self) -> pd.DataFrame:
-        """Return the factors, a row for every group."""
-        columns = ("n", "redundancy", "effective", "factor", "sigma", "p", "applied")
-        rows = {c.group: {name: getattr(c, name) for name in columns} for c in self}
-        return shown.row_table("group", rows)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
     """The observations of one group: rows and components of residuals."""
@@ -210,7 +191,7 @@ def components(
 
     Returns
     -------
-    Components
+    tuple of Component
         The groups that took part.
 
     Raises
@@ -259,7 +240,7 @@ def components(
                 applied=before,
             )
         )
-    return Components(out)
+    return tuple(out)
 
 
 def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
@@ -491,6 +472,34 @@ def image_groups(block: Block) -> tuple[str, ...]:
 def group_names(block: Block) -> tuple[str, ...]:
     """Return the names of all groups."""
     return (*image_groups(block), *(name for name, _, _ in PARTS))
+
+
+def as_table(found: Sequence[Component]) -> pd.DataFrame:
+    """Return variance components as a table.
+
+    Parameters
+    ----------
+    found : sequence of Component
+
+    Returns
+    -------
+    DataFrame
+        By group: number of observations, their redundancy, the effective one, ``factor of σ`` with
+        ``value`` and ``sigma`` (NaN where it cannot be estimated), and the factor ``used``.
+    """
+    rows = [
+        (c.n, c.redundancy, c.effective, *((c.factor, c.sigma) if c.estimable else (np.nan,) * 2))
+        for c in found
+    ]
+    heads = [(name, "") for name in ("number", "redundancy", "effective")]
+    heads += [("factor of σ", "value"), ("factor of σ", "sigma")]
+    table = pd.DataFrame(
+        rows, index=[c.group for c in found], columns=pd.MultiIndex.from_tuples(heads)
+    )
+    table.index.name = "observations"
+    table["used"] = [c.applied for c in found]
+    table.attrs["formats"] = {"redundancy": ".1f", "effective": ".1f", "used": ".2f"}
+    return table
 
 
 def sentences(found: Sequence[Component]) -> list[str]:

@@ -6,17 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
 from acx4lib.calibration.trust.joint_tests import GroupTest, estimated
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, REPORTED
-from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.dense import held_at_zero
 
 EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
@@ -43,6 +45,16 @@ class Correlations:
         """The largest absolute correlation of every pair, shape (n_interior, 6)."""
         out: Array = np.abs(self.values).max(axis=0, initial=0.0)
         return out
+
+
+def parameter_correlations(calibration: Calibration) -> pd.DataFrame:
+    """Return the correlation matrix of all reported parameters, by their names in results."""
+    names = [
+        p.name if len(calibration.cameras) == 1 else f"{p.camera}/{p.name}"
+        for p in parameters(calibration)
+    ]
+    matrix = correlation(reported_covariance(calibration))
+    return pd.DataFrame(matrix, index=names, columns=names)
 
 
 def interior_exterior(bundle: Bundle) -> Correlations:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -185,6 +186,7 @@ def single_step(
     fix: Sequence[str] = (),
     refraction: str = "none",
     gnss: Sequence[str] = (),
+    snooping: bool = True,
 ) -> Mounting:
     """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
 
@@ -200,18 +202,22 @@ def single_step(
     gnss : sequence of str
         ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
         `uses.mounted_orientation`.
+    snooping : bool
+        Whether gross errors are looked for, and rejected.
 
     Raises
     ------
     AdjustmentError
         Where it does not converge.
     """
-    bundle = adjust_rejecting(
-        block,
-        lambda b: mounted_orientation(
-            b, free=free, free_mount=free_mount(fix), refraction=refraction, gnss=gnss
-        ),
+    network = partial(
+        mounted_orientation,
+        free=free,
+        free_mount=free_mount(fix),
+        refraction=refraction,
+        gnss=gnss,
     )
+    bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from acx4lib import shown
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.block import Block
@@ -17,9 +15,6 @@ from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
 from acx4lib.stages.explained import explained, solving
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,17 +43,6 @@ class ValidationStage:
     rigs: Mapping[str, Calibration]
     in_heads: list[Validation]
     earlier: str = ""
-
-    def __repr__(self) -> str:
-        """Say in a line what was validated."""
-        methods = [one.method for one in (*self.validations, *self.in_heads)]
-        points = shown.count(len(self.block.check), "check point")
-        return shown.line("ValidationStage", points, *methods)
-
-    def table(self) -> pd.DataFrame:
-        """Return the differences of all methods."""
-        found = {one.method: one.table() for one in (*self.validations, *self.in_heads)}
-        return shown.below(*found.values(), method=list(found))
 
 
 def run(
@@ -116,7 +100,7 @@ def measured(flight: Flight, results_path: str | Path, calibration_path: str | P
 
 def calibrations(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> shown.ByName[Calibration]:
+) -> dict[str, Calibration]:
     """Return the calibrations whose parameters are all determined, by method.
 
     Parameters
@@ -125,15 +109,15 @@ def calibrations(
         As in `run`.
     """
     if before := _earlier(flight, calibration_path):
-        return shown.ByName(before.calibrations(before.block(flight)))
+        return before.calibrations(before.block(flight))
     found = _before(flight, results_path)
     block = mounted_block(flight, "validation", found)
-    return shown.ByName(read_back.calibrations_for(flight, found, block.cameras))
+    return read_back.calibrations_for(flight, found, block.cameras)
 
 
 def calibrated_rigs(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> shown.ByName[Calibration]:
+) -> dict[str, Calibration]:
     """Return calibrations of the heads, by method, where the block is measured in these.
 
     Parameters
@@ -142,11 +126,11 @@ def calibrated_rigs(
         As in `run`.
     """
     if "validation" not in flight.carried:
-        return shown.ByName()
+        return {}
     if before := _earlier(flight, calibration_path):
-        return shown.ByName(before.rigs(flight.block("validation")))
+        return before.rigs(flight.block("validation"))
     found = _before(flight, results_path)
-    return shown.ByName(read_back.rigs_for(found, flight.block("validation").cameras))
+    return read_back.rigs_for(found, flight.block("validation").cameras)
 
 
 def _earlier(flight: Flight, calibration_path: str | Path) -> earlier.Earlier | None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.chapters.mounting import variants as mounting_experiments
 from acx4lib.bundle import adjust, unknowns, uses, variance_components
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.gross_errors import data_snooping
@@ -238,10 +237,6 @@ def adjusted() -> list[Wrong]:
         Wrong(
             lambda: calibrated()["three_step"],
             "method: expected one of two_step, two_step_gnss, single_step, got 'three_step'",
-        ),
-        Wrong(
-            lambda: mounting_experiments.correlations(calibrated(), "twostep"),
-            "method: expected one of two_step, two_step_gnss, single_step, got 'twostep'",
         ),
         Wrong(
             lambda: weights.weighted(BLOCK, weights="equal", free=FREE),

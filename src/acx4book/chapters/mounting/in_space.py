@@ -30,17 +30,13 @@ LARGE = 0.03
 """Largest half axis of a median ellipsoid, as a share of the block."""
 
 
-def view(mounting: Mounting | None) -> Shown:
+def view(mounting: Mounting) -> Shown:
     """Return the block of the single step as the reader turns it.
 
     Parameters
     ----------
-    mounting : Mounting or None
-        None where a method gave no result: then there is a sentence.
+    mounting : Mounting
     """
-    if mounting is None:
-        nothing = "The single step gave no result, so there is nothing to be shown in space."
-        return Shown(f"<p>{nothing}</p>", nothing)
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], tie_points(bundle)
     if len(ties):

@@ -1,133 +1,80 @@
-"""Tables of the mounting stage, beside the paper's where they are comparable."""
+"""Tables of chapter 3 that are more than a value's own: they put several values side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from acx4book.paper import printed
-from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
+from acx4book.typesetting.labels import LABELS, UNITS, group_label
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.mounting import Mounting
+from acx4book.typesetting.tables import SYMBOLS
+from acx4lib.attempts import Failed
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.reliability import WEAK
+from acx4lib.calibration.absorption import Absorption, effective_heights
+from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.calibration.trust.detectable import Detectable
 from acx4lib.calibration.trust.determination import (
     Pair,
     Part,
     strong_correlations,
     weakest_combination,
 )
+from acx4lib.calibration.trust.joint_tests import GroupTest
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
-from acx4lib.flight.reader import Flight
-
-PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
-"""The paper's column that a method is set beside: its two-step sigmas are those of this reading."""
+from acx4lib.flight.design import flying_heights
+from acx4lib.geometry.frames import log, transform
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.statistical import distributions
+from acx4lib.results.files.schemas import COMPONENTS
+from acx4lib.results.rows import unit_of
 
 NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
 
+GROUPS = {
+    "image_point": "Image points",
+    "control_point": "Control points",
+    "gnss": "GNSS positions",
+    "attitude": "Attitudes",
+    "distance": "Distances",
+    "lever_arm": "Declared lever arm",
+    "boresight": "Declared boresight",
+}
+"""Names of the kinds of observations."""
 
-def table_3(flight: Flight, methods: Mapping[str, Mounting]) -> pd.DataFrame:
-    """Return Table 3: every parameter of every method, beside the printed ones.
-
-    Parameters
-    ----------
-    flight : Flight
-        The paper's columns are shown where it has the paper's cameras.
-    methods : mapping of str to Mounting
-
-    Returns
-    -------
-    DataFrame
-        Camera (where there are several), Parameter with its unit, a column per method and per
-        print; ``held`` where a method does not estimate what another does.
-    """
-    cells: dict[tuple[str, str, str], dict[str, str]] = {}
-    for method, mounting in methods.items():
-        for p in parameters(mounting.calibration):
-            row = cells.setdefault((p.camera, p.name, p.unit), {})
-            row[TITLES[method]] = value_and_sigma(p.value, p.sigma)
-    rows: list[dict[str, str]] = [{"Camera": "", "Parameter": "a posteriori variance"}]
-    rows += [
-        {"Camera": camera, "Parameter": with_unit(LABELS[name], unit)}
-        for camera, name, unit in cells
-    ]
-    for method, mounting in methods.items():
-        found = [f"{mounting.calibration.sigma0_sq:.3f}"]
-        found += [row.get(TITLES[method], "held") for row in cells.values()]
-        columns = {TITLES[method]: found}
-        if method in PRINTED and printed.applies(flight):
-            names = ["sigma0_squared", *(name for _, name, _ in cells)]
-            columns[printed_title(method)] = [_printed_cell(method, name) for name in names]
-        for title, texts in columns.items():
-            for row, text in zip(rows, texts, strict=True):
-                row[title] = text
-    table = pd.DataFrame(rows)
-    return table.drop(columns="Camera") if table["Camera"].nunique() <= 2 else table
+PARAMETERS = {
+    **{name: LABELS[name] for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
+    **{name: LABELS[f"{name}_mm"] for name in ("f", "xp", "yp")},
+    **{f"lever_{axis}": LABELS[f"lever_{axis}_m"] for axis in "xyz"},
+    **{f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"},
+}
+"""Names of the unknowns that every image shares."""
 
 
-def printed_title(method: str) -> str:
-    """Return the heading of the paper's column beside a method."""
-    return f"Printed: {TITLES[PRINTED[method]].lower()}"
+def _formatted(table: pd.DataFrame, formats: Mapping[str, str]) -> pd.DataFrame:
+    table.attrs["formats"] = {k: v for k, v in formats.items() if k in table}
+    return table
 
 
-def _printed_cell(method: str, name: str) -> str:
-    column = PRINTED[method]
-    if name not in set(printed.table(3)["parameter"]):
-        return ""
-    return printed.shown(3, name, column)
-
-
-def variants(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the variants of a calibration with each value and sigma in one cell."""
-    names = {"variant": "Variant", "images": "Images", "sigma0_squared": "Variance of unit weight"}
-    out = table[list(names)].rename(columns=names)
-    variance = out["Variance of unit weight"]
-    out["Variance of unit weight"] = [f"{v:.3f}" if np.isfinite(v) else "" for v in variance]
-    for name in ("f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m"):
-        if name in table:
-            out[Markup(f"{LABELS[name]} ({name.rpartition('_')[2]})")] = [
-                value_and_sigma(v, s)
-                for v, s in zip(table[name], table[f"sigma_{name}"], strict=True)
-            ]
-    return out
-
-
-def adjustments(methods: Mapping[str, Mounting]) -> pd.DataFrame:
-    """Return size, redundancy and global test of the adjustment behind every method."""
-    rows = []
-    for method, mounting in methods.items():
-        solution, bundle = mounting.bundle.solution, mounting.bundle
-        rows.append(
-            {
-                "Method": TITLES[method],
-                "Observations": solution.n_observations,
-                "Unknowns": solution.n_unknowns,
-                "Redundancy": solution.redundancy,
-                "Variance of unit weight": solution.sigma0_sq,
-                "p of χ²": solution.chi_square_p,
-                "Rejected": len(bundle.rejected),
-                "Left out": sum(bundle.network.left_out.values()),
-            }
-        )
-    return pd.DataFrame(rows)
+# --- what is determined together -------------------------------------------------------------
 
 
 def determination(methods: Mapping[str, Mounting]) -> pd.DataFrame:
-    """Return condition, weakest combination and strong correlations of every method."""
+    """Return condition, weakest combination and strong correlations of methods by their titles."""
     rows = []
-    for method, mounting in methods.items():
+    for title, mounting in methods.items():
         several = len(mounting.calibration.cameras) > 1
         label = partial(_label, with_camera=several)
         parts = weakest_combination(mounting.bundle)
         pairs = strong_correlations(mounting.calibration)
         rows.append(
             {
-                "Method": TITLES[method],
-                "Condition": scientific(mounting.bundle.solution.condition),
+                "Method": title,
+                "Condition": Markup(scientific(mounting.bundle.solution.condition)),
                 "Weakest combination": Markup("; ".join(_part(part, label) for part in parts)),
                 "Correlations above 0.9": Markup("; ".join(_pair(pair, label) for pair in pairs)),
             }
@@ -151,6 +98,280 @@ def _label(name: str, *, with_camera: bool) -> str:
     return f"{shown(camera)} {label}" if camera and with_camera else label
 
 
-def attitude_sigma_deg(block: Block) -> Array:
-    """Return the median standard deviation of roll, pitch and heading, degrees, shape (3,)."""
-    return np.degrees(np.median(block.trajectory.sigma_attitude, axis=0))
+def joint_tests(found: Mapping[str, Sequence[tuple[GroupTest, float | Failed]]]) -> pd.DataFrame:
+    """Return tests of groups of parameters.
+
+    Parameters
+    ----------
+    found : mapping of str to sequence of (GroupTest, float)
+        By what is tested against; with each test the F-ratio of the adjustment that holds the
+        group there. Where this has no solution, its cell is empty.
+    """
+    rows = [
+        {
+            "Camera": test.camera,
+            "Parameters": group_label(test.keys),
+            "against": against,
+            "largest single t": test.largest,
+            "F": test.f_ratio,
+            "F, adjusted without them": np.nan if isinstance(nested, Failed) else nested,
+            "degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
+            "p": test.p,
+        }
+        for against, tests in found.items()
+        for test, nested in tests
+    ]
+    table = pd.DataFrame(rows)
+    if len(table) and len(set(table["Camera"])) == 1:
+        table = table.drop(columns="Camera")
+    formats = {"largest single t": ".1f", "F": ".2f", "F, adjusted without them": ".2f", "p": ".3f"}
+    return _formatted(table, formats)
+
+
+# --- how well observations control each other ------------------------------------------------
+
+
+def reliability(bundle: Bundle, found: Sequence[Detectable]) -> pd.DataFrame:
+    """Return the reliability of every component of every group of observations.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    found : sequence of Detectable
+        Of the bundle.
+
+    Returns
+    -------
+    DataFrame
+        Redundancy numbers; the minimal detectable bias in the unit of the observation; the
+        largest effect of such a bias on any parameter of the cameras, in that parameter's sigma,
+        and which parameter it is.
+    """
+    formats = {
+        "Redundancy, least": ".2f",
+        "Median": ".2f",
+        f"Below {WEAK:g} (%)": ".1f",
+        "Detectable, median": ".3g",
+        "Largest": ".3g",
+        "Effect (σ)": ".2f",
+    }
+    return _formatted(pd.DataFrame([_row(bundle, one) for one in found]), formats)
+
+
+def _row(bundle: Bundle, found: Detectable) -> dict[str, object]:
+    name, _, unit = COMPONENTS[found.kind][found.component].rpartition("_")
+    if found.kind in ("lever_arm", "boresight"):
+        name = f"{'about' if found.kind == 'boresight' else 'along'} {'xyz'[found.component]}"
+    bias = unit_of(found.kind, found.component) * found.bias
+    return {
+        "Observation": f"{GROUPS[found.kind]}, {name} ({UNITS.get(unit, unit)})",
+        "Number": len(bias),
+        "Redundancy, least": float(found.redundancy.min()),
+        "Median": float(np.median(found.redundancy)),
+        f"Below {WEAK:g} (%)": 100 * float(np.mean(found.redundancy < WEAK)),
+        "Detectable, median": float(np.median(bias)),
+        "Largest": float(bias.max()),
+        "Effect (σ)": found.effect,
+        "On": _parameter(bundle, found.on),
+    }
+
+
+def _parameter(bundle: Bundle, name: str) -> str:
+    """Return the parameter of a camera for readers; the camera's name only where it matters."""
+    if not name:
+        return ""
+    camera, key = name.rsplit("/", 1)
+    several = len(bundle.network.block.cameras) > 1
+    return Markup(f"{shown(camera)} {PARAMETERS[key]}") if several else PARAMETERS[key]
+
+
+# --- the lever arm that the interior orientation took up ---------------------------------------
+
+PAIRS = (("xp", 0), ("yp", 1), ("f", 2))
+"""Which parameter takes up the component of the lever arm along which axis of the camera."""
+
+
+def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFrame:
+    """Compare what the two-step interior orientation took up with the lever arm it could not see.
+
+    Parameters
+    ----------
+    mountings : Mountings
+    found : Absorption or None
+        Of them; no rows where the methods cannot be compared.
+
+    Returns
+    -------
+    DataFrame
+        Per camera and axis of the camera: shift of two_step_gnss against single_step, and what
+        the estimated lever arm makes of it by least squares (mm); the effective height; the
+        lever arm that the shift means at the mean flying height, and by least squares; the one
+        that the single step estimates, its sigma, and the sigma of the difference of the last
+        two (m).
+    """
+    if found is None:
+        return pd.DataFrame()
+    single, gnss = mountings["single_step"], mountings["two_step_gnss"]
+    mean_height = float(flying_heights(single.bundle.network.block).mean())
+    heights = effective_heights(gnss.calibration, found.by_lever)
+    expected = found.by_lever @ found.lever_m
+    rows = []
+    for k, camera in enumerate(single.calibration.cameras):
+        own = slice(3 * k, 3 * k + 3)
+        R_c_b = camera.T_b_c.R.T
+        held = gnss.calibration.cameras[k].T_b_c.r
+        seen, estimated = (
+            transform(R_c_b, lever[own] + held) for lever in (found.lever_seen_m, found.lever_m)
+        )
+        sigma_estimated = sigmas(propagate(R_c_b, _cov_lever(single, k)))
+        sigma_difference = sigmas(propagate(R_c_b, found.cov_lever_m[own, own]))
+        for (key, axis), row in zip(PAIRS, (1, 2, 0), strict=True):
+            shift = found.shift_mm[own][row]
+            rows.append(
+                {
+                    "Camera": camera.name,
+                    "Parameter": LABELS[f"{key}_mm"],
+                    "Difference (mm)": shift,
+                    "Expected (mm)": expected[own][row],
+                    "Effective height (m)": heights[k, axis],
+                    "At the mean height (m)": -shift * mean_height / camera.interior.f
+                    + (R_c_b @ held)[axis],
+                    "Lever arm seen (m)": seen[axis],
+                    "Estimated (m)": estimated[axis],
+                    "σ of it (m)": sigma_estimated[axis],
+                    "Seen less estimated (mm)": 1e3 * (seen[axis] - estimated[axis]),
+                    "σ of the difference (mm)": 1e3 * sigma_difference[axis],
+                }
+            )
+    table = pd.DataFrame(rows)
+    return _formatted(
+        table if len(set(table["Camera"])) > 1 else table.drop(columns="Camera"),
+        {
+            **dict.fromkeys(("Difference (mm)", "Expected (mm)"), "+.4f"),
+            **dict.fromkeys(("Lever arm seen (m)", "Estimated (m)"), "+.4f"),
+            "Effective height (m)": ".0f",
+            "At the mean height (m)": "+.3f",
+            "Seen less estimated (mm)": "+.1f",
+            "σ of the difference (mm)": ".1f",
+        },
+    )
+
+
+def _cov_lever(single: Mounting, k: int) -> Array:
+    """Return the a posteriori covariance of a camera's lever arm; zero where it is held."""
+    calibration = single.calibration
+    columns = calibration.layout.mount[k, :3]
+    if np.any(columns < 0):
+        return np.zeros((3, 3))
+    return calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
+
+
+# --- the same adjustment with something else ---------------------------------------------------
+
+
+def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
+    """Return several adjustments, a row each, by their titles.
+
+    Parameters
+    ----------
+    methods : mapping of str to Mounting or Failed
+
+    Returns
+    -------
+    DataFrame
+        Images, variance of unit weight, and of f, the principal point and the lever arm
+        ``value`` and ``sigma``.
+    """
+    rows: dict[str, dict[tuple[str, str], object]] = {}
+    for title, found in methods.items():
+        row: dict[tuple[str, str], object] = {("images", ""): None}
+        if isinstance(found, Mounting):
+            row[("images", "")] = len(found.bundle.network.block.images)
+            row[("variance of unit weight", "")] = found.bundle.solution.sigma0_sq
+            estimates = found.table()
+            keys, columns = estimates.index.tolist(), (estimates["value"], estimates["sigma"])
+            for key, value, sigma in zip(keys, *columns, strict=True):
+                *camera, name, unit = key
+                if name in ("f", "xp", "yp") or name.startswith("lever"):
+                    of = "".join(f"{shown(one)} " for one in camera)
+                    heading = Markup(f"{of}{SYMBOLS[name]} ({unit})")
+                    row[(heading, "value")] = value
+                    row[(heading, "sigma")] = sigma
+        rows[title] = row
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    table.index.name = "variant"
+    return table
+
+
+def chi_square_seen(found: Absorption | None) -> dict[str, float]:
+    """Return the test of the lever arm that was taken up against the estimated one.
+
+    Parameters
+    ----------
+    found : Absorption or None
+
+    Returns
+    -------
+    dict of str to float
+        ``chi_square``, its ``degrees`` of freedom and ``p``; empty where attitudes add nothing to
+        compare.
+    """
+    if found is None or np.linalg.eigvalsh(found.cov_lever_m).min() <= 1e-12:
+        return {}
+    off = found.lever_seen_m - found.lever_m
+    chi_square, n = float(off @ np.linalg.solve(found.cov_lever_m, off)), len(off)
+    return {"chi_square": chi_square, "degrees": n, "p": distributions.chi2_sf(chi_square, n)}
+
+
+def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object]:
+    """Return what the first camera's interior orientation took up, for a sentence.
+
+    Parameters
+    ----------
+    mountings : Mountings
+    found : Absorption or None
+
+    Returns
+    -------
+    dict of str to object
+        ``shifts``, pairs of a label and mm; ``rest_um``, by how much they miss what least squares
+        expects; and whether the lever arm ``matters``: the estimated one differs from the one held
+        by more than three of its standard deviations.
+    """
+    if found is None:
+        return {"shifts": [], "rest_um": np.nan, "matters": False}
+    shift = found.shift_mm[:3]
+    sigma = np.sqrt(np.diag(_cov_lever(mountings["single_step"], 0)))
+    off = np.abs(found.lever_m[:3])
+    return {
+        "shifts": list(zip([LABELS[f"{n}_mm"] for n in ("f", "xp", "yp")], shift, strict=True)),
+        "rest_um": 1e3 * np.abs(shift - (found.by_lever @ found.lever_m)[:3]).max(),
+        "matters": bool(np.any(off > 3 * sigma)),
+    }
+
+
+# --- image by image --------------------------------------------------------------------------
+
+
+def scatter(mounting: Mounting | Failed) -> pd.DataFrame:
+    """Return how the boresights of single images scatter, and the precision of their mean.
+
+    Parameters
+    ----------
+    mounting : Mounting or Failed
+        Of a two-step method; no rows where it was left out.
+    """
+    names = [f"boresight {letter}" for letter in "ωφκ"]
+    index = pd.MultiIndex.from_product([names, ["°"]], names=["parameter", "unit"])
+    if isinstance(mounting, Failed) or mounting.per_image is None or mounting.averaged is None:
+        return pd.DataFrame(index=index[:0])
+    block, calibration = mounting.bundle.network.block, mounting.calibration
+    R = np.stack([camera.T_b_c.R for camera in calibration.cameras])[block.images.camera_idx]
+    turns = np.degrees(log(mounting.per_image.R @ np.swapaxes(R, 1, 2)))[mounting.averaged]
+    spread = np.std(turns, axis=0, ddof=1) if len(turns) > 1 else np.full(3, np.nan)
+    table = pd.DataFrame(
+        {"scatter of the images": spread, "scatter / √n": spread / np.sqrt(len(turns))}, index=index
+    )
+    if len(calibration.cameras) == 1:
+        table["σ of the mean"] = mounting.table()["sigma"].reindex(index)
+    return _formatted(table, dict.fromkeys(map(str, table.columns), ".4f"))

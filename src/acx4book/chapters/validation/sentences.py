@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from acx4book.chapters.mounting.sentences import listed
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES, inside
 from acx4book.typesetting.plain_text import shown
@@ -129,3 +128,8 @@ def _class(last: Validation) -> str:
         if reached.plan == reached.height == "A":
             return f"By the standard PEC-PCD that is class A at 1:{scale} in plan and in height."
     return "By the standard PEC-PCD no tabulated scale has class A in plan and in height."
+
+
+def listed(values: Iterable[float], spec: str) -> str:
+    """Return numbers one after the other, between commas."""
+    return ", ".join(f"{value:{spec}}" for value in values)

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.mounting.tables import PRINTED, printed_title
 from acx4book.paper import printed
 from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.plain_text import Markup
@@ -18,6 +17,9 @@ from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, error_sources, standards
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import correlation, sigmas
+
+PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
+"""The paper's column that a method is set beside: its two-step sigmas are those of this reading."""
 
 
 def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
@@ -34,7 +36,7 @@ def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
         columns[TITLES[validation.method]] = _validation_cells(validation)
         if validation.method in PRINTED and printed.applies(flight):
             column = PRINTED[validation.method]
-            columns[printed_title(validation.method)] = _printed_validation(column)
+            columns[f"Printed: {TITLES[column].lower()}"] = _printed_validation(column)
     table = pd.DataFrame(columns)
     table.insert(0, "Quantity", table.index)
     return table.reset_index(drop=True)

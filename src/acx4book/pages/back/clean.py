@@ -54,13 +54,18 @@ BEFORE: Mapping[str, Before] = {
     "06-errata": Before(stages=ALL),
     "07-report": Before(stages=ALL),
     "08-rig": Before(stages=ALL[:1]),
+    "study": Before(design="acx4-ideal"),
 }
 """The notebooks that need a flight, the one that their pages show; the others need none."""
 
 
+PAGES = ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
+"""The notebooks that are pages of the book, below their folder."""
+
+
 def sources() -> list[Path]:
     """Return the notebooks that are pages of the book."""
-    found = (NOTEBOOKS_PATH.glob(pattern) for pattern in ("*.ipynb", "foundations/*.ipynb"))
+    found = (NOTEBOOKS_PATH.glob(pattern) for pattern in PAGES)
     return sorted(path for paths in found for path in paths)
 
 

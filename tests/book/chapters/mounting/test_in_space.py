@@ -32,10 +32,6 @@ def named(layers, beginning):
     return [layer for name, layer in layers.items() if name.startswith(beginning)]
 
 
-def test_without_a_result_there_is_a_sentence():
-    assert "no result" in in_space.view(None).html
-
-
 def test_every_image_has_a_pyramid_whose_corners_are_those_of_the_image(mounted, layers):
     edges = np.concatenate([at(layer) for layer in named(layers, "cameras")]).reshape(-1, 16, 3)
     assert len(edges) == len(mounted.T_m_c)

@@ -10,8 +10,7 @@ import pandas as pd
 
 from acx4book.chapters.beyond.rig.deformations import Deformation
 from acx4book.chapters.beyond.rig.one_by_one import ONE_BY_ONE, RIG, UNSHARED, WITH_F, gains
-from acx4book.chapters.mounting.tables import adjustments
-from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import parameters
@@ -33,7 +32,18 @@ def quality(stage: RigStage) -> pd.DataFrame:
     """Return how the adjustment of all heads went."""
     if stage.rig is None:
         return pd.DataFrame([{"Method": "none could be adjusted"}])
-    return adjustments({"rig": stage.rig})
+    solution, bundle = stage.rig.bundle.solution, stage.rig.bundle
+    row = {
+        "Method": TITLES["rig"],
+        "Observations": solution.n_observations,
+        "Unknowns": solution.n_unknowns,
+        "Redundancy": solution.redundancy,
+        "Variance of unit weight": solution.sigma0_sq,
+        "p of χ²": solution.chi_square_p,
+        "Rejected": len(bundle.rejected),
+        "Left out": sum(bundle.network.left_out.values()),
+    }
+    return pd.DataFrame([row])
 
 
 def calibration(stage: RigStage, truth: Sequence[Camera]) -> pd.DataFrame:

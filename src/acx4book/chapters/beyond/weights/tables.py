@@ -7,9 +7,11 @@ import pandas as pd
 
 from acx4book.chapters.beyond.weights.shifted import SHIFT_M
 from acx4book.chapters.beyond.weights.simulated import MODELLED
-from acx4book.chapters.mounting.weights import TOO_FEW, factor
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS, with_unit
+from acx4book.typesetting.plain_text import Markup
+
+TOO_FEW = "too little redundancy"
 
 WRONG_FORMATS = {"Redundancy": ".1f", "Effective": ".1f", "True factor": ".2f"}
 
@@ -32,7 +34,9 @@ def wrong_table(table: pd.DataFrame) -> pd.DataFrame:
                 "Redundancy": row["redundancy"],
                 "Effective": row["effective"],
                 "True factor": row["true"],
-                "Diagnosis": factor(row["factor"], row["sigma"]) if told else TOO_FEW,
+                "Diagnosis": Markup(f"{row['factor']:.2f} ± {row['sigma']:.2f}")
+                if told
+                else TOO_FEW,
                 "Estimated": f"{row['estimated']:.2f}" if estimated else "as given",
             }
         )

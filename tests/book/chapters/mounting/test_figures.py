@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.mounting.figures.weak_places import image_redundancy, weak_places
+from acx4book.chapters.mounting.figures import image_redundancy, mounting_per_image, weak_places
+from acx4lib.attempts import Failed
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
+from acx4lib.errors import AdjustmentError
 
 mpl.use("agg")
 
@@ -79,6 +81,7 @@ def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
         assert ax.get_ylim() == (3000, 0)  # rows count downwards
 
 
-@pytest.mark.parametrize("draw", [weak_places, image_redundancy])
-def test_without_a_result_there_is_a_sentence(draw):
-    assert [t.get_text() for t in drawn(draw(None)).axes[0].texts] == ["The method gave no result."]
+def test_a_method_that_was_left_out_has_a_sentence_for_its_images():
+    failed = Failed(method="two_step", reason="no control", error=AdjustmentError("no control"))
+    (text,) = drawn(mounting_per_image(failed)).axes[0].texts
+    assert text.get_text() == "The method was left out: no control"

@@ -1,10 +1,11 @@
-"""Where a block is weak: how large an error must be to be found, in plan and in the image."""
+"""Figures of chapter 3: the mounting image by image, the lever arm, and where a block is weak."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -12,13 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.typesetting import style
+from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.mounting import Mounting
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
-
-NO_RESULT = "The method gave no result."
+from acx4lib.geometry.frames import Pose, log
 
 WEAK_COLOURS = style.SEQUENCE.reversed()
 """Of redundancy numbers: the weak ones are dark."""
@@ -33,16 +34,126 @@ FEW = 3
 """Measurements below which a cell has no mean."""
 
 
+# --- image by image --------------------------------------------------------------------------
+
+
+def mounting_per_image(mounting: Mounting | Failed) -> Figure:
+    """Draw what every image says of boresight and lever arm, eqs (12) and (13), less their mean.
+
+    The band is one standard deviation of the trajectory's attitude.
+
+    Parameters
+    ----------
+    mounting : Mounting or Failed
+        Of a two-step method.
+
+    Raises
+    ------
+    ValueError
+        For a method that has no mounting per image.
+    """
+    if isinstance(mounting, Failed):
+        return style.nothing(f"The method was left out: {mounting.reason}")
+    if mounting.per_image is None or mounting.averaged is None:
+        msg = f"{mounting.method} has no mounting per image"
+        raise ValueError(msg)
+    trajectory = mounting.bundle.network.block.trajectory
+    sigma_deg = np.degrees(np.median(trajectory.sigma_attitude, axis=0))
+    with style.applied():
+        fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 3.9), sharex=True, sharey="row")
+        _draw_per_image(axes, mounting, mounting.per_image, mounting.averaged)
+        for axis, name in enumerate(("x", "y", "z")):
+            axes[0, axis].set_title(f"about and along {name}")
+            if np.isfinite(s := float(sigma_deg[axis])):
+                axes[0, axis].axhspan(-s, s, color=style.SOFT, alpha=0.12, lw=0, zorder=0)
+            for ax in axes[:, axis]:
+                ax.axhline(0, color=style.INK, lw=0.7)
+            axes[1, axis].set_xlabel("image number")
+        axes[0, 0].set_ylabel("boresight less mean (°)")
+        axes[1, 0].set_ylabel("lever arm less mean (m)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        if any(labels):
+            style.legend_below(fig, handles, ncols=6)
+    return fig
+
+
+def _draw_per_image(axes: Any, mounting: Mounting, T_b_c: Pose, averaged: Mask) -> None:
+    """Draw the boresights and lever arms of every camera's images, less their mean."""
+    block = mounting.bundle.network.block
+    for k, camera in enumerate(mounting.calibration.cameras):
+        own = np.flatnonzero(averaged & (block.images.camera_idx == k))
+        seen = T_b_c[own]
+        turn = np.degrees(log(seen.R @ camera.T_b_c.R.T))
+        shift = seen.r - seen.r.mean(axis=0)
+        strips = [block.images.strips[i] for i in own]
+        for axis in range(3):
+            _by_strip(axes[0, axis], own, turn[:, axis], strips)
+            _by_strip(axes[1, axis], own, shift[:, axis], strips)
+
+
+def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None:
+    """Draw values over image numbers, a colour for every strip."""
+    for i, strip in enumerate(dict.fromkeys(strips)):
+        own = np.array([s == strip for s in strips])
+        ax.plot(
+            *(number[own] + 1, values[own], "o"),
+            ms=2.8,
+            color=style.colour(i),
+            label=f"strip {style.plain(strip)}" if strip else "",
+        )
+
+
+def lever_arm_seen(table: pd.DataFrame) -> Figure:
+    """Draw the lever arm that the two-step interior orientation took up beside the true one.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `tables.lever_arm_seen` returns it.
+    """
+    if table.empty:
+        return style.nothing("The two methods cannot be compared here.")
+    axes = {"$x_p$": "x", "$y_p$": "y", "$f$": "z"}
+    cameras = table.get("Camera", [""] * len(table))
+    names = [
+        f"{style.plain(camera)} ${axes[key]}$: from the shift of {key}".strip()
+        for camera, key in zip(cameras, table["Parameter"], strict=True)
+    ]
+    rows = np.arange(len(table))
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
+        for offset, value, mark, name, tint in (
+            (-0.2, "At the mean height (m)", "x", "from the mean flying height", style.SOFT),
+            (0.0, "Lever arm seen (m)", "o", "by least squares", style.ORANGE),
+        ):
+            ax.plot(table[value], rows + offset, mark, color=tint, ms=6, label=name)
+        ax.errorbar(
+            *(table["Estimated (m)"], rows + 0.2),
+            xerr=2 * table["σ of it (m)"],
+            fmt="o",
+            color=style.BLUE,
+            capsize=2.5,
+            lw=1.2,
+            ms=5,
+            label="estimated by the single step, ±2σ",
+        )
+        ax.axvline(0, color=style.INK, lw=0.7)
+        ax.set_yticks(rows, names)
+        ax.set_ylim(len(rows) - 0.5, -0.5)
+        ax.set_xlabel("lever arm, axes of the camera (m)")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=3)
+    return fig
+
+
 # --- in plan ---------------------------------------------------------------------------------
 
 
-def weak_places(mounting: Mounting | None) -> Figure:
+def weak_places(mounting: Mounting) -> Figure:
     """Draw a block in plan with what its tests find at every point and exposure.
 
     Parameters
     ----------
-    mounting : Mounting or None
-        None where a method gave no result.
+    mounting : Mounting
 
     Returns
     -------
@@ -50,8 +161,6 @@ def weak_places(mounting: Mounting | None) -> Figure:
         Left, the largest detectable error in any image measurement of a point; of very many points
         the weakest in every cell. Right, that of any coordinate of a control point or a position.
     """
-    if mounting is None:
-        return style.nothing(NO_RESULT)
     bundle = mounting.bundle
     measured = np.unique(bundle.network.image_points.point_idx)
     shown = _km(bundle, np.concatenate([bundle.state.x_m[measured], bundle.state.T_m_b.r]))
@@ -167,21 +276,18 @@ def _as_map(ax: Axes, shown: Array) -> None:
 # --- in the image ----------------------------------------------------------------------------
 
 
-def image_redundancy(mounting: Mounting | None) -> Figure:
+def image_redundancy(mounting: Mounting) -> Figure:
     """Draw the mean redundancy numbers of measurements over the image plane.
 
     Parameters
     ----------
-    mounting : Mounting or None
-        None where a method gave no result.
+    mounting : Mounting
 
     Returns
     -------
     Figure
         A row for each camera: along columns and along rows.
     """
-    if mounting is None:
-        return style.nothing(NO_RESULT)
     network = mounting.bundle.network
     cameras, points = network.block.cameras, network.image_points
     r = mounting.bundle.solution.group("image_point").redundancy

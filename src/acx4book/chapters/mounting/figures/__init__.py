@@ -1,1 +1,0 @@
-"""Figures of the mounting: estimates image by image, and weak places."""
