@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 C = TypeVar("C", bound=type)
-K = TypeVar("K", str, tuple[str, ...], tuple[str, str, str])
+K = TypeVar("K")
+T = TypeVar("T", bound="Tabled")
 
 LONGEST = 118
 """Most characters of a line."""
@@ -132,7 +133,7 @@ def row_table(name: str | Sequence[str], rows: Mapping[K, Mapping[str, object]])
 
     several = [name] if isinstance(name, str) else list(name)
     keys = [(key,) if isinstance(name, str) else key for key in rows]
-    index = pd.DataFrame(keys, columns=several, dtype=object)
+    index = pd.DataFrame(keys, columns=several)
     table = pd.concat([index, pd.DataFrame(list(rows.values()))], axis=1)
     return table.set_index(several)
 
@@ -148,3 +149,35 @@ def side_by_side(values: Mapping[str, Tabled]) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
 
     return pd.concat({name: value.table() for name, value in values.items()}, axis=1)
+
+
+def below(*tables: pd.DataFrame, **level: Sequence[str]) -> pd.DataFrame:
+    """Return tables with the same columns below each other.
+
+    Parameters
+    ----------
+    *tables : DataFrame
+    **level : sequence of str
+        A level of the index before the others, and what each table has there.
+    """
+    import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
+
+    if not tables:
+        return pd.DataFrame()
+    if not level:
+        return pd.concat(tables)
+    ((name, keys),) = level.items()
+    return pd.concat(tables, keys=keys, names=[name])
+
+
+class ByName(dict[str, T]):
+    """Values by their names, which show themselves in a line."""
+
+    def __repr__(self) -> str:
+        """Name them in a line."""
+        kinds = {type(value).__name__ for value in self.values()}
+        return line(f"{' or '.join(sorted(kinds))} by name" if kinds else "nothing", *self)
+
+    def table(self) -> pd.DataFrame:
+        """Return the tables of all of them side by side."""
+        return side_by_side(self)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.bundle.observations.mountings import mounting_equations
 from acx4lib.bundle.observations.points import control_equations, distance_equations, of_halves
 from acx4lib.bundle.observations.trajectory import (
@@ -90,6 +91,17 @@ class Network:
     refraction: str = "none"
     distortion_at: str = "adjusted"
     left_out: dict[str, int] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Say in a line what is to be adjusted."""
+        parts = {
+            "pose": len(self.pose_names),
+            "unknown": self.n_columns + 3 * int(self.free_points.sum()),
+            "image point": len(self.image_points),
+            "control point": len(self.control),
+        }
+        said = (shown.count(n, noun) for noun, n in parts.items())
+        return shown.line(f"Network of {self.block.name!r}", *said)
 
     @property
     def n_columns(self) -> int:

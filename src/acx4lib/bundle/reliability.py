@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, POWER, noncentrality
 from acx4lib.bundle.observations.points import of_halves
@@ -32,6 +32,7 @@ TOGETHER = 50_000
 """Number of observations of which the gains are computed together."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reliability:
     """Reliability of one group of observations.

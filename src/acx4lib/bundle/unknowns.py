@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import AXES, BORESIGHT, DELAYS, GNSS, LEVER_ARM, MOUNT, POSE
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
     """The column of every unknown; no other module counts columns.
@@ -52,6 +53,7 @@ class Layout:
         return int(sum(np.sum(part >= 0) for part in parts))
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
     """All unknowns of a bundle.

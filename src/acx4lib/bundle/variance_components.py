@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from scipy import sparse
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
@@ -20,6 +21,9 @@ from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.residuals import Group
 from acx4lib.least_squares.statistical.weighted_squares import tails
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -161,6 +165,22 @@ class SigmaTest:
     p: float
 
 
+class Components(tuple[Component, ...]):
+    """Variance components of all groups of an adjustment that took part."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Name the factors in a line."""
+        return shown.line("Components", *(f"{c.group} {c.factor:.2f}" for c in self))
+
+    def table(self) -> pd.DataFrame:
+        """Return the factors, a row for every group."""
+        columns = ("n", "redundancy", "effective", "factor", "sigma", "p", "applied")
+        rows = {c.group: {name: getattr(c, name) for name in columns} for c in self}
+        return shown.row_table("group", rows)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
     """The observations of one group: rows and components of residuals."""
@@ -191,7 +211,7 @@ def components(
 
     Returns
     -------
-    tuple of Component
+    Components
         The groups that took part.
 
     Raises
@@ -240,7 +260,7 @@ def components(
                 applied=before,
             )
         )
-    return tuple(out)
+    return Components(out)
 
 
 def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:

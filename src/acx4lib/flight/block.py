@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.distances import Distances
@@ -23,10 +24,14 @@ from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.local_frame import LocalFrame
 from acx4lib.least_squares.statistical.gauss_markov import WHITE, GaussMarkov
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SMALLEST_ANGLE = float(np.radians(2.0))
 """A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Images:
     """The images of a block.
@@ -60,6 +65,7 @@ class Images:
         return len(self.names)
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagePoints:
     """Image measurements.
@@ -96,6 +102,7 @@ class ImagePoints:
         return expected.part_of(self, keep)
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyedPoints:
     """Points with surveyed coordinates: control or check points.
@@ -135,6 +142,7 @@ class SurveyedPoints:
         return expected.part_of(self, keep)
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
     """Body poses at the exposures, from GNSS and INS.
@@ -263,6 +271,17 @@ class Block:
             expected.places(name, idx, n)
         _check_surveyed(self)
 
+    def __repr__(self) -> str:
+        """Say in a line what is in it."""
+        numbers = {**block_row(self), "cameras": 0}
+        said = (shown.count(n, noun.removesuffix("s")) for noun, n in numbers.items() if n)
+        of = shown.names([camera.name for camera in self.cameras], 4)
+        return shown.line(f"Block {self.name!r}", of, *said)
+
+    def table(self) -> pd.DataFrame:
+        """Return how many cameras, images, points and measurements it has, in a row."""
+        return shown.row_table("block", {self.name: block_row(self)})
+
     @property
     def T_m_b_images(self) -> Pose:
         """The trajectory's body poses, one per image."""
@@ -272,6 +291,19 @@ class Block:
     def rays(self) -> Index:
         """Number of measurements of every point, shape (n_points,)."""
         return np.bincount(self.image_points.point_idx, minlength=len(self.points))
+
+
+def block_row(block: Block) -> dict[str, int]:
+    """Return how many things of every kind a block has."""
+    return {
+        "cameras": len(block.cameras),
+        "images": len(block.images),
+        "exposures": len(block.trajectory),
+        "points": len(block.points),
+        "control points": len(block.control),
+        "check points": len(block.check),
+        "measurements": len(block.image_points),
+    }
 
 
 _PARTS: dict[str, type] = {"images": Images, "image_points": ImagePoints, "trajectory": Trajectory}

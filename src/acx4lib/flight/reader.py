@@ -6,10 +6,11 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.errors import FlightError, visible
-from acx4lib.flight.block import Block
+from acx4lib.flight.block import Block, block_row
 from acx4lib.flight.block_from_tables import (
     BLOCKS,
     TABLES,
@@ -37,6 +38,9 @@ from acx4lib.flight.text.document import Toml, read_toml
 from acx4lib.flight.text.files import named_file
 from acx4lib.flight.text.table import Table
 from acx4lib.geometry.camera import Camera
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,6 +72,19 @@ class Flight(Setup):
     trajectories: dict[str, Table]
     image_files: dict[str, tuple[Path | None, ...]]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Say in a line what is in it."""
+        blocks = [
+            f"{name} {shown.count(len(one.images), 'image')}" for name, one in self.blocks.items()
+        ]
+        cameras = shown.count(len(self.cameras), "camera")
+        return shown.line(f"Flight {self.name!r}", cameras, *blocks)
+
+    def table(self) -> pd.DataFrame:
+        """Return what is in its blocks, a row for each."""
+        rows = {name: block_row(block) for name, block in self.blocks.items()}
+        return shown.row_table("block", rows)
 
     def block(self, name: str) -> Block:
         """Return one of the blocks; a FlightError says so where it is not there."""

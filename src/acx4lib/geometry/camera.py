@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.parameters import MOUNT, SHOWN
 from acx4lib.geometry.prior import Prior
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +56,20 @@ class Interior:
         if not self.f > 0:
             msg = f"focal length must be positive, got f={self.f} mm"
             raise ValueError(msg)
+
+    def __repr__(self) -> str:
+        """Return the values that are not zero in a line."""
+        values = (f"{name} {getattr(self, name):.6g}" for name in INTERIOR if getattr(self, name))
+        return shown.line("Interior", *values)
+
+    def table(self) -> pd.DataFrame:
+        """Return the values that are not zero with their units."""
+        values = self.to_array()
+        return shown.parameter_table(
+            shown.Row("", *SHOWN[name], values[i], np.nan)
+            for i, name in enumerate(INTERIOR)
+            if values[i] != 0
+        )
 
     def to_array(self) -> Array:
         """Return the nine values in the order of `INTERIOR`."""
@@ -123,6 +142,21 @@ class Camera:
         expected.finite("T_b_c.R", self.T_b_c.R)
         expected.finite("T_b_c.r", self.T_b_c.r)
         expected.rotation("T_b_c.R", self.T_b_c.R)
+
+    def __repr__(self) -> str:
+        """Say in a line how large it is."""
+        size = f"{self.width_px} × {self.height_px} px of {1000 * self.pixel_mm:.6g} µm"
+        return shown.line(f"Camera {self.name}", size, f"f {self.interior.f:.6g} mm")
+
+    def table(self) -> pd.DataFrame:
+        """Return interior orientation and mounting with their units."""
+        mounting = np.concatenate([self.T_b_c.r, np.degrees(self.T_b_c.opk)])
+        mounted = (
+            shown.Row("", *SHOWN[name], value, np.nan)
+            for name, value in zip(MOUNT, mounting, strict=True)
+        )
+        own = self.interior.table()
+        return shown.below(own, shown.parameter_table(mounted))
 
     @property
     def diagonal_px(self) -> float:

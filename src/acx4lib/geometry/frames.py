@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.expected import Array, Index, Mask
 
 
@@ -288,6 +288,13 @@ class Pose:
         if not _spread(R[:-2], r[:-1]):
             msg = f"R and r: expected as many of either, got {R[:-2]} and {r[:-1]}"
             raise ValueError(msg)
+
+    def __repr__(self) -> str:
+        """Say in a line where one pose is, or how many they are."""
+        if self.r.ndim > 1:
+            return shown.line("Pose", f"{len(self)} of them")
+        r, opk = (", ".join(f"{x:.3f}" for x in v) for v in (self.r, np.degrees(self.opk)))
+        return shown.line("Pose", f"r ({r})", f"ω, φ, κ ({opk})°")
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain: ``T_a_c = T_a_b @ T_b_c``."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, SurveyedPoints
 from acx4lib.georeferencing import direct
@@ -14,6 +14,7 @@ from acx4lib.georeferencing.error_sources import ErrorSources, turned
 from acx4lib.least_squares.covariance import propagate
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Differences:
     """Estimated minus surveyed coordinates along the axes of the flight's CRS.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.observations.shared_errors import SharedErrors, shared_errors
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
@@ -24,6 +25,9 @@ from acx4lib.geometry.intersection import intersect
 from acx4lib.geometry.refraction import as_seen
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +62,18 @@ class Georeferenced:
     cov_body: Array
     cov_parameters: Array
     shared: SharedErrors | None = None
+
+    def __repr__(self) -> str:
+        """Say in a line how many images are oriented."""
+        of = shown.names([camera.name for camera in self.cameras])
+        return shown.line("Georeferenced", of, shown.count(len(self.T_m_c), "image"))
+
+    def table(self) -> pd.DataFrame:
+        """Return the poses of the images, which are counted from zero, in the mapping frame."""
+        values = np.hstack([self.T_m_c.r, np.degrees(self.T_m_c.opk)])
+        columns = ("x (m)", "y (m)", "z (m)", "ω (°)", "φ (°)", "κ (°)")
+        rows = {i: dict(zip(columns, own, strict=True)) for i, own in enumerate(values.tolist())}
+        return shown.row_table("image", rows)
 
 
 def georeference(block: Block, calibration: Calibration) -> Georeferenced:
@@ -117,6 +133,7 @@ def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
     return own + propagate(g.by_parameters, g.cov_parameters)
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rays:
     """Measurements to intersect, sorted by group; every group is one intersection.
@@ -193,6 +210,20 @@ class Intersections:
     by_point: Array
     by_body: Array
     by_parameters: Array
+
+    def __repr__(self) -> str:
+        """Say in a line how many points are intersected."""
+        points, rays = shown.count(len(self.x_m), "point"), shown.count(len(self.v), "ray")
+        return shown.line("Intersections", f"{points} of {rays}")
+
+    def table(self) -> pd.DataFrame:
+        """Return the points, counted from zero, in the mapping frame with their a priori sigma."""
+        rows = {}
+        sigma_of = np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
+        for i, (x_m, sigma) in enumerate(zip(self.x_m, sigma_of, strict=True)):
+            for axis, value, own in zip("xyz", x_m.tolist(), sigma.tolist(), strict=True):
+                rows[i, axis, "m"] = {"value": value, "sigma": own}
+        return shown.row_table(("point", "coordinate", "unit"), rows)
 
 
 def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Measurement:

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
@@ -41,6 +41,7 @@ FORGOTTEN = 0.1
 vanishes for a while must not run away."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """A least-squares solution and its quality.

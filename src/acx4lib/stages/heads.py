@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.correlations import interior_exterior, largest_pairs
@@ -17,6 +19,9 @@ from acx4lib.calibration.heads import (
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
 from acx4lib.stages.explained import explained, solving
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +39,15 @@ class HeadsStage:
     heads: Heads
     orientation: RelativeOrientation | None
     left_out: str = ""
+
+    def __repr__(self) -> str:
+        """Say in a line what there is."""
+        oriented = "" if self.orientation is None else "oriented to each other"
+        return shown.line("HeadsStage", shown.names(list(self.heads.bundles)), oriented)
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters of all heads with their units and sigma."""
+        return self.heads.table()
 
 
 def run(flight: Flight, results_path: str | Path) -> HeadsStage:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.attempts import Failed
 from acx4lib.calibration import mounting
 from acx4lib.calibration import weights as sigma
@@ -17,6 +17,9 @@ from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments, provenance
 from acx4lib.results.carried import mounted_block
 from acx4lib.stages.explained import explained, explaining, solving
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Settings(TypedDict):
@@ -47,6 +50,14 @@ class MountingStage:
     sigma_factors: Mapping[str, float]
     settings: Settings
     mountings: Mountings
+
+    def __repr__(self) -> str:
+        """Say in a line which methods have an outcome."""
+        return shown.line("MountingStage", self.block.name, *self.mountings.methods)
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters of all methods side by side."""
+        return self.mountings.table()
 
     @property
     def single_step(self) -> Mounting | None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
@@ -19,7 +21,11 @@ from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
 from acx4lib.tie_points.ties import TiePoints
 
+if TYPE_CHECKING:
+    import pandas as pd
 
+
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exposed:
     """The pictures of all heads at one exposure.
@@ -58,6 +64,21 @@ class Pictures:
     synthetic: Camera
     n_complete: int
 
+    def __repr__(self) -> str:
+        """Say in a line what is looked at."""
+        at = shown.names([one.exposure for one in self.exposed])
+        smaller = f"pixels {self.reduction} times as large" if self.reduction > 1 else ""
+        n = shown.count(self.n_complete, "exposure")
+        return shown.line("Pictures", f"{at} of {n}", smaller)
+
+    def table(self) -> pd.DataFrame:
+        """Return the size of the pictures at every exposure."""
+        rows = {}
+        for one in self.exposed:
+            rows_px, cols_px = one.images[0].shape[:2]
+            rows[one.exposure] = {"pictures": len(one.images), "cols": cols_px, "rows": rows_px}
+        return shown.row_table("exposure", rows)
+
     @property
     def middle(self) -> Exposed:
         """Exposure in the middle, which the figures show."""
@@ -81,6 +102,17 @@ class FoundTies:
     ties: TiePoints
     overlaps: tuple[OverlapTies, ...]
     exposures: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Say in a line how many tie points were found."""
+        n = shown.count(len(self.overlaps), "overlap")
+        return shown.line("FoundTies", f"{shown.count(len(self.ties), 'tie point')} in {n}")
+
+    def table(self) -> pd.DataFrame:
+        """Return what became of every overlap's cells, exposure by exposure."""
+        found = zip(self.exposures, self.overlaps, strict=True)
+        rows = {(exposure, *one.names): one.row for exposure, one in found}
+        return shown.row_table(("exposure", "head a", "head b"), rows)
 
 
 def read_pictures(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import RIGS
@@ -18,6 +19,9 @@ from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting
 from acx4lib.stages.explained import explained, solving
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +43,15 @@ class RigStage:
     rig: Mounting | None
     left_out: str = ""
     method: str = "rig"
+
+    def __repr__(self) -> str:
+        """Say in a line what was calibrated."""
+        of = shown.names([camera.name for camera in self.block.cameras])
+        return shown.line("RigStage", of, *(self.rig.bundle.said if self.rig else ["no rig"]))
+
+    def table(self) -> pd.DataFrame:
+        """Return the parameters of all heads; of none, where there is no rig."""
+        return shown.parameter_table(()) if self.rig is None else self.rig.table()
 
 
 def run(flight: Flight, results_path: str | Path) -> RigStage:

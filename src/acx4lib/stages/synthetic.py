@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.errors import AdjustmentError
@@ -28,6 +30,9 @@ from acx4lib.tie_points.ties import (
     refine_by_mean_differences,
     shared_points,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ORIENTED = "heads/relative_orientation"
 """Where the heads are read from."""
@@ -57,6 +62,15 @@ class Refinement:
     orientations: dict[str, RelativeOrientation]
     fits: dict[str, Refined]
     reasons: dict[str, str]
+
+    def __repr__(self) -> str:
+        """Say in a line what was refined, and how."""
+        ways = [way for way in self.orientations if way != "before"]
+        return shown.line("Refinement", shown.count(len(self.ties), "tie point"), *ways)
+
+    def table(self) -> pd.DataFrame:
+        """Return the orientation of the heads before and after every refinement side by side."""
+        return shown.side_by_side(self.orientations)
 
     @property
     def before(self) -> RelativeOrientation:
@@ -119,6 +133,16 @@ class SyntheticStage:
     found: FoundTies | None
     refinement: Refinement
     carried: dict[str, CarriedPoints]
+
+    def __repr__(self) -> str:
+        """Say in a line what there is."""
+        n = shown.count(len(self.refinement.ties), "tie point")
+        carried = [f"{name} carried" for name in self.carried]
+        return shown.line("SyntheticStage", self.synthetic.name, n, *carried)
+
+    def table(self) -> pd.DataFrame:
+        """Return the orientation of the heads before and after every refinement side by side."""
+        return self.refinement.table()
 
 
 def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> SyntheticStage:

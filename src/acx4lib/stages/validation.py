@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from acx4lib import shown
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.trust.needs import features
 from acx4lib.flight.block import Block
@@ -15,6 +17,9 @@ from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.carried import mounted_block
 from acx4lib.results.validations import of_validations
 from acx4lib.stages.explained import explained, solving
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +48,17 @@ class ValidationStage:
     rigs: Mapping[str, Calibration]
     in_heads: list[Validation]
     earlier: str = ""
+
+    def __repr__(self) -> str:
+        """Say in a line what was validated."""
+        methods = [one.method for one in (*self.validations, *self.in_heads)]
+        points = shown.count(len(self.block.check), "check point")
+        return shown.line("ValidationStage", points, *methods)
+
+    def table(self) -> pd.DataFrame:
+        """Return the differences of all methods."""
+        found = {one.method: one.table() for one in (*self.validations, *self.in_heads)}
+        return shown.below(*found.values(), method=list(found))
 
 
 def run(
@@ -100,7 +116,7 @@ def measured(flight: Flight, results_path: str | Path, calibration_path: str | P
 
 def calibrations(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> dict[str, Calibration]:
+) -> shown.ByName[Calibration]:
     """Return the calibrations whose parameters are all determined, by method.
 
     Parameters
@@ -109,15 +125,15 @@ def calibrations(
         As in `run`.
     """
     if before := _earlier(flight, calibration_path):
-        return before.calibrations(before.block(flight))
+        return shown.ByName(before.calibrations(before.block(flight)))
     found = _before(flight, results_path)
     block = mounted_block(flight, "validation", found)
-    return read_back.calibrations_for(flight, found, block.cameras)
+    return shown.ByName(read_back.calibrations_for(flight, found, block.cameras))
 
 
 def calibrated_rigs(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> dict[str, Calibration]:
+) -> shown.ByName[Calibration]:
     """Return calibrations of the heads, by method, where the block is measured in these.
 
     Parameters
@@ -126,11 +142,11 @@ def calibrated_rigs(
         As in `run`.
     """
     if "validation" not in flight.carried:
-        return {}
+        return shown.ByName()
     if before := _earlier(flight, calibration_path):
-        return before.rigs(flight.block("validation"))
+        return shown.ByName(before.rigs(flight.block("validation")))
     found = _before(flight, results_path)
-    return read_back.rigs_for(found, flight.block("validation").cameras)
+    return shown.ByName(read_back.rigs_for(found, flight.block("validation").cameras))
 
 
 def _earlier(flight: Flight, calibration_path: str | Path) -> earlier.Earlier | None:

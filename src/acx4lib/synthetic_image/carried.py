@@ -9,16 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.flight.synthetic_images import first_images, synthetic_images
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy, inside
 from acx4lib.synthetic_image.frame import synthetic_from_head, synthetic_from_head_jacobian
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +58,28 @@ class CarriedPoints:
             expected.shape(name, getattr(self, name), (n, 2))
             expected.finite(name, getattr(self, name))
         expected.positive("sigma_px", self.sigma_px)
+
+    def __repr__(self) -> str:
+        """Say in a line how many they are."""
+        exposures = shown.count(len(np.unique(self.exposure_idx)), "exposure")
+        left_out = f"{self.n_left_out} left out" if self.n_left_out else ""
+        return shown.line("CarriedPoints", f"{len(self)} of {exposures}", left_out)
+
+    def table(self) -> pd.DataFrame:
+        """Return how many come from every head, and the median of their sigma.
+
+        Heads are counted from zero, in the order of the block's cameras.
+        """
+        rows = {}
+        for k in np.unique(self.camera_idx).tolist():
+            own = self.camera_idx == k
+            col, row = np.median(self.sigma_px[own], axis=0).tolist()
+            rows[k] = {
+                "measurements": int(own.sum()),
+                "median sigma col (px)": col,
+                "median sigma row (px)": row,
+            }
+        return shown.row_table("head", rows)
 
     def __len__(self) -> int:
         """Count the measurements."""

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import (
@@ -28,6 +28,7 @@ from acx4lib.geometry.collinearity import pinhole, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk, transform
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
     """Which heads see which part of the synthetic image.

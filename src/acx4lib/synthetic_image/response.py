@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera
@@ -40,6 +40,7 @@ HUBER, TUKEY, STEPS, SETTLED = 2.0, 5.0, 12, 1e-6
 """Widths of the two losses in spreads, most steps with each, size of a step that ends them."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
     """Dependence of grey values on head, band and position in the image.
@@ -72,6 +73,7 @@ class Response:
         return np.clip(q, *self.reach[k].astype(q.dtype))
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapResponse:
     """Differences between two heads in grey values of the same ground.
@@ -99,6 +101,7 @@ class OverlapResponse:
     n_dark: Index
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResponseFit:
     """Estimated responses and the differences that remain.

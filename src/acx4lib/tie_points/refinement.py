@@ -13,11 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.start.robust import HUBER_WIDTH, SUSPECT, sizes, spread
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
@@ -30,6 +31,9 @@ from acx4lib.least_squares.problem import Equations
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.tie_points.differences import PER_HEAD, by_pair, normals, sides, tie_differences
 from acx4lib.tie_points.ties import TiePoints, check_ties
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
@@ -74,6 +78,16 @@ class Refined:
     held: str
     unreached: tuple[str, ...]
     settled: bool = True
+
+    def __repr__(self) -> str:
+        """Say in a line how the tie points fit."""
+        of = shown.names([head.name for head in self.orientation.heads])
+        n = f"{int(self.rejected.sum())} of {shown.count(len(self.rejected), 'tie point')} rejected"
+        return shown.line("Refined", of, f"{self.held} held", f"σ0 {self.sigma0:.3f}", n)
+
+    def table(self) -> pd.DataFrame:
+        """Return the refined orientation of every head."""
+        return self.orientation.table()
 
     @property
     def sentence(self) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
 
+from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -24,6 +26,9 @@ from acx4lib.tie_points.matching import (
 )
 from acx4lib.tie_points.overlaps import SharedWindow, reduced_exposure, shared_windows
 from acx4lib.tie_points.ties import TiePoints
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +60,24 @@ class OverlapTies:
     shift_px: Array
     width_px: float
     least_width_px: float
+
+    def __repr__(self) -> str:
+        """Say in a line how many tie points were found."""
+        n = shown.count(self.n_ties, "tie point")
+        return shown.line("OverlapTies", f"{n} of {' and '.join(self.names)}")
+
+    @property
+    def row(self) -> dict[str, object]:
+        """What became of the overlap's cells, by the columns of a table."""
+        return {
+            "cells": self.n_cells,
+            "textured": self.n_textured,
+            "correlated": self.n_correlated,
+            "matched": self.n_matched,
+            "tie points": self.n_ties,
+            "shift col (px)": float(self.shift_px[0]),
+            "shift row (px)": float(self.shift_px[1]),
+        }
 
     @property
     def sentence(self) -> str:
@@ -102,6 +125,15 @@ class ImageTies:
     ties: TiePoints
     sigma: Array
     overlaps: tuple[OverlapTies, ...]
+
+    def __repr__(self) -> str:
+        """Say in a line how many tie points were found."""
+        n = shown.count(len(self.overlaps), "overlap")
+        return shown.line("ImageTies", f"{shown.count(len(self.ties), 'tie point')} of {n}")
+
+    def table(self) -> pd.DataFrame:
+        """Return what became of every overlap's cells."""
+        return shown.row_table(("head a", "head b"), {one.names: one.row for one in self.overlaps})
 
     @property
     def sentences(self) -> list[str]:

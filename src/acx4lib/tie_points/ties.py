@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import synthetic_from_head
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +63,29 @@ class TiePoints:
             )
             raise ValueError(msg)
 
+    def __repr__(self) -> str:
+        """Say in a line how many they are."""
+        return shown.line("TiePoints", f"{len(self)} of {shown.count(len(self._pairs), 'overlap')}")
+
+    @property
+    def _pairs(self) -> list[tuple[int, int]]:
+        return sorted(set(zip(self.head_a.tolist(), self.head_b.tolist(), strict=True)))
+
+    def table(self) -> pd.DataFrame:
+        """Return how many every pair of heads has, and the median of their sigma.
+
+        Heads are counted from zero, in the order of the orientation.
+        """
+        rows = {}
+        for a, b in self._pairs:
+            own = (self.head_a == a) & (self.head_b == b)
+            rows[a, b] = {
+                "tie points": int(own.sum()),
+                "exposures": len(np.unique(self.exposure_idx[own])),
+                "median sigma (px)": float(np.median(self.sigma_px[own])),
+            }
+        return shown.row_table(("head a", "head b"), rows)
+
     def __len__(self) -> int:
         """Count the tie points."""
         return len(self.head_a)
@@ -68,6 +95,7 @@ class TiePoints:
         return expected.part_of(self, keep)
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlap:
     """Differences b minus a of one pair of heads in the synthetic image.

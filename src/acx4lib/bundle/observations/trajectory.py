@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.observations.strips import Motion, Strips, has_times
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
@@ -19,6 +19,7 @@ from acx4lib.least_squares.statistical.correlated import Correlation, SlowErrors
 from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseObservations:
     """Observed positions and attitudes of poses.

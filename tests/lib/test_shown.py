@@ -1,0 +1,279 @@
+"""Values show themselves: each in a line or two, and those with numbers as tables."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from IPython.lib.pretty import pretty
+from numpy.testing import assert_allclose
+
+import acx4lib as acx
+import acx4sim
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.reliability import reliability
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.bundle.variance_components import components
+from acx4lib.calibration.estimates import from_bundle, given, parameters
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation
+from acx4lib.calibration.mounting import calibrate, single_step, two_step, two_step_gnss
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.georeferencing.direct import Rays, intersect_rays
+from acx4lib.georeferencing.validation import validate
+from acx4lib.stages import attempt, heads, mounting, rig, synthetic, validation
+from acx4lib.synthetic_image.carried import carry
+from acx4lib.synthetic_image.frame import reduced_heads
+from acx4lib.tie_points.refinement import refine_by_rotations
+from acx4lib.tie_points.search import find_ties
+from acx4lib.tie_points.ties import overlaps, refine_by_mean_differences, shared_points
+from support.flights import in_heads
+
+FREE = ("f", "xp", "yp", "k1")
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    path = tmp_path_factory.mktemp("in_heads") / "flight"
+    acx4sim.write(in_heads.small(), path)
+    return acx.read(path)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    path = tmp_path_factory.mktemp("alone") / "flight"
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
+    return acx.read(path)
+
+
+@pytest.fixture(scope="module")
+def stages(flown, tmp_path_factory):
+    results = tmp_path_factory.mktemp("through")
+    return [stage.run(flown, results) for stage in (heads, synthetic, mounting, rig, validation)], (
+        validation.calibrations(flown, results),
+        validation.calibrated_rigs(flown, results),
+        mounting.measured(flown, results),
+        validation.measured(flown, results),
+        synthetic.read_heads(flown, results),
+        rig.measured(flown),
+    )
+
+
+@pytest.fixture(scope="module")
+def open_heads(flown):
+    """Return the outcome of every open call on heads and their tie points."""
+    fits = calibrate_heads(flown.heads, flown.head_names, free=flown.estimate_heads)
+    oriented = relative_orientation(fits, flown.synthetic_camera)
+    ties = shared_points(flown.heads, oriented)
+    turned = refine_by_rotations(oriented, ties)
+    return [
+        *(fits, *fits.bundles.values(), oriented, ties, turned),
+        refine_by_mean_differences(oriented, ties),
+        carry(flown.calibration, oriented, flown.synthetic_camera),
+        *overlaps(ties, oriented),
+    ]
+
+
+@pytest.fixture(scope="module")
+def open_mounting(alone):
+    """Return the outcome of every open call on one camera's block."""
+    block, free = alone.calibration, alone.estimate_mounting
+    single = single_step(block, free=free, gnss=("shift",))
+    solution = single.bundle.solution
+    checked = validate(alone.validation, single.calibration, method="single_step")
+    found = checked.georeferenced
+    points = alone.validation.image_points[:3]
+    rays = Rays(
+        image_idx=points.image_idx,
+        group=np.arange(3),
+        colrow=points.colrow,
+        sigma_px=points.sigma_px,
+    )
+    return [
+        *(alone, block, block.cameras[0], block.cameras[0].interior, block.T_m_b_images),
+        *(block.cameras[0].T_b_c, block.images, block.image_points, block.control),
+        *(block.trajectory, mounted_orientation(block, free=free), single, single.bundle),
+        *(single.calibration, single.bundle.state, single.bundle.network.layout, solution),
+        reliability(solution.group("image_point")),
+        two_step(block, free=free, after=single),
+        two_step_gnss(block, free=free, after=single),
+        mounting.weighted(alone, block, weights="given", free=free),
+        mounting.weighted(alone, block, weights="estimated", free=free)[0],
+        components(single.bundle),
+        attempt(two_step, replace(block, control=block.control[:1]), free=free),
+        acx.calibrate(alone),
+        acx.calibrate(alone).mountings,
+        given(block.cameras),
+        *(checked, checked.pairs, found, rays, intersect_rays(alone.validation, found, rays)),
+    ]
+
+
+def assert_short(value):
+    for text in (repr(value), pretty(value)):
+        lines = text.splitlines()
+        assert len(lines) <= 2, text
+        assert all(0 < len(line) <= 120 for line in lines), text
+
+
+def test_values_of_heads_show_themselves_in_a_line_or_two(open_heads):
+    for value in open_heads:
+        assert_short(value)
+
+
+def test_values_of_a_mounting_show_themselves_in_a_line_or_two(open_mounting):
+    for value in open_mounting:
+        assert_short(value)
+
+
+def test_stages_and_what_they_read_show_themselves_in_a_line_or_two(flown, stages):
+    values, read = stages
+    for value in (flown, *values, *read, values[1].refinement):
+        assert_short(value)
+        assert len(value.table())
+
+
+def test_pictures_and_their_tie_points_show_themselves_in_a_line_or_two(
+    scene_pictures, scene_ties, scene_orientation
+):
+    at = scene_pictures.middle
+    smaller = reduced_heads(scene_orientation, scene_pictures.reduction)
+    one = find_ties(at.images, smaller, scene_pictures.synthetic)
+    for value in (scene_pictures, scene_ties, at, one, one.overlaps[0]):
+        assert_short(value)
+    assert scene_ties.table()["tie points"].sum() == len(scene_ties.ties)
+    assert one.table()["tie points"].sum() == len(one.ties)
+    assert scene_pictures.table()["pictures"].tolist() == [2] * len(scene_pictures.exposed)
+
+
+def test_values_are_short_however_many_cameras_there_are():
+    many = [
+        Camera(
+            name=f"a camera with a long name {k}",
+            width_px=9,
+            height_px=9,
+            pixel_mm=0.01,
+            interior=Interior(f=1 / 3 + 50, xp=1 / 7, k1=1e-9 / 3),
+        )
+        for k in range(40)
+    ]
+    assert_short(given(many))
+    assert_short(many[0].interior)
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def test_a_table_has_every_parameter_with_its_unit_and_sigma(alone):
+    found = single_step(alone.calibration, free=FREE)
+    table = found.table()
+    assert table.index.names == ["parameter", "unit"]
+    assert table.columns.tolist() == ["value", "sigma"]
+    assert table.index.tolist() == [
+        *(("f", "mm"), ("xp", "mm"), ("yp", "mm"), ("k1", "mm⁻²")),
+        *(("lever x", "m"), ("lever y", "m"), ("lever z", "m")),
+        *(("boresight ω", "°"), ("boresight φ", "°"), ("boresight κ", "°")),
+    ]
+    listed = parameters(found.calibration)
+    assert_allclose(table["value"], [p.value for p in listed], rtol=0)
+    assert_allclose(table["sigma"], [p.sigma for p in listed], rtol=0)
+    assert [dtype.kind for dtype in table.dtypes] == ["f", "f"]
+
+
+def test_what_is_held_has_no_sigma_and_zeros_of_the_lens_are_left_out(alone):
+    table = two_step_gnss(alone.calibration, free=("xp", "yp")).table()
+    held = table.index[table["sigma"].isna()].get_level_values("parameter")
+    assert held.tolist() == ["f", "lever x", "lever y", "lever z"]
+    assert "k1" not in table.index.get_level_values("parameter")
+
+
+def test_what_is_left_open_has_an_infinite_sigma(noisy_block):
+    trajectory = noisy_block.trajectory
+    never = replace(trajectory, sigma_position=np.full((len(trajectory), 3), np.inf))
+    network = mounted_orientation(replace(noisy_block, trajectory=never), free=("xp", "yp"))
+    found = from_bundle(adjust(network)).table()
+    open_ones = found.index[np.isinf(found["sigma"])].get_level_values("parameter")
+    assert open_ones.tolist() == ["lever x", "lever y", "lever z"]
+
+
+def test_a_table_of_several_cameras_names_them(open_heads, flown):
+    fits, oriented = open_heads[0], open_heads[1 + len(open_heads[0].bundles)]
+    for table in (fits.table(), oriented.table()):
+        assert table.index.names == ["camera", "parameter", "unit"]
+        cameras = table.index.get_level_values("camera")
+        assert tuple(dict.fromkeys(cameras)) == flown.head_names
+    values = oriented.table().to_numpy().reshape(len(oriented.heads), 6, 2)
+    assert_allclose(values[:, :3, 0], oriented.xyz_mm, rtol=0)
+    assert_allclose(values[:, 3:, 0], np.degrees(oriented.opk), rtol=0)
+    assert np.argwhere(np.isnan(values[..., 1])).tolist() == [[0, 2]]  # Zc of the first, f is held
+
+
+def test_methods_stand_side_by_side_and_adjustments_below_each_other(alone):
+    found = calibrate(alone.calibration, free=FREE)
+    table, rows = found.table(), found.quality()
+    assert list(dict.fromkeys(table.columns.get_level_values(0))) == list(found.methods)
+    one = found["single_step"]
+    assert table["single_step"].equals(one.table())
+    assert rows.index.tolist() == list(found.methods)
+    solution = one.bundle.solution
+    row = one.quality().loc["single_step"]
+    assert row["observations"] - row["unknowns"] == row["redundancy"] == solution.redundancy
+    assert row["σ0²"] == solution.sigma0_sq
+    assert rows["observations"].dtype.kind == "i"
+
+
+def test_a_block_counts_what_is_in_it(flown):
+    table = flown.table()
+    assert table.index.tolist() == list(flown.blocks)
+    block = flown.calibration
+    assert table.loc["calibration"].to_dict() == {
+        "cameras": len(block.cameras),
+        "images": len(block.images.names),
+        "exposures": len(block.trajectory.exposures),
+        "points": len(block.points),
+        "control points": len(block.control.x_m),
+        "check points": len(block.check.x_m),
+        "measurements": len(block.image_points.colrow),
+    }
+    assert block.table().equals(table.loc[["calibration"]])
+
+
+def test_a_validation_has_mean_scatter_and_rms_of_pairs_and_points(alone):
+    fit = single_step(alone.calibration, free=alone.estimate_mounting)
+    found = validate(alone.validation, fit.calibration, method="single_step")
+    table = found.table()
+    assert table.index.names == ["of", "coordinate", "unit"]
+    for of, d, sigma in (
+        ("pairs", found.pairs.d, found.pairs.sigma),
+        ("points", found.points.d, found.points.sigma),
+    ):
+        rows = table.loc[of]
+        assert rows["n"].tolist() == [len(d)] * 3
+        assert_allclose(rows["mean"], np.mean(d, axis=0), rtol=1e-12)
+        assert_allclose(rows["scatter"], np.std(d, axis=0, ddof=1), rtol=1e-12)
+        assert_allclose(rows["RMS"], np.sqrt(np.mean(d**2, axis=0)), rtol=1e-12)
+        assert_allclose(rows["expected RMS"], np.sqrt(np.mean(sigma**2, axis=0)), rtol=1e-12)
+
+
+def test_intersections_have_coordinates_and_sigma(open_mounting):
+    found = open_mounting[-1]
+    table = found.table()
+    assert_allclose(table["value"].to_numpy().reshape(-1, 3), found.x_m, rtol=0)
+    sigma = table["sigma"].to_numpy().reshape(-1, 3)
+    assert_allclose(sigma**2, [np.diag(cov) for cov in found.cov], rtol=1e-12)
+
+
+def test_components_are_a_row_for_every_group(alone):
+    found = components(single_step(alone.calibration, free=FREE).bundle)
+    table = found.table()
+    assert table.index.tolist() == [c.group for c in found]
+    assert table["factor"].tolist() == [c.factor for c in found]
+
+
+def test_values_show_themselves_in_a_line_without_pandas():
+    code = (
+        "import sys, numpy as np; from acx4lib.geometry.camera import Camera, Interior;"
+        "repr(Camera(name='A', width_px=9, height_px=9, pixel_mm=0.01, interior=Interior(f=50.0)));"
+        "print('pandas' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
