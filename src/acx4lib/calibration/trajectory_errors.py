@@ -6,10 +6,12 @@ A shift and drifts of GNSS positions, and the delays of positions and of attitud
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations.strips import Motion
@@ -25,6 +27,9 @@ from acx4lib.calibration.trust.needs import features, needed
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DELAY = "gnss_delay_s"
 ATTITUDE_DELAY = "attitude_delay_s"
@@ -140,6 +145,22 @@ def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
         )
         for one in _unknowns(bundle)
     ]
+
+
+def table(bundle: Bundle) -> pd.DataFrame:
+    """Return the estimated errors of the trajectory with their units and sigma."""
+    return shown.parameter_table(
+        shown.Row("", _title(p), p.unit, p.value, p.sigma) for p in parameters(bundle)
+    )
+
+
+def _title(parameter: Parameter) -> str:
+    """Return ``GNSS shift east``, ``GNSS drift S1 east``, ``GNSS delay``, ``attitude delay``."""
+    name = parameter.name.removesuffix(f"_{parameter.unit.replace('/', '_per_')}")
+    if parameter.key == "drift":
+        strip, _, axis = name.removeprefix("gnss_drift_").rpartition("_")
+        return f"GNSS drift {strip} {axis}"
+    return name.replace("gnss", "GNSS").replace("_", " ")
 
 
 def reported_covariance(bundle: Bundle) -> Array:

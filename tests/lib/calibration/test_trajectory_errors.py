@@ -13,7 +13,7 @@ from acx4lib.bundle.observations.trajectory import position_errors
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
-from acx4lib.geometry.parameters import MOUNT
+from acx4lib.geometry.parameters import AXES, MOUNT
 from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
@@ -54,6 +54,21 @@ def test_an_exact_shift_and_drifts_are_recovered_with_the_mounting(striped):
     assert_allclose(found.state.shift, SHIFT * [1, 1, 0], atol=1e-8)
     assert_allclose(found.state.drift, DRIFT, atol=1e-9)
     assert_allclose(found.state.T_b_c.r[0], striped.cameras[0].T_b_c.r, atol=1e-8)
+
+
+def test_a_table_has_the_shift_and_the_drifts_by_strips_and_axes(striped):
+    block = off(striped, SHIFT * [1, 1, 0], DRIFT)
+    found = single_step(blocks.approximate(block), gnss=GNSS)
+    table = trajectory_errors.table(found)
+    strips = found.network.observed.strips.names
+    per = "min" if found.network.observed.strips.unit == "s" else "exposure"
+    drifts = [(f"GNSS drift {s} {axis}", f"m/{per}") for s in strips for axis in AXES]
+    shift = [(f"GNSS shift {axis}", "m") for axis in AXES[:2]]
+    assert set(table.index) <= {*shift, *drifts}
+    assert table.index[:2].tolist() == shift
+    assert_allclose(table["value"].iloc[:2], SHIFT[:2], atol=1e-8)
+    assert (table["sigma"] >= 0).all()
+    assert len(trajectory_errors.table(single_step(striped))) == 0
 
 
 def test_with_the_lever_arm_held_the_height_of_the_shift_is_recovered(striped):
