@@ -69,7 +69,8 @@ class Bundle:
     def said(self) -> tuple[str, str, str]:
         """How it fits, in parts of a line."""
         fit = f"σ0² {self.solution.sigma0_sq:.3f} (p {self.solution.chi_square_p:.3f})"
-        steps = shown.count(self.solution.iterations, "iteration")
+        n = self.solution.iterations  # none after the last observations were taken out
+        steps = shown.count(n, "iteration") if n else ""
         return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""
 
     def quality(self) -> pd.DataFrame:
