@@ -22,6 +22,7 @@ from acx4book.report.verdict.verdict import findings
 from acx4lib.errors import FlightError
 from acx4lib.exchange.outward import calibrated
 from acx4lib.flight import reader
+from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, provenance
 from acx4lib.results.campaigns import campaign
 from acx4lib.results.own_folder import claims
@@ -214,6 +215,20 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
     for old, new in zip(before.validations, after.validations, strict=True):
         assert np.all(new.points.sigma > old.points.sigma)
     assert np.median(after.validations[-1].points.sigma[:, 2]) > 0.2
+
+
+def test_open_calls_with_an_earlier_calibration_leave_what_a_run_leaves(flown, tmp_path):
+    later, before = reader.read(flown / "B"), flown / "results_A"
+    one, two = tmp_path / "one", tmp_path / "two"
+    stage = validation.run(later, one, before)
+    block = validation.measured(later, two, before)
+    methods = validation.calibrations(later, two, before)
+    found = {name: validate(block, fit, method=name) for name, fit in methods.items()}
+    validation.write(later, two, found, methods, before)
+    assert validation.whose(later, before) == stage.earlier
+    assert validation.whose(later, "") == ""
+    for name in ("validation.csv", "summary.json"):
+        assert (two / name).read_bytes() == (one / name).read_bytes()
 
 
 def test_a_validation_by_an_earlier_flight_is_executed_as_a_notebook(flown, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,9 @@ from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.carried import mounted_block
+from acx4lib.results.earlier import Earlier
 from acx4lib.results.validations import of_validations
+from acx4lib.shown import ByName
 from acx4lib.stages.explained import explained, solving
 
 if TYPE_CHECKING:
@@ -83,10 +85,9 @@ def run(
     AdjustmentError
         Where nothing can be computed with the numbers of the block.
     """
-    before = _earlier(flight, calibration_path)
-    block = measured(flight, results_path, calibration_path)
-    methods = calibrations(flight, results_path, calibration_path)
-    rigs = calibrated_rigs(flight, results_path, calibration_path)
+    before = _before(flight, results_path, calibration_path)
+    block, rigs = _block(flight, before), _rigs(flight, before)
+    methods = _calibrations(flight, before, block)
     with solving(flight, "validation"):
         stage = ValidationStage(
             block=block,
@@ -94,11 +95,14 @@ def run(
             validations=_validations(flight, block, methods),
             rigs=rigs,
             in_heads=_validations(flight, flight.block("validation"), rigs),
-            earlier=before.sentence if before else "",
+            earlier=before.sentence if isinstance(before, Earlier) else "",
         )
-    found = {one.method: one for one in (*stage.validations, *stage.in_heads)}
-    write(flight, results_path, found, {**methods, **rigs}, calibration_path)
+    found = [*stage.validations, *stage.in_heads]
+    _write(flight, results_path, _records(flight, found, {**methods, **rigs}), before)
     return stage
+
+
+# --- what is validated -----------------------------------------------------------------------
 
 
 def measured(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Block:
@@ -109,14 +113,12 @@ def measured(flight: Flight, results_path: str | Path, calibration_path: str | P
     flight, results_path, calibration_path
         As in `run`; raises as this does, here and below.
     """
-    if before := _earlier(flight, calibration_path):
-        return before.block(flight)
-    return mounted_block(flight, "validation", _before(flight, results_path))
+    return _block(flight, _before(flight, results_path, calibration_path))
 
 
 def calibrations(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> shown.ByName[Calibration]:
+) -> ByName[Calibration]:
     """Return the calibrations whose parameters are all determined, by method.
 
     Parameters
@@ -124,16 +126,13 @@ def calibrations(
     flight, results_path, calibration_path
         As in `run`.
     """
-    if before := _earlier(flight, calibration_path):
-        return shown.ByName(before.calibrations(before.block(flight)))
-    found = _before(flight, results_path)
-    block = mounted_block(flight, "validation", found)
-    return shown.ByName(read_back.calibrations_for(flight, found, block.cameras))
+    before = _before(flight, results_path, calibration_path)
+    return _calibrations(flight, before, _block(flight, before))
 
 
 def calibrated_rigs(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> shown.ByName[Calibration]:
+) -> ByName[Calibration]:
     """Return calibrations of the heads, by method, where the block is measured in these.
 
     Parameters
@@ -141,23 +140,49 @@ def calibrated_rigs(
     flight, results_path, calibration_path
         As in `run`.
     """
-    if "validation" not in flight.carried:
-        return shown.ByName()
-    if before := _earlier(flight, calibration_path):
-        return shown.ByName(before.rigs(flight.block("validation")))
-    found = _before(flight, results_path)
-    return shown.ByName(read_back.rigs_for(found, flight.block("validation").cameras))
+    return _rigs(flight, _before(flight, results_path, calibration_path))
 
 
-def _earlier(flight: Flight, calibration_path: str | Path) -> earlier.Earlier | None:
-    return earlier.read(calibration_path, flight) if str(calibration_path) else None
+def whose(flight: Flight, calibration_path: str | Path) -> str:
+    """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
+    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
 
 
-def _before(flight: Flight, results_path: str | Path) -> folder.Results:
-    """Return the results of the stages before."""
+def _before(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path
+) -> Earlier | folder.Results:
+    """Return the results of the stages before, or those of the earlier flight."""
+    if str(calibration_path):
+        return earlier.read(calibration_path, flight)
     needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     return provenance.results_before(results_path, stages, flight)
+
+
+def _block(flight: Flight, before: Earlier | folder.Results) -> Block:
+    if isinstance(before, Earlier):
+        return before.block(flight)
+    return mounted_block(flight, "validation", before)
+
+
+def _calibrations(
+    flight: Flight, before: Earlier | folder.Results, block: Block
+) -> ByName[Calibration]:
+    if isinstance(before, Earlier):
+        return ByName(before.calibrations(block))
+    return ByName(read_back.calibrations_for(flight, before, block.cameras))
+
+
+def _rigs(flight: Flight, before: Earlier | folder.Results) -> ByName[Calibration]:
+    if "validation" not in flight.carried:
+        return ByName()
+    block = flight.block("validation")
+    if isinstance(before, Earlier):
+        return ByName(before.rigs(block))
+    return ByName(read_back.rigs_for(before, block.cameras))
+
+
+# --- results ---------------------------------------------------------------------------------
 
 
 def _validations(
@@ -189,19 +214,35 @@ def write(
     calibration_path : path, optional
         Results of the earlier flight whose calibrations they are.
     """
-    flown, before = flight.blocks.get("calibration"), _earlier(flight, calibration_path)
+    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
+    records = _records(flight, list(validations.values()), calibrations)
+    _write(flight, results_path, records, before)
+
+
+def _records(
+    flight: Flight, found: Sequence[Validation], calibrations: Mapping[str, Calibration]
+) -> list[adjustments.Record]:
+    flown = flight.blocks.get("calibration")
     with solving(flight, "validation"):
         records = of_validations(
-            list(validations.values()),
+            found,
             calibrations,
             frozenset() if flown is None else features(flown),
             late="delay" in flight.gnss,
         )
-        records = explained(records, flight, "validation")
-    if before:
-        notes = {0: [f"validation: {before.sentence}"]}
-        records = [
-            earlier.named(record, before, notes=notes.get(i, []))
-            for i, record in enumerate(records)
-        ]
+        return explained(records, flight, "validation")
+
+
+def _write(
+    flight: Flight,
+    results_path: str | Path,
+    records: Sequence[adjustments.Record],
+    before: Earlier | folder.Results | None,
+) -> None:
+    """Write the records; the first one says whose calibrations they are."""
+    if isinstance(before, Earlier):
+        first, *others = records
+        notes = [f"validation: {before.sentence}"]
+        records = [earlier.named(first, before, notes=notes)]
+        records += [earlier.named(record, before) for record in others]
     adjustments.write(results_path, "validation", records, flight=flight)
