@@ -212,7 +212,8 @@ def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room
     rooms = tuple(f"acx4book.{room}" for room in ("notebook", "typesetting", *ROOMS[path.stem[:2]]))
     assert [name for name in book if not name.startswith(rooms)] == []
     others = {name.partition(".")[0] for name in modules}
-    assert others <= {"acx4lib", "acx4book", "IPython", "functools", "numpy", "pandas"}
+    standard = {"dataclasses", "functools"}
+    assert others <= {"acx4lib", "acx4book", "IPython", "numpy", "pandas"} | standard
 
 
 def test_every_call_of_a_figure_is_one(notebook):

@@ -17,6 +17,8 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.production.flight_response import spread
 from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.grey_samples import overlap_samples
+from acx4lib.synthetic_image.response import ResponseFit, fit_response
 from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
 from acx4lib.tie_points.ties import TiePoints
@@ -223,6 +225,30 @@ def _joined(found: Sequence[ImageTies], orientation: RelativeOrientation, k: int
         )
     joined["sigma_px"] = k * joined["sigma_px"]
     return TiePoints(**joined)
+
+
+def find_response(
+    pictures: Pictures, orientation: RelativeOrientation, *, seed: int
+) -> ResponseFit:
+    """Estimate the response of the heads from the overlaps of all pictures.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    orientation : RelativeOrientation
+        Refined, of the full-size heads.
+    seed : int
+        Of the places where grey values are compared.
+    """
+    heads = reduced_heads(orientation, pictures.reduction)
+    rng = np.random.default_rng(seed)
+    samples = [
+        part
+        for one in pictures.exposed
+        for part in overlap_samples(one.images, heads, pictures.synthetic, rng=rng)
+    ]
+    bands = pictures.exposed[0].images[0].shape[2]
+    return fit_response(samples, n_heads=len(heads.heads), n_bands=bands)
 
 
 def full_size(colrow: Array, head: Array, orientation: RelativeOrientation, k: int) -> Array:

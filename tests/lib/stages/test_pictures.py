@@ -9,6 +9,8 @@ import tifffile
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
 from acx4lib.stages import pictures as taken
+from acx4lib.synthetic_image.frame import reduced_heads
+from acx4lib.synthetic_image.rendering import render, render_plan
 from acx4lib.tie_points.differences import tie_differences
 from support.flights import pictured
 
@@ -49,3 +51,27 @@ def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(
     tifffile.imwrite(file, tifffile.imread(file)[::-1, ::-1], photometric="rgb")
     with pytest.raises(FlightError, match=r"^exposure E1: .*turned by 180 degrees"):
         taken.read_pictures(flights.read(spoilt), scene_orientation)
+
+
+def test_grey_values_of_heads_agree_once_their_response_is_found(scene_pictures, scene_orientation):
+    fit = taken.find_response(scene_pictures, scene_orientation, seed=1)
+    assert all(np.max(one.after) < 0.01 for one in fit.overlaps)
+
+
+@pytest.mark.parametrize("feather_px", [0.0, 150.0])
+def test_the_image_that_is_rendered_of_pictures_is_the_scene(
+    scene_pictures, scene_orientation, feather_px
+):
+    """Interpolated twice, cubic and bilinear: a few per cent of the scene's contrast."""
+    plan = render_plan(
+        reduced_heads(scene_orientation, scene_pictures.reduction),
+        scene_pictures.synthetic,
+        feather_px=feather_px / scene_pictures.reduction,
+    )
+    image = render(plan, scene_pictures.middle.images)
+    scene = pictured.frame_of(pictured.scene(2))  # the middle one of two exposures is the second
+    assert image.shape == scene.shape
+    seen = (image > 0).all(axis=2)
+    assert seen.mean() > 0.5
+    left = image[seen].astype(float) - scene[seen]
+    assert np.sqrt(np.mean(left**2)) < 0.15 * scene.std()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4book.chapters.synthetic_image.wrong_heads import (
+from acx4book.chapters.beyond.image_quality.wrong_heads import (
     refinements,
     simulated_ties,
     with_turned_heads,

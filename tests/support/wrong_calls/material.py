@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 import acx4sim
-from acx4book.chapters.synthetic_image import wrong_heads as synthetic_experiments
+from acx4book.chapters.beyond.image_quality import wrong_heads as synthetic_experiments
 from acx4lib.bundle import adjust
 from acx4lib.calibration import estimates, mounting
 from acx4lib.georeferencing import accuracy, direct

@@ -7,11 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.chapters.beyond.image_quality import deviations
-from acx4book.chapters.synthetic_image import parallax
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import synthetic_images
 from acx4lib.production import exposure, tiff
-from acx4lib.synthetic_image import carried, frame, grey_samples, head_map, rendering, response
+from acx4lib.synthetic_image import (
+    carried,
+    frame,
+    grey_samples,
+    head_map,
+    parallax,
+    rendering,
+    response,
+)
 from acx4lib.tie_points import (
     differences,
     harris,

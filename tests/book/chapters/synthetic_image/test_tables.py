@@ -1,13 +1,13 @@
 """Tables of the synthetic image beside Table 2 and the paper's claims."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from acx4book.chapters.synthetic_image import sentences, tables
+from acx4book.chapters.synthetic_image import tables
 from acx4lib import flight as flights
+from acx4lib.stages import synthetic
 from acx4lib.synthetic_image.carried import carry
+from acx4lib.synthetic_image.frame import coverage
 from support.flights import in_heads, pictured
 
 
@@ -16,43 +16,65 @@ def refinement(refined):
     return refined[0].refinement
 
 
-def test_table_2_is_the_papers(flight, refined):
-    table = tables.table_2(flight, refined[0]).set_index("Parameter")
-    printed = table["Printed"].str.split(" x ").str[0].astype(float)
-    assert np.array_equal(table["Value"].astype(float), printed)
+def test_table_2_is_the_papers(flight):
+    table = tables.table_2(flight, flight.synthetic_camera)
+    printed = table["paper"].str.split(" x ").str[0].astype(float)
+    assert np.array_equal(table["value"].astype(float), printed)
 
 
 def test_coverage_is_that_of_the_printed_table_1(flight, refined):
     """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
-    table = tables.seen(flight, refined[0])
-    printed = table["Table 1 as printed (%)"].astype(float)
+    heads = {"ours": refined[0].orientation, **tables.printed_heads(flight)}
+    ours, printed = (100 * coverage(one, flight.synthetic_camera).share for one in heads.values())
     assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
-    assert np.allclose(table["Share (%)"].astype(float), printed, atol=0.5)
+    assert np.allclose(ours, printed, atol=0.5)
+    table = tables.seen({"ours": ours / 100})
+    assert table.index.tolist() == ["no head", "1 head", "2 heads", "3 heads", "4 heads"]
+    assert table["ours"].sum() == pytest.approx(100)
+
+
+def test_heads_that_are_not_the_papers_stand_beside_none(scene_flight):
+    assert tables.printed_heads(scene_flight) == {}
 
 
 def test_the_first_head_is_not_turned(refinement):
-    table = tables.turns(refinement).set_index("Head")
-    assert (table.loc["CAM1"] == "held").all()
-    assert table.loc["CAM2"].str.contains(" ± ").all()
+    table = tables.turns(refinement)
+    sigma = table.xs("sigma", axis=1, level=1)
+    assert sigma.loc["CAM1"].isna().all()
+    assert (sigma.loc["CAM2":] > 0).all(axis=None)
+    value = table.xs("value", axis=1, level=1)
+    assert (value.loc["CAM1"] == 0).all()
+    assert (np.abs(value) < 6 * sigma).loc["CAM2":].all(axis=None)  # of true heads and angles
 
 
-def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(refined):
-    table = tables.ways(refined[0])
-    assert table["Refined by"].tolist() == [*tables.WAYS.values()]
-    left = table["RMS of the differences (px)"].astype(float)
-    assert (left[1:] <= left[0]).all()
+def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(flight, refinement):
+    table = tables.ways(refinement, flight.synthetic_camera)
+    assert table.index.tolist() == [*tables.WAYS.values()]
+    left = table[tables.RMS]
+    assert (left.iloc[1:] <= left.iloc[0]).all()
+    assert (table[tables.EVERY] >= left - 1e-9).all()
 
 
-def test_what_is_said_has_the_papers_half_pixel(flight, refined):
-    assert "3 µm, 0.5 px" in sentences.refinement(flight, refined[0])
-    assert "nothing is rendered" in sentences.pixels(flight, None)
+def test_each_exposure_by_itself_is_a_row_where_there_are_pictures(
+    scene_flight, scene_orientation, scene_ties
+):
+    refinement = synthetic.refine(scene_flight, scene_orientation, scene_ties)
+    table = tables.ways(refinement, scene_flight.synthetic_camera)
+    assert table.index[-1] == tables.EACH
 
 
-def test_carried_points_are_counted_by_block(tmp_path, flight, refined):
-    assert tables.carried(flight, refined[0])["Block"].tolist() == ["none is measured in heads"]
+def test_tables_of_what_a_flight_does_not_have_are_empty(flight, refinement):
+    without = synthetic.gathered(
+        refinement.before, refinement.ties[:0], {}, refinement.before, None
+    )
+    assert len(tables.ways(without, flight.synthetic_camera)) == 0
+    assert tables.turns(without).xs("value", axis=1, level=1).eq(0).all(axis=None)
+    assert len(tables.carried(flight, {})) == 0
+
+
+def test_carried_points_are_counted_by_block(tmp_path):
     small = flights.read(in_heads.write(tmp_path))
     points = carry(small.calibration, pictured.orientation(), small.synthetic_camera)
-    stage = replace(refined[0], carried={"calibration": points})
-    (row,) = tables.carried(small, stage).to_dict("records")
-    assert int(row["Measured in heads"]) == len(small.calibration.image_points)
-    assert int(row["Carried"]) + int(row["outside the frame"]) == int(row["Points of exposures"])
+    row = tables.carried(small, {"calibration": points}).loc["calibration"]
+    assert row["Measured in heads"] == len(small.calibration.image_points)
+    assert row["Carried"] + row["outside the frame"] == row["Points of exposures"]

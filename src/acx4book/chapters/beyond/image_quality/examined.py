@@ -24,7 +24,7 @@ from acx4book.chapters.beyond.image_quality.known_exposure import (
     predicted,
     simulated,
 )
-from acx4book.chapters.synthetic_image.wrong_heads import (
+from acx4book.chapters.beyond.image_quality.wrong_heads import (
     every_refinement,
     simulated_ties,
     with_turned_heads,

@@ -18,8 +18,8 @@ from acx4book.chapters.beyond.image_quality.examined import (
     rms_of_coordinates,
 )
 from acx4book.chapters.beyond.image_quality.known_exposure import KnownExposure
+from acx4book.chapters.beyond.image_quality.wrong_heads import FrameErrors
 from acx4book.chapters.synthetic_image.tables import WAYS
-from acx4book.chapters.synthetic_image.wrong_heads import FrameErrors
 from acx4book.paper import printed
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.adjust import Bundle

@@ -23,7 +23,7 @@ from acx4book.chapters.beyond.image_quality.examined import (
 )
 from acx4book.chapters.beyond.image_quality.known_exposure import heads_response
 from acx4book.chapters.beyond.image_quality.seams import overlap_picture, seam_profile
-from acx4book.chapters.synthetic_image.wrong_heads import every_refinement
+from acx4book.chapters.beyond.image_quality.wrong_heads import every_refinement
 from acx4book.paper import printed
 from support.pictures.known import known
 

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.synthetic_image.parallax import (
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
+from acx4lib.geometry.collinearity import pinhole
+from acx4lib.geometry.frames import Pose
+from acx4lib.synthetic_image.parallax import (
     TYPICAL_BASES_M,
     bases,
     flight_parallax,
     parallax,
 )
-from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
-from acx4lib.geometry.collinearity import pinhole
-from acx4lib.geometry.frames import Pose
 from support import blocks
 from support.strategies import numbers
 

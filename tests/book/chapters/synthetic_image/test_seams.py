@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4book.chapters.synthetic_image.figures.seams import seams
+from acx4book.chapters.synthetic_image.seams import seams
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.response import estimate_response
 from support.figures import drawn, title

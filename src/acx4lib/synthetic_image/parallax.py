@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TYPICAL_BASES_M = (0.1, 0.3)
 """Between neighbouring lenses of a rig for an aircraft's camera hole."""
@@ -71,6 +75,26 @@ class FlightParallax:
     relief_m: float
     shift_px: Array
     change_px: Array
+
+    def __repr__(self) -> str:
+        """Say between what, and by how much at most."""
+        most = f"{np.nanmax(self.shift_px, initial=0.0):.2f} px"
+        return f"parallax of {len(self.labels)} bases at {len(self.height_m)} exposures: to {most}"
+
+    def table(self) -> pd.DataFrame:
+        """Return the shifts at the lowest and the highest exposure, px, a row for each base."""
+        import pandas as pd  # noqa: PLC0415 it loads long
+
+        low, high = int(np.argmin(self.height_m)), int(np.argmax(self.height_m))
+        columns = {
+            "Base (m)": self.base_m,
+            f"Shift at {self.height_m[low]:.0f} m (px)": self.shift_px[:, low],
+            f"at {self.height_m[high]:.0f} m (px)": self.shift_px[:, high],
+            f"more on ground {self.relief_m:.0f} m higher (px)": self.change_px[:, low],
+        }
+        table = pd.DataFrame(columns, index=pd.Index(self.labels, name="lenses"))
+        table.attrs["formats"] = dict.fromkeys(table, ".2f")
+        return table
 
 
 def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array) -> Parallax:

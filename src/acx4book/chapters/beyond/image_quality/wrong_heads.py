@@ -22,12 +22,6 @@ TURNED_DEG, TIE_PX = 0.01, 0.1
 """Of `repaired`: errors of the heads' angles, noise of tie points."""
 
 
-def transposed(orientation: RelativeOrientation) -> RelativeOrientation:
-    """Return the heads as they would stand if their rotations were read the other way round."""
-    R_s_h = rotation_from_opk(orientation.opk)
-    return replace(orientation, opk=opk_from_rotation(np.swapaxes(R_s_h, -1, -2)))
-
-
 # --- refinements beside each other -----------------------------------------------------------
 
 

@@ -1,13 +1,14 @@
-"""Figures of the frame: footprints and refinements."""
+"""Figures of the frame and of the heads' responses."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.quiver import Quiver
+from numpy.testing import assert_allclose
 
-from acx4book.chapters.synthetic_image.figures.frame import footprints, refinements
-from acx4book.chapters.synthetic_image.wrong_heads import transposed
+from acx4book.chapters.synthetic_image.figures import footprints, refinements, response_curves
+from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from support.figures import (
     assert_labelled,
     assert_texts_apart,
@@ -22,7 +23,8 @@ from support.pictures.tied import NAMES, refined, tied
 
 
 def test_footprints_show_the_frame_and_every_head(orientation):
-    readings = [orientation, transposed(orientation)]
+    R = np.swapaxes(rotation_from_opk(orientation.opk), 1, 2)
+    readings = [orientation, replace(orientation, opk=opk_from_rotation(R))]
     fig = drawn(footprints(readings, printed_camera.synthetic(), ["one", "two"]))
     assert_labelled(fig)
     assert_texts_apart(fig)
@@ -79,3 +81,28 @@ def test_ways_that_are_missing_are_left_out(orientation):
     assert [title(ax) for ax in fig.axes] == ["as calibrated"]
     none = refined(orientation, ways(orientation).kept[:0])
     assert "No two heads" in sentence(refinements(none, taken.synthetic(1)))
+
+
+def test_response_curves_run_from_the_middle_to_the_corner(fit, orientation):
+    fig = drawn(response_curves(fit, orientation))
+    bands = fig.axes[:3]
+    assert [title(ax) for ax in bands] == ["red", "green", "blue"]
+    red = [np.asarray(line.get_ydata()) for line in bands[0].lines]
+    assert_allclose([curve[0] for curve in red], 100 * np.exp([0.02, -0.02]))
+    assert_allclose([curve[-1] for curve in red], 100 * np.exp([-0.23, -0.27]))
+    assert_allclose(np.asarray(bands[0].lines[0].get_xdata())[[0, -1]], [0, 1])
+
+
+def test_disagreements_are_in_per_cent_band_by_band(fit, orientation):
+    fig = drawn(response_curves(fit, orientation))
+    ax = fig.axes[3]
+    before, after, floor = (np.asarray(line.get_xdata()) for line in ax.lines)
+    assert_allclose(before, [10, 20, 5])
+    assert_allclose(after, [0.6, 0.5, 0.4])
+    assert_allclose(floor, [0.5, 0.4, 0.3])
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["CAM1, CAM2"]
+    assert "at most 20.0 % as taken and 0.60 % after" in ax.texts[0].get_text()
+
+
+def test_without_overlaps_there_is_no_response(orientation):
+    assert "tells their responses" in sentence(response_curves(None, orientation))

@@ -1,1 +1,0 @@
-"""Figures of the synthetic image: its frame, the pictures, overlaps, responses and seams."""
