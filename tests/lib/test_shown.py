@@ -266,7 +266,11 @@ def test_components_are_a_row_for_every_group(alone):
     found = components(single_step(alone.calibration, free=FREE).bundle)
     table = found.table()
     assert table.index.tolist() == [c.group for c in found]
-    assert table["factor"].tolist() == [c.factor for c in found]
+    assert table["number"].tolist() == [c.n for c in found]
+    factors = table["factor of σ"]
+    told = [c.estimable for c in found]
+    assert factors["value"].notna().tolist() == told
+    assert_allclose(factors["value"][told], [c.factor for c in found if c.estimable], rtol=0)
 
 
 def test_values_show_themselves_in_a_line_without_pandas():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -21,9 +20,6 @@ from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.least_squares.statistical.residuals import Group
 from acx4lib.least_squares.statistical.weighted_squares import tails
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -175,10 +171,25 @@ class Components(tuple[Component, ...]):
         return shown.line("Components", *(f"{c.group} {c.factor:.2f}" for c in self))
 
     def table(self) -> pd.DataFrame:
-        """Return the factors, a row for every group."""
-        columns = ("n", "redundancy", "effective", "factor", "sigma", "p", "applied")
-        rows = {c.group: {name: getattr(c, name) for name in columns} for c in self}
-        return shown.row_table("group", rows)
+        """Return the groups, a row for each.
+
+        Number of observations, their redundancy, the effective one, ``factor of σ`` with ``value``
+        and ``sigma`` (NaN where it cannot be estimated), and the factor ``used``.
+        """
+        heads = [(name, "") for name in ("number", "redundancy", "effective")]
+        heads += [("factor of σ", "value"), ("factor of σ", "sigma"), ("used", "")]
+        unknown = (np.nan, np.nan)
+        rows = [
+            (c.n, c.redundancy, c.effective, *((c.factor, c.sigma) if c.estimable else unknown))
+            for c in self
+        ]
+        table = pd.DataFrame(
+            [(*row, c.applied) for row, c in zip(rows, self, strict=True)],
+            index=pd.Index([c.group for c in self], name="observations"),
+            columns=pd.MultiIndex.from_tuples(heads),
+        )
+        table.attrs["formats"] = {"redundancy": ".1f", "effective": ".1f", "used": ".2f"}
+        return table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -492,34 +503,6 @@ def image_groups(block: Block) -> tuple[str, ...]:
 def group_names(block: Block) -> tuple[str, ...]:
     """Return the names of all groups."""
     return (*image_groups(block), *(name for name, _, _ in PARTS))
-
-
-def as_table(found: Sequence[Component]) -> pd.DataFrame:
-    """Return variance components as a table.
-
-    Parameters
-    ----------
-    found : sequence of Component
-
-    Returns
-    -------
-    DataFrame
-        By group: number of observations, their redundancy, the effective one, ``factor of σ`` with
-        ``value`` and ``sigma`` (NaN where it cannot be estimated), and the factor ``used``.
-    """
-    rows = [
-        (c.n, c.redundancy, c.effective, *((c.factor, c.sigma) if c.estimable else (np.nan,) * 2))
-        for c in found
-    ]
-    heads = [(name, "") for name in ("number", "redundancy", "effective")]
-    heads += [("factor of σ", "value"), ("factor of σ", "sigma")]
-    table = pd.DataFrame(
-        rows, index=[c.group for c in found], columns=pd.MultiIndex.from_tuples(heads)
-    )
-    table.index.name = "observations"
-    table["used"] = [c.applied for c in found]
-    table.attrs["formats"] = {"redundancy": ".1f", "effective": ".1f", "used": ".2f"}
-    return table
 
 
 def sentences(found: Sequence[Component]) -> list[str]:
