@@ -21,7 +21,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, REPORTED
+from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, REPORTED
 
 HEADS = ("CAM1", "CAM2", "CAM3", "CAM4")
 """Columns of Table 1."""
@@ -302,3 +302,18 @@ def applies(flight: Flight) -> bool:
     if flight.synthetic is not None and flight.synthetic.heads != HEADS:
         return False
     return (synthetic.width_px, synthetic.height_px) == same
+
+
+def plan_and_height(flight: Flight, column: str) -> tuple[float, float] | None:
+    """Return the printed RMS at check points in plan and in height, m; None for other cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    column : str
+        One of `METHODS`.
+    """
+    if not applies(flight):
+        return None
+    east, north, height = (value(4, f"rms_{axis}_m", column) for axis in AXES)
+    return float(np.hypot(east, north)), height

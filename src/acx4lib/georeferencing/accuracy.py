@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array
-from acx4lib.least_squares.covariance import sigmas
+from acx4lib.expected import Array, Mask
+from acx4lib.geometry.parameters import AXES
+from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistical import distributions
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Triple = tuple[float, float, float]
 
@@ -124,6 +129,76 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
     axis = np.sqrt(distributions.chi2_ppf(0.9, 1)) * np.asarray(rms)
     plan = np.sqrt(distributions.chi2_ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
     return Accuracy(n=n, mean=mean, std=std, rms=rms, error_90=triple(axis), plan_90=float(plan))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NormalisedTest:
+    """Test of predicted standard deviations: the RMS of errors over them, which should be one.
+
+    Attributes
+    ----------
+    rms : ndarray, shape (3,)
+        East, north, height.
+    effective : ndarray, shape (3,)
+        As how many independent errors those of an axis scatter.
+    limits : ndarray, shape (3, 2)
+        Between which chance leaves the RMS.
+    """
+
+    rms: Array
+    effective: Array
+    limits: Array
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{value:.2f}" for value in self.rms)
+        return f"RMS of d / sigma {said}; {int(self.accepted.sum())} of 3 inside their limits"
+
+    @property
+    def accepted(self) -> Mask:
+        """Which axes have an RMS inside the limits, shape (3,)."""
+        inside: Mask = (self.limits[:, 0] <= self.rms) & (self.rms <= self.limits[:, 1])
+        return inside
+
+    def table(self) -> pd.DataFrame:
+        """Return the test of every axis."""
+        import pandas as pd  # noqa: PLC0415 few need a table, and it loads long
+
+        wrong = np.where(self.rms > self.limits[:, 1], "too small", "too large")
+        return pd.DataFrame(
+            {
+                "RMS of d / σ": self.rms,
+                "counts as": self.effective,
+                "lower limit": self.limits[:, 0],
+                "upper limit": self.limits[:, 1],
+                "prediction": np.where(self.accepted, "holds", wrong),
+            },
+            index=pd.Index(AXES, name="coordinate"),
+        )
+
+
+def normalised_test(
+    d: Array, sigma: Array, axis_covariances: Array, *, probability: float = 0.95
+) -> NormalisedTest:
+    """Test whether errors are as large as their predicted standard deviations.
+
+    Parameters
+    ----------
+    d, sigma : ndarray, shape (n, 3)
+        Errors of at least one point and their standard deviations: east, north, height, m.
+    axis_covariances : ndarray, shape (3, n, n)
+        Between the points, as `error_sources.axis_covariances` returns them.
+    probability : float
+        Probability of an RMS inside the limits where the prediction is right.
+    """
+    d = expected.numbers("d", d, ("n", 3))
+    expected.shape("sigma", sigma, d.shape)
+    expected.shape("axis_covariances", axis_covariances, (3, len(d), len(d)))
+    effective = np.array([effective_number(correlation(cov)) for cov in axis_covariances])
+    return NormalisedTest(
+        rms=np.sqrt(np.mean((d / sigma) ** 2, axis=0)),
+        effective=effective,
+        limits=np.array([rms_limits(n, probability=probability) for n in effective]),
+    )
 
 
 def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,3 +111,31 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     d[met] = block.frame.to_grid(x_m[met]) - block.frame.to_grid(check.x_m[met])
     cov_grid = propagate(check.R_g_m, cov)
     return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)
+
+
+def rays_of_pairs(
+    block: Block, pairs: Differences, which: Sequence[int] | None = None
+) -> direct.Rays:
+    """Return the rays of pairs: where each image of a pair shows its point.
+
+    Parameters
+    ----------
+    block : Block
+        That of the pairs.
+    pairs : Differences
+        Of pairs of images.
+    which : sequence of int, optional
+        Which of the pairs; by default all.
+    """
+    points = block.image_points
+    keys = zip(points.image_idx.tolist(), points.point_idx.tolist(), strict=True)
+    row_of = {key: row for row, key in enumerate(keys)}
+    chosen = np.arange(len(pairs)) if which is None else np.asarray(which, dtype=np.intp)
+    shown = block.check.point_idx[pairs.point_idx]
+    rows = [row_of[int(i), int(shown[k])] for k in chosen for i in pairs.image_idx[k]]
+    return direct.Rays(
+        image_idx=points.image_idx[rows],
+        group=np.repeat(np.arange(len(chosen)), 2),
+        colrow=points.colrow[rows],
+        sigma_px=points.sigma_px[rows],
+    )

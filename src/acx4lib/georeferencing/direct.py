@@ -324,6 +324,66 @@ def by_columns(
     return padded[:, :, :-1]
 
 
+def ray_covariance(
+    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
+) -> Array:
+    """Return the joint covariance of image coordinates and of where their points should be.
+
+    Parameters
+    ----------
+    block : Block
+    georeferenced : Georeferenced
+    selected : Rays
+        A few; the matrix is a full one.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    ndarray, shape (2 n, 2 n)
+        Of columns and rows, ray by ray, px^2: from the noise of the image points, from the poses
+        of the body, which rays of one exposure share, and from the calibration, which all share.
+    """
+    g = georeferenced
+    found = intersect_rays(block, g, selected, refraction=refraction)
+    exposure = block.images.exposure_idx[selected.image_idx]
+    by_columns = found.by_parameters.reshape(2 * len(exposure), -1)
+    return (
+        np.diag(np.repeat(selected.sigma_px**2, 2))
+        + by_trajectory(found.by_body, exposure, g.cov_body, g.shared)
+        + by_columns @ g.cov_parameters @ by_columns.T
+    )
+
+
+def by_trajectory(
+    by_body: Array, exposure: Index, cov_body: Array, shared: SharedErrors | None
+) -> Array:
+    """Return the joint covariance of a few image points from the poses of the body.
+
+    Parameters
+    ----------
+    by_body : ndarray, shape (n, 2, 6)
+        d(image point) / d(body pose).
+    exposure : ndarray, shape (n,)
+    cov_body : ndarray, shape (n_exposures, 6, 6)
+    shared : SharedErrors or None
+
+    Returns
+    -------
+    ndarray, shape (2 n, 2 n)
+        px^2.
+    """
+    n = len(exposure)
+    one, other = (i.ravel() for i in np.indices((n, n)))
+    same = (exposure[one] == exposure[other])[:, None, None]
+    nothing: Array = np.zeros((n * n, 6, 6))
+    apart = nothing if shared is None else shared.between(exposure[one], exposure[other])
+    body = np.where(same, cov_body[exposure[one]], apart)
+    blocks = (by_body[one] @ body @ np.swapaxes(by_body[other], 1, 2)).reshape(n, n, 2, 2)
+    joint: Array = np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
+    return joint
+
+
 def _summed(values: Array, selected: Rays) -> Array:
     out = np.zeros((selected.n_groups, *values.shape[1:]))
     np.add.at(out, selected.group, values)

@@ -178,6 +178,16 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
         return float(d @ by_S - (K_by_S.T @ d) @ shared)
 
 
+def joint_covariance(sources: ErrorSources) -> Array:
+    """Return the covariance of all errors together, shape (3 n, 3 n), m^2.
+
+    Of a few hundred points: `chi_square` needs no such matrix.
+    """
+    K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(3 * len(sources), -1)
+    joint: Array = _without_parameters(sources).toarray() + K @ K.T
+    return joint
+
+
 def axis_covariances(sources: ErrorSources) -> Array:
     """Return the covariances between the points, an axis at a time, shape (3, n, n), m^2."""
     n = len(sources)

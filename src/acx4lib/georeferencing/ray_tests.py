@@ -75,12 +75,7 @@ def _together(
     for start, end in pairwise(starts):
         rows = slice(start, end)
         B, e = first.by_point[rows].reshape(-1, 3), exposure[rows]
-        one, other = (i.ravel() for i in np.indices((len(e), len(e))))
-        same = (e[one] == e[other])[:, None, None]
-        body = np.where(same, cov_body[e[one]], shared.between(e[one], e[other]))
-        J = first.by_body[rows]
-        blocks = (J[one] @ body @ np.swapaxes(J[other], 1, 2)).reshape(len(e), len(e), 2, 2)
-        C = np.swapaxes(blocks, 1, 2).reshape(len(B), len(B))
+        C = direct.by_trajectory(first.by_body[rows], e, cov_body, shared)
         P = np.linalg.inv(C + np.diag(np.repeat(selected.sigma_px[rows] ** 2, 2)))
         PB, v = P @ B, first.v[rows].ravel()
         inverse = np.linalg.inv(B.T @ PB)

@@ -204,6 +204,27 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
     )
 
 
+def largest_scale(accuracy: Accuracy, letter: str = "A") -> int | None:
+    """Return the largest map scale at which plan and height reach a class of PEC-PCD.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+    letter : str
+        The class, which is to be the best one of plan and of height.
+
+    Returns
+    -------
+    int or None
+        Denominator; None where no tabulated scale has it.
+    """
+    for scale in scales():
+        reached = pec_pcd(accuracy, scale)
+        if reached.plan == reached.height == letter:
+            return scale
+    return None
+
+
 def nssda(accuracy: Accuracy) -> Nssda:
     """State the accuracy according to NSSDA (FGDC-STD-007.3-1998).
 

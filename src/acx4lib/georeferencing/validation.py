@@ -13,7 +13,9 @@ from acx4lib.bundle.gross_errors.exchanged import pairs_of
 from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
 from acx4lib.bundle.gross_errors.rejections import CRITICAL, Exchange, Rejection
 from acx4lib.calibration.estimates import Calibration
+from acx4lib.errors import unsolvable
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight import standing_out
 from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
@@ -154,6 +156,8 @@ def validate(
 
     Raises
     ------
+    AdjustmentError
+        Where nothing can be computed with the numbers of the block.
     ValueError
         Where the calibration lacks a camera, or the name cannot stand in results.
     """
@@ -162,6 +166,14 @@ def validate(
     if not method or "/" in method:
         msg = f"method: expected a name without '/', got {method!r}"
         raise ValueError(msg)
+    try:
+        return _validated(block, calibration, method, refraction)
+    except np.linalg.LinAlgError as error:
+        where = f"the equations of the check points{standing_out.sentence(block)}"
+        raise unsolvable(str(error), where) from error
+
+
+def _validated(block: Block, calibration: Calibration, method: str, refraction: str) -> Validation:
     georeferenced = direct.georeference(block, calibration)
     selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
     whole = selected

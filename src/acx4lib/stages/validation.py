@@ -88,15 +88,14 @@ def run(
     before = _before(flight, results_path, calibration_path)
     block, rigs = _block(flight, before), _rigs(flight, before)
     methods = _calibrations(flight, before, block)
-    with solving(flight, "validation"):
-        stage = ValidationStage(
-            block=block,
-            calibrations=methods,
-            validations=_validations(flight, block, methods),
-            rigs=rigs,
-            in_heads=_validations(flight, flight.block("validation"), rigs),
-            earlier=before.sentence if isinstance(before, Earlier) else "",
-        )
+    stage = ValidationStage(
+        block=block,
+        calibrations=methods,
+        validations=_validations(flight, block, methods),
+        rigs=rigs,
+        in_heads=_validations(flight, flight.block("validation"), rigs),
+        earlier=before.sentence if isinstance(before, Earlier) else "",
+    )
     found = [*stage.validations, *stage.in_heads]
     _write(flight, results_path, _records(flight, found, {**methods, **rigs}), before)
     return stage

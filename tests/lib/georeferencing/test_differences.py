@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from acx4lib.georeferencing.differences import compare
+from acx4lib.geometry.collinearity import project
+from acx4lib.georeferencing.differences import compare, rays_of_pairs
 from acx4lib.georeferencing.validation import validate
 
 
@@ -30,3 +31,22 @@ def test_the_sources_of_a_difference_add_up_to_its_sigma(block, cameras):
     for differences in (found.pairs, found.points):
         variance = np.diagonal(differences.sources.cov, axis1=1, axis2=2)
         assert_allclose(np.sqrt(variance), differences.sigma, rtol=1e-9)
+
+
+def test_the_rays_of_a_pair_are_where_its_two_images_show_the_point(block, cameras):
+    found = validate(block, cameras, method="given")
+    k = len(found.pairs) - 1
+    rays = rays_of_pairs(block, found.pairs, [k])
+    assert rays.image_idx.tolist() == found.pairs.image_idx[k].tolist()
+    point = block.check.x_m[found.pairs.point_idx[k]]
+    (camera,) = found.georeferenced.cameras
+    for i, colrow in zip(rays.image_idx, rays.colrow, strict=True):
+        shown = project(camera, found.georeferenced.T_m_c[[i]], point[None])
+        assert_allclose(colrow, shown[0], atol=1e-6)  # measured without noise
+
+
+def test_without_a_choice_the_rays_are_those_of_all_pairs(block, cameras):
+    pairs = validate(block, cameras, method="given").pairs
+    rays = rays_of_pairs(block, pairs)
+    assert rays.image_idx.tolist() == pairs.image_idx.ravel().tolist()
+    assert rays.n_groups == len(pairs)

@@ -10,6 +10,7 @@ from acx4lib.calibration.estimates import Calibration, given
 from acx4lib.geometry.frames import log
 from acx4lib.georeferencing import direct
 from acx4lib.georeferencing.direct import Rays, georeference, intersect_rays
+from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support import blocks
 from support.blocks import COLUMN_STEPS, SECOND, moved_calibration, moved_trajectory
 from support.blocks import SEEN as POINTS
@@ -293,3 +294,27 @@ def test_a_bad_group_does_not_harm_the_others(rig, calibration, all_rays):
     found = intersect_rays(rig, georeference(rig, calibration), rays)
     assert_allclose(found.x_m[:3], POINTS, atol=1e-8)
     assert np.isnan(found.x_m[3]).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9], ids=["independent", "slow"])
+def test_a_point_by_hand_has_the_covariance_of_its_rays(rig, calibration, share):
+    """G C G^T, where C has pixels, poses that exposures share, and the calibration."""
+    slow = GaussMarkov(share=share, time_constant_s=20.0)
+    timed = blocks.in_strips(rig, 3)
+    trajectory = replace(timed.trajectory, slow_positions=slow, slow_attitudes=slow)
+    block = replace(timed, trajectory=trajectory)
+    g = georeference(block, calibration)
+    points = block.image_points
+    rows = np.flatnonzero(points.point_idx == 0)
+    rays = Rays(
+        image_idx=points.image_idx[rows],
+        group=np.zeros(len(rows), dtype=np.intp),
+        colrow=points.colrow[rows],
+        sigma_px=np.linspace(0.3, 0.8, len(rows)),
+    )
+    found = intersect_rays(block, g, rays)
+    B, P = found.by_point.reshape(-1, 3), np.diag(1 / np.repeat(rays.sigma_px, 2) ** 2)
+    G = -np.linalg.inv(B.T @ P @ B) @ B.T @ P
+    by_hand = G @ direct.ray_covariance(block, g, rays) @ G.T
+    assert_allclose(by_hand, found.cov[0], rtol=1e-8, atol=1e-12)
+    assert (g.shared is None) == (share == 0.0)

@@ -75,6 +75,13 @@ def test_covariance_of_the_mean_is_that_of_the_dense_covariance(sources):
     assert_allclose(error_sources.mean_covariance(sources), expected, rtol=1e-9, atol=1e-12)
 
 
+def test_the_joint_covariance_is_the_dense_one(sources):
+    expected = dense(sources)
+    scale = np.sqrt(np.diag(expected))
+    joint = error_sources.joint_covariance(sources)
+    assert_allclose(joint / scale / scale[:, None], expected / scale / scale[:, None], atol=1e-9)
+
+
 def test_covariances_along_an_axis_are_parts_of_the_dense_covariance(sources):
     C, size = dense(sources), np.sqrt(np.diag(dense(sources)))
     for axis, among in enumerate(error_sources.axis_covariances(sources)):

@@ -163,6 +163,24 @@ def test_rms_of_correlated_errors_stays_within_its_limits(rng):
     assert np.mean((independent_low < rms) & (rms < independent_high)) < 0.935
 
 
+def test_normalised_errors_are_tested_with_as_many_points_as_they_are_worth():
+    """Fully correlated errors are one error: chi-square of 1 at 2.5 and 97.5 % from a table."""
+    d, sigma = np.full((25, 3), 2.0), np.ones((25, 3))
+    shared, own = np.ones((25, 25)), np.eye(25)
+    test = accuracy.normalised_test(d, sigma, np.stack([shared, own, own]))
+    assert_allclose(test.rms, 2.0)
+    assert_allclose(test.effective, [1.0, 25.0, 25.0])
+    assert_allclose(test.limits[0], np.sqrt([0.000982, 5.024]), rtol=1e-3)
+    assert test.accepted.tolist() == [True, False, False]
+    table = test.table()
+    assert list(table["prediction"]) == ["holds", "too small", "too small"]
+    assert repr(test) == "RMS of d / sigma 2.00, 2.00, 2.00; 1 of 3 inside their limits"
+    assert (
+        list(accuracy.normalised_test(0.1 * d, sigma, np.stack([own] * 3)).table()["prediction"])
+        == ["too large"] * 3
+    )
+
+
 # --- PEC-PCD -------------------------------------------------------------------------------
 
 
@@ -180,6 +198,11 @@ def test_table_4_under_pec_pcd(found, scale, plan, by_axis, height):
     assert standards.pec_pcd(found, scale) == standards.PecPcd(
         scale=scale, plan=plan, plan_by_axis=by_axis, height=height
     )
+
+
+@pytest.mark.parametrize(("letter", "scale"), [("A", 10000), ("none", None)])
+def test_the_largest_scale_is_the_first_with_the_class_in_plan_and_height(letter, scale):
+    assert standards.largest_scale(TWO_STEP, letter) == scale
 
 
 def test_table_4s_sigmas_reach_no_height_class_at_1_to_2000():

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from scipy import special
 
-from acx4book.chapters.validation.sentences import NOTHING
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import TITLES
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing.validation import Validation
 
 
-def difference_map(validations: Sequence[Validation]) -> Figure:
-    """Draw the differences of all check points: arrows in plan, colours in height.
+def difference_map(validation: Validation) -> Figure:
+    """Draw the differences of all check points, from all rays: arrows in plan, colours in height.
 
     Parameters
     ----------
-    validations : sequence of Validation
-        All-ray differences of the last one are drawn.
+    validation : Validation
     """
-    if not validations:
-        return style.nothing(NOTHING)
-    block, points = validations[-1].block, validations[-1].points
+    block, points = validation.block, validation.points
     enh = block.frame.to_grid(block.check.x_m[points.point_idx])
     cameras = block.frame.to_grid(block.T_m_b_images.r)
     km = 1e-3
@@ -72,19 +66,17 @@ def difference_map(validations: Sequence[Validation]) -> Figure:
     return fig
 
 
-def normalised_differences(validations: Sequence[Validation]) -> Figure:
+def normalised_differences(validations: Mapping[str, Validation]) -> Figure:
     """Draw the points' differences over their predicted sigma against the normal distribution.
 
     Parameters
     ----------
-    validations : sequence of Validation
-        One per method.
+    validations : mapping of str to Validation
+        By their titles.
     """
-    if not validations:
-        return style.nothing(NOTHING)
     with style.applied():
         fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
-        for i, validation in enumerate(validations):
+        for i, (title, validation) in enumerate(validations.items()):
             z = np.sort(validation.points.d / validation.points.sigma, axis=0)
             expected = special.ndtri((np.arange(len(z)) + 0.5) / max(len(z), 1))
             for axis, ax in enumerate(axes):
@@ -93,7 +85,7 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
                     ms=3,
                     color=style.colour(i),
                     alpha=0.8,
-                    label=TITLES[validation.method],
+                    label=title,
                 )
         for name, ax in zip(AXES, axes, strict=True):
             ax.axline((0, 0), slope=1, color=style.INK, lw=0.8)
@@ -104,17 +96,14 @@ def normalised_differences(validations: Sequence[Validation]) -> Figure:
     return fig
 
 
-def pair_histograms(validations: Sequence[Validation]) -> Figure:
+def pair_histograms(validation: Validation) -> Figure:
     """Draw the differences of all pairs with the distribution that their sigma predict.
 
     Parameters
     ----------
-    validations : sequence of Validation
-        The last one is drawn.
+    validation : Validation
     """
-    if not validations:
-        return style.nothing(NOTHING)
-    pairs = validations[-1].pairs
+    pairs = validation.pairs
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)
     with style.applied():
@@ -147,30 +136,34 @@ def _density(at: Array, sigma: Array) -> Array:
     return np.array([np.mean(highest * np.exp(-0.5 * (x / sigma) ** 2)) for x in at])
 
 
-def mistakes(table: pd.DataFrame) -> Figure:
-    """Draw the RMS of the check points with one step of georeferencing forgotten at a time.
+def mistakes(validations: Mapping[str, Validation]) -> Figure:
+    """Draw the RMS of the check points' differences, three bars for each validation.
 
     Parameters
     ----------
-    table : DataFrame
-        As `forgotten_steps.validations` returns it.
+    validations : mapping of str to Validation
+        By what was forgotten.
     """
-    if table.empty:
-        return style.nothing(NOTHING)
-    rows = np.arange(len(table))
+    rows = np.arange(len(validations))
+    rms = np.array([_rms(found.points.d) for found in validations.values()]).reshape(-1, 3)
     with style.applied():
-        fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(table)))
+        fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(rows)))
         for axis, name in enumerate(AXES):
             ax.barh(
-                *(rows + 0.26 * (axis - 1), table[f"rms_{name}_m"]),
+                *(rows + 0.26 * (axis - 1), rms[:, axis]),
                 height=0.24,
                 color=style.colour(axis),
                 label=name,
             )
         ax.set_xscale("log")
-        names = ["nothing forgotten" if m == "none" else str(m) for m in table["mistake"]]
-        ax.set_yticks(rows, names)
+        ax.set_yticks(rows, [*validations])
         ax.invert_yaxis()
         ax.set_xlabel("RMS of the check points' differences (m, logarithmic)")
         style.legend_below(fig, ax.get_legend_handles_labels()[0])
     return fig
+
+
+def _rms(d: Array) -> Array:
+    """Return the RMS along every axis, NaN without differences: a mistake may leave none."""
+    rms: Array = np.sqrt(np.mean(d**2, axis=0)) if len(d) else np.full(3, np.nan)
+    return rms

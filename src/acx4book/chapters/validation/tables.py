@@ -1,173 +1,261 @@
-"""Tables of the validation stage, beside the paper's where they are comparable."""
+"""Tables of chapter 4: several validations side by side, and the paper's Table 4."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed
-from acx4book.typesetting.labels import TITLES
+from acx4book.typesetting.labels import inside
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.expected import Array
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, error_sources, standards
+from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, NormalisedTest
 from acx4lib.georeferencing.validation import Validation
-from acx4lib.least_squares.covariance import correlation, sigmas
+from acx4lib.least_squares.covariance import sigmas
 
-PRINTED = {"two_step_gnss": "two_step", "single_step": "single_step"}
-"""The paper's column that a method is set beside: its two-step sigmas are those of this reading."""
+MEAN, RMS, RMS_PX = "mean (m)", "RMS (m)", "RMS (px)"
+PAIRS, FAILED, POINTS = "pairs of images", "pairs that failed", "check points"
+WITHIN, SHARE = "points within 3 GSD in XYZ", "share of them (%)"
 
 
-def table_4(flight: Flight, validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return Table 4: pairs, means, scatter and RMS of every method, beside the printed ones.
+def _formatted(table: pd.DataFrame, formats: Mapping[str, str]) -> pd.DataFrame:
+    table.attrs["formats"] = dict(formats)
+    return table
+
+
+def _stacked(rows: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(rows, names=["method"]) if rows else pd.DataFrame()
+
+
+def differences(
+    validations: Mapping[str, Validation], paper: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Return mean, scatter and RMS of each coordinate, over pairs as Table 4 and over points.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles.
+    paper : DataFrame, optional
+        Rows of `printed_differences`.
+
+    Returns
+    -------
+    DataFrame
+        As `Validation.table`, and the RMS in ground pixels; m.
+    """
+    rows = {
+        title: found.table()
+        .droplevel("unit")
+        .assign(**{RMS_PX: lambda table, one=found: table["RMS"] / ground_sample_m(one.block)})
+        for title, found in validations.items()
+    }
+    table = pd.concat([_stacked(rows), paper])
+    columns = {name: f"{name} (m)" for name in ("mean", "scatter", "RMS", "expected RMS")}
+    formats = {**dict.fromkeys(columns.values(), ".2f"), MEAN: "+.2f", RMS_PX: ".1f"}
+    return _formatted(table.rename(columns=columns), formats)
+
+
+def printed_differences(flight: Flight, titles: Mapping[str, str]) -> pd.DataFrame | None:
+    """Return rows of the paper's Table 4, exactly as printed; None for other cameras.
 
     Parameters
     ----------
     flight : Flight
-        The paper's columns are shown where it has the paper's cameras.
-    validations : sequence of Validation
+    titles : mapping of str to str
+        Titles of the rows, by the paper's method.
     """
-    columns: dict[str, dict[str, str]] = {}
-    for validation in validations:
-        columns[TITLES[validation.method]] = _validation_cells(validation)
-        if validation.method in PRINTED and printed.applies(flight):
-            column = PRINTED[validation.method]
-            columns[f"Printed: {TITLES[column].lower()}"] = _printed_validation(column)
-    table = pd.DataFrame(columns)
-    table.insert(0, "Quantity", table.index)
-    return table.reset_index(drop=True)
-
-
-def _validation_cells(validation: Validation) -> dict[str, str]:
-    gsd_m = ground_sample_m(validation.block)
-    pairs = accuracy.from_differences(validation.pairs.d)
-    points = validation.points
-    norm = np.linalg.norm(points.d, axis=1)
-    cells = {
-        "Intersection pairs": f"{len(validation.pairs)}",
-        "Pairs that failed": f"{validation.n_failed}",
-        "Check points": f"{len(points)}",
+    if not printed.applies(flight):
+        return None
+    rows = {
+        (title, "pairs", axis): {
+            "n": printed.shown(4, "n_pairs", column),
+            "mean": _digits(f"mean_{axis}_m", column),
+            "scatter": _digits(f"mean_{axis}_m", column, sigma=True),
+            "RMS": _digits(f"rms_{axis}_m", column),
+            RMS_PX: _digits(f"rms_{axis}_px", column),
+        }
+        for column, title in titles.items()
+        for axis in AXES
     }
-    for axis, name in enumerate(AXES):
-        cells[Markup(f"Mean ± scatter, {name} (m)")] = Markup(
-            f"{pairs.mean[axis]:+.2f} ± {pairs.std[axis]:.2f}"
-        )
-    for axis, name in enumerate(AXES):
-        cells[f"RMS, {name} (m [px])"] = f"{pairs.rms[axis]:.2f} [{pairs.rms[axis] / gsd_m:.1f}]"
-    within = int(np.sum(norm <= 3 * gsd_m))
-    share = 100 * within / max(len(points), 1)
-    cells["Points within 3 GSD in XYZ"] = f"{within} [{share:.1f} %]"
-    predicted = np.sqrt(np.mean(validation.pairs.sigma**2, axis=0))
-    for axis, name in enumerate(AXES):
-        cells[f"RMS predicted, {name} (m)"] = f"{predicted[axis]:.2f}"
-    return cells
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return table.set_axis(pd.MultiIndex.from_tuples(rows, names=["method", "of", "coordinate"]))
 
 
-def _printed_validation(column: str) -> dict[str, str]:
-    def said(name: str) -> Markup:
-        return printed.shown(4, name, column)
+def _digits(name: str, column: str, *, sigma: bool = False) -> Markup:
+    number = (printed.sigma if sigma else printed.value)(4, name, column)
+    return Markup(printed.digits(printed.printed(4, name, column), number).replace("-", "\u2212"))
 
-    cells: dict[str, str] = {
-        "Intersection pairs": said("n_pairs"),
-        "Pairs that failed": said("n_fail"),
-        "Check points": said("n_points"),
+
+def counts(
+    validations: Mapping[str, Validation], paper: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Return how many pairs and points there are, and how many points are near their survey.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles.
+    paper : DataFrame, optional
+        Rows of `printed_counts`.
+    """
+    rows = {title: _counts(found) for title, found in validations.items()}
+    table = pd.concat([pd.DataFrame.from_dict(rows, orient="index"), paper])
+    return _formatted(table.rename_axis("method"), {SHARE: ".1f"})
+
+
+def _counts(found: Validation) -> dict[str, float]:
+    size = np.linalg.norm(found.points.d, axis=1)
+    within = int(np.sum(size <= 3 * ground_sample_m(found.block)))
+    return {
+        PAIRS: len(found.pairs),
+        FAILED: found.n_failed,
+        POINTS: len(found.points),
+        WITHIN: within,
+        SHARE: 100 * within / max(len(found.points), 1),
     }
-    for name in AXES:
-        cells[Markup(f"Mean ± scatter, {name} (m)")] = said(f"mean_{name}_m")
-        cells[f"RMS, {name} (m [px])"] = f"{said(f'rms_{name}_m')} [{said(f'rms_{name}_px')}]"
-        cells[f"RMS predicted, {name} (m)"] = "not given"
-    within, share = said("n_within_3_gsd"), said("within_3_gsd_percent")
-    cells["Points within 3 GSD in XYZ"] = f"{within} [{share} %]"
-    return cells
 
 
-TOGETHER = ("Method", "Points", "Degrees of freedom", "χ²", "p", "χ² as if independent")
+def printed_counts(flight: Flight, titles: Mapping[str, str]) -> pd.DataFrame | None:
+    """Return rows of the paper's Table 4 for `counts`, exactly as printed; None for other cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    titles : mapping of str to str
+        Titles of the rows, by the paper's method.
+    """
+    if not printed.applies(flight):
+        return None
+    names = {
+        PAIRS: "n_pairs",
+        FAILED: "n_fail",
+        POINTS: "n_points",
+        WITHIN: "n_within_3_gsd",
+        SHARE: "within_3_gsd_percent",
+    }
+    rows = {
+        title: {key: printed.shown(4, name, column) for key, name in names.items()}
+        for column, title in titles.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def together(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return the joint test of all differences of a method, with their full covariance."""
-    rows = [
-        (
-            *(TITLES[found.method], len(found.points), found.joint_dof),
-            *(found.joint_chi_square, found.joint_chi_square_p),
-            float(np.sum((found.points.d / found.points.sigma) ** 2)),
-        )
-        for found in validations
-    ]
-    return pd.DataFrame(rows, columns=list(TOGETHER))
+def normalised(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
+    """Return the tests of predicted standard deviations, by their titles."""
+    table = _stacked({title: test.table() for title, test in tests.items()})
+    limits = dict.fromkeys(("RMS of d / σ", "lower limit", "upper limit"), ".2f")
+    return _formatted(table, {**limits, "counts as": ".0f"})
 
 
-NORMALISED = ("Method", "Axis", "RMS of d / σ", "counts as", "95 % limits", "prediction")
+def together(validations: Mapping[str, Validation]) -> pd.DataFrame:
+    """Return the joint tests of all differences of a method, with their full covariance."""
+    rows = {
+        title: {
+            "points": len(found.points),
+            "degrees of freedom": found.joint_dof,
+            "χ²": found.joint_chi_square,
+            "p": found.joint_chi_square_p,
+            "χ² as if independent": float(np.sum((found.points.d / found.points.sigma) ** 2)),
+        }
+        for title, found in validations.items()
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("method")
+    return _formatted(table, {"χ²": ".1f", "p": ".3f", "χ² as if independent": ".1f"})
 
 
-def normalised(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return the RMS of the points' differences in predicted sigmas, and what chance allows."""
-    rows = []
-    for validation, axis, cov in _axes(validations):
-        z = validation.points.d[:, axis] / validation.points.sigma[:, axis]
-        rms, n = np.sqrt(np.mean(z**2)), accuracy.effective_number(correlation(cov))
-        low, high = accuracy.rms_limits(n)
-        verdict = "too small" if rms > high else "too large" if rms < low else "holds"
-        limits = f"{low:.2f} to {high:.2f}"
-        rows.append((TITLES[validation.method], AXES[axis], rms, n, limits, verdict))
-    return pd.DataFrame(rows, columns=list(NORMALISED))
+def bias(
+    validations: Mapping[str, Validation],
+    sizes: Mapping[str, Accuracy],
+    tests: Mapping[str, AxisTest],
+) -> pd.DataFrame:
+    """Return the tests of the means, one difference per point, and confidence limits of the RMS.
 
-
-def _axes(validations: Sequence[Validation]) -> Iterator[tuple[Validation, int, Array]]:
-    """Yield every validation with points, axis by axis, and the points' covariance there."""
-    for validation in validations:
-        if len(validation.points):
-            among = error_sources.axis_covariances(validation.points.sources)
-            yield from ((validation, axis, cov) for axis, cov in enumerate(among))
-
-
-BIAS = (
-    *("Method", "Axis", "Points", "Mean (m)", "σ of the mean (m)", "mean / σ", "critical"),
-    *("bias", "RMS (m)", "RMS, 95 % limits (m)"),
-)
-
-
-def bias(validations: Sequence[Validation]) -> pd.DataFrame:
-    """Return the tests of the means, one difference per point, with the verdicts."""
-    rows = []
-    for validation, axis, cov in _axes(validations):
-        said = accuracy.from_differences(validation.points.d)
-        test = accuracy.bias_test(np.array(said.mean), validation.mean_cov)
-        low, high = accuracy.rms_interval(said.rms[axis], accuracy.effective_number(cov))
-        rows.append(
-            {
-                "Method": TITLES[validation.method],
-                "Axis": AXES[axis],
-                "Points": said.n,
-                "Mean (m)": said.mean[axis],
-                "σ of the mean (m)": sigmas(validation.mean_cov)[axis],
+    Parameters
+    ----------
+    validations, sizes, tests : mapping of str to Validation, Accuracy and AxisTest
+        By their titles.
+    """
+    rows = {}
+    for title, test in tests.items():
+        found, said = validations[title], sizes[title]
+        spread = sigmas(found.mean_cov)
+        among = error_sources.axis_covariances(found.points.sources)
+        for axis, name in enumerate(AXES):
+            low, high = accuracy.rms_interval(
+                said.rms[axis], accuracy.effective_number(among[axis])
+            )
+            rows[title, name] = {
+                "points": said.n,
+                MEAN: said.mean[axis],
+                "σ of the mean (m)": spread[axis],
                 "mean / σ": test.statistic[axis],
                 "critical": test.critical,
                 "bias": "none seen" if test.accepted[axis] else "significant",
-                "RMS (m)": said.rms[axis],
-                "RMS, 95 % limits (m)": f"{low:.2f} to {high:.2f}",
+                RMS: said.rms[axis],
+                "RMS, from (m)": low,
+                "RMS, to (m)": high,
             }
-        )
-    return pd.DataFrame(rows, columns=list(BIAS))
+    table = pd.DataFrame(rows.values())
+    if rows:
+        table.index = pd.MultiIndex.from_tuples(rows, names=["method", "coordinate"])
+    formats = dict.fromkeys((MEAN, "σ of the mean (m)", RMS), ".3f")
+    formats |= dict.fromkeys(("critical", "RMS, from (m)", "RMS, to (m)"), ".2f")
+    return _formatted(table, {**formats, "mean / σ": "+.2f"})
 
 
-def classes(validations: Sequence[Validation], scales: Sequence[int]) -> pd.DataFrame:
+def most_shared(validations: Mapping[str, Validation]) -> dict[str, object]:
+    """Return where the mean of the points would seem known best if they were independent.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles; with points.
+
+    Returns
+    -------
+    dict of str to object
+        The ``method`` and ``axis``, its number ``n`` of points, and the standard deviation of
+        their mean, ``sigma``, and ``if_independent``, m; empty without validations.
+    """
+    if not validations:
+        return {}
+    found = [*validations.values()]
+    mean = np.array([sigmas(one.mean_cov) for one in found])
+    apart = np.array(
+        [np.sqrt(np.sum(one.points.sigma**2, axis=0)) / len(one.points) for one in found]
+    )
+    k, axis = np.unravel_index(np.argmax(mean / apart), mean.shape)
+    return {
+        "method": inside([*validations][k]),
+        "axis": AXES[axis],
+        "n": len(found[k].points),
+        "sigma": mean[k, axis],
+        "if_independent": apart[k, axis],
+    }
+
+
+def classes(
+    validations: Mapping[str, Validation], sizes: Mapping[str, Accuracy], scales: Sequence[int]
+) -> pd.DataFrame:
     """Return the accuracy classes that every method reaches under each standard.
 
     Parameters
     ----------
-    validations : sequence of Validation
+    validations, sizes : mapping of str to Validation and Accuracy
+        By their titles.
     scales : sequence of int
         Denominators of the map scales of PEC-PCD.
     """
     columns: dict[str, dict[str, str]] = {}
-    for validation in validations:
-        said = accuracy.from_differences(validation.points.d)
-        survey = validation.block.check.sigma_m[validation.points.point_idx]
+    for title, said in sizes.items():
+        found = validations[title]
+        survey = found.block.check.sigma_m[found.points.point_idx]
         sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)))
         cells: dict[str, str] = {}
         for scale in scales:
@@ -180,7 +268,5 @@ def classes(validations: Sequence[Validation], scales: Sequence[int]) -> pd.Data
         cells["ASPRS 2023, horizontal / vertical / 3D"] = (
             f"{new.horizontal} / {new.vertical} / {new.three_d}"
         )
-        columns[TITLES[validation.method]] = cells
-    table = pd.DataFrame(columns)
-    table.insert(0, "Standard", table.index)
-    return table.reset_index(drop=True)
+        columns[title] = cells
+    return pd.DataFrame(columns).rename_axis("standard")
