@@ -115,6 +115,7 @@ def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
         validation.run(reader.read(flown / "B"), tmp_path / "new")
     assert str(caught.value) == (
         f"{tmp_path}/new: no results of stage mounting; run first: "
+        "notebook 03-mounting-calibration, or "
         f"acx4 run {flown}/B --results {tmp_path}/new --stages mounting"
     )
 

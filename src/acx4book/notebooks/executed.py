@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from acx4book.notebooks import execute
-from acx4book.notebooks.runner import EXECUTED, FAILED, NOTEBOOKS, NOTEBOOKS_PATH, Step
+from acx4book.notebooks.runner import NOTEBOOKS_PATH, Step
 from acx4lib.errors import Acx4Error, OutputError
 from acx4lib.flight.reader import Flight
 from acx4lib.results import provenance
+from acx4lib.results.files.schemas import NOTEBOOKS
+from acx4lib.results.runs import EXECUTED, FAILED
 
 GIVEN = {"flight_path", "pictures_path", "results_path", "calibration_path"}
 """Parameters of the notebooks that a run sets itself."""

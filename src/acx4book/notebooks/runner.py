@@ -6,44 +6,26 @@ the results folder, beside it; only a stage without errors changes the folder.
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Protocol
 
-from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError
+from acx4lib.errors import Acx4Error, AdjustmentError
 from acx4lib.flight import reader as flights
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results import runs
+from acx4lib.results.files.schemas import NOTEBOOKS, PART_OF
 from acx4lib.results.own_folder import claims, places
 from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import changes
-from acx4lib.results.own_folder.whole_files import SCRATCH, copy
+from acx4lib.results.runs import COMMAND
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
-
-NOTEBOOKS: Mapping[str, str] = {
-    "flight": "00-flight",
-    "heads": "01-head-calibration",
-    "synthetic": "02-synthetic-image",
-    "mounting": "03-mounting-calibration",
-    "rig": "08-rig",
-    "validation": "04-validation",
-}
-"""The notebook of every stage. ``flight`` only shows the data, and always runs first. ``rig`` is
-the part of the stage mounting that uses the block heads."""
-
-COMMAND = "acx4 run"
-"""The command that is named in the mark of a results folder."""
-
-EXECUTED, FAILED = "notebooks", "failed"
-"""Folders of the executed notebooks, and of those that failed."""
 
 Tell = Callable[[str, int, int], None]
 """It is called with the stage, the number of its finished parts, and of all its parts."""
@@ -164,15 +146,12 @@ def run(
     told = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
     with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
-        _check_calibration(own.path, stages, told)
-        _prepare(own, flight, skipped, stages)
-        own.remove(name for stage in {"flight"} - steps.keys() for name in _beside(stage))
+        runs.check_calibration(own.path, stages, told)
+        runs.prepare(own, flight, stages, skipped=skipped)
+        own.remove(name for stage in {"flight"} - steps.keys() for name in runs.beside(stage))
         ends = {stage for stage in steps if order.is_end(flight, stage)}
         del flight  # a notebook reads it in its own process
-        done, failed = _run_steps(steps, ends, own, tell)
-        if told and "validation" in done:
-            provenance.stamp(folder, "validation", calibration=told)
-            own.seal()
+        done, failed = _run_steps(steps, ends, own, tell, told)
     return RunOutcome(
         ran=ran,
         skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
@@ -190,7 +169,11 @@ def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
 
 
 def _run_steps(
-    steps: Mapping[str, Step], ends: Container[str], own: OwnFolder, tell: Tell
+    steps: Mapping[str, Step],
+    ends: Container[str],
+    own: OwnFolder,
+    tell: Tell,
+    told: Mapping[str, object] | None,
 ) -> tuple[list[str], list[str]]:
     """Run the stages; return those that ran, and the errors that stopped one that is an end."""
     done: list[str] = []
@@ -198,8 +181,9 @@ def _run_steps(
     try:
         for stage, step in steps.items():
             try:
-                _run_step(stage, step, own, tell)
-                done.append(order.PART_OF.get(stage, stage))
+                with runs.replaced(own, stage, calibration=told) as staging:
+                    step(staging, partial(tell, stage))
+                done.append(PART_OF.get(stage, stage))
             except AdjustmentError as error:
                 if stage not in ends:
                     raise
@@ -209,51 +193,6 @@ def _run_steps(
             error.add_note(line)
         raise
     return done, failed
-
-
-def _prepare(
-    own: OwnFolder, flight: Flight, skipped: Mapping[str, str], stages: Sequence[str]
-) -> None:
-    """Prepare a folder for a run: keep the flight, remove results of blocks that it lacks.
-
-    Changed files and results of another flight end the run, unless all results will be replaced.
-    """
-    whole = set(stages) >= set(results.STAGES)
-    tables = flights.table_files(flight)
-    own.expect(
-        [
-            *(*results.FILES, provenance.FILE),
-            *(f"{provenance.KEPT}/{name.as_posix()}" for name in tables),
-            *(name for stage in NOTEBOOKS for name in _beside(stage)),
-        ]
-    )
-    read = (*results.FILES, provenance.FILE)
-    changed = changes(own.path, read)
-    if changed and not whole:
-        raise FlightError([f"{line}; run all stages again" for line in changed])
-    if changed:
-        own.remove(read)
-    provenance.check_left(own.path, flight, stages)
-    provenance.keep(own, flight)
-    removed = [f"{order.PART_OF[s]}/{s}" if s in order.PART_OF else s for s in skipped]
-    results.replace(own.path, removed, tables={}, summary={})
-    provenance.forget(own.path, list(skipped))
-    own.remove(name for stage in skipped for name in _beside(stage))
-    own.seal()
-
-
-def _check_calibration(
-    folder: Path, stages: Sequence[str], told: Mapping[str, object] | None
-) -> None:
-    """Check that a folder has one calibration after a run: this flight's, or an earlier one's."""
-    left = {s: e for s, e in provenance.stages(folder).items() if s not in stages}
-    own = "mounting" in (left if told else stages)
-    if own and (told or "calibration" in left.get("validation", {})):
-        problem = (
-            f"{folder}: has the flight's own calibration beside a validation of an earlier one's; "
-            "choose another folder for one of them"
-        )
-        raise FlightError([problem])
 
 
 def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
@@ -269,7 +208,7 @@ def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
         known = ", ".join(results.STAGES)
         msg = f"unknown stage {', '.join(map(repr, unknown))}; known: {known}"
         raise ValueError(msg)
-    return tuple(name for name in NOTEBOOKS if order.PART_OF.get(name, name) in stages)
+    return tuple(name for name in NOTEBOOKS if PART_OF.get(name, name) in stages)
 
 
 def wrong(folder: Path, stages: Sequence[str]) -> Iterator[str]:
@@ -286,45 +225,3 @@ def _messages(
         mine = any(f"{name}/".startswith(f"{method}/") for method in methods)
         if mine and name.partition("/")[0] in stages:
             yield from results.messages(entry, key)
-
-
-def _beside(stage: str) -> tuple[str, str]:
-    """Return the files that a stage may leave beside the tables: its notebook, and one that failed.
-
-    Names are those below the results folder, and below a copy of it.
-    """
-    name = f"{NOTEBOOKS[stage]}.ipynb"
-    return f"{EXECUTED}/{name}", f"{FAILED}/{name}"
-
-
-def _run_step(stage: str, step: Step, own: OwnFolder, tell: Tell) -> None:
-    """Run a stage in a copy of the results, and keep its results if it succeeds."""
-    folder = own.path
-    with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as temporary:
-        staging = folder / Path(temporary).name
-        for file in results.FILES:
-            copy(folder / file, staging / file)
-        try:
-            step(staging, lambda done, total: tell(stage, done, total))
-        except Acx4Error as error:
-            _move(staging, folder, [name for name in _beside(stage) if (staging / name).is_file()])
-            with suppress(OutputError):  # the first error is told
-                own.seal()
-            if isinstance(error, FlightError | OutputError):  # its paths are those of the copy
-                said = str(error).replace(f"/{staging.name}", "")
-                if isinstance(error, OutputError):
-                    raise OutputError(said) from None
-                raise FlightError(said.splitlines()) from None
-            raise
-        left = [name for name in _beside(stage) if (staging / name).is_file()]
-        own.remove([name for name in _beside(stage) if name not in left])
-        _move(staging, folder, [*results.FILES, *left])
-    if order.PART_OF.get(stage, stage) in results.STAGES:
-        provenance.stamp(folder, order.PART_OF.get(stage, stage))
-    own.seal()
-
-
-def _move(source: Path, folder: Path, names: Iterable[str]) -> None:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (source / name).replace(folder / name)

@@ -50,6 +50,7 @@ from acx4book.typesetting.myst import numbered
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import agreement
 from acx4lib.results import folder as results
+from acx4lib.results.files.schemas import NOTEBOOKS
 from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.provenance import KEPT
 from acx4sim.files.writer import truth_path
@@ -159,7 +160,7 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
     Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
     """
     simulated = SIMULATED if _run(results_path)[1].simulated else ""
-    for stage, name in runner.NOTEBOOKS.items():
+    for stage, name in NOTEBOOKS.items():
         of_ideal = ideal_path is not None and stage in OF_IDEAL
         run = ideal_path if ideal_path is not None and of_ideal else results_path
         done = run / "notebooks" / f"{name}.ipynb"
@@ -187,8 +188,8 @@ def _run_here(name: str, executed: Path, given: Mapping[str, str]) -> None:
 def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
-    named = dict.fromkeys((*runner.NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard"), name)
-    shows_ideal = [*(runner.NOTEBOOKS[stage] for stage in OF_IDEAL), OWN]
+    named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard"), name)
+    shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), OWN]
     of_ideal = dict.fromkeys(shows_ideal if ideal else (), "acx4-ideal, simulated")
     return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
 

@@ -39,7 +39,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing import weak
 from acx4lib.georeferencing.weak import Weak
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results import provenance, runs
 from acx4lib.results.rows import bundle_tables, orientation_tables
 
 MANY_REJECTED = 0.005
@@ -77,7 +77,12 @@ class Record:
 
 
 def write(
-    folder: str | Path, stage: str, records: Iterable[Record], *, flight: Flight | None = None
+    folder: str | Path,
+    stage: str,
+    records: Iterable[Record],
+    *,
+    flight: Flight | None = None,
+    calibration: Mapping[str, object] | None = None,
 ) -> None:
     """Write a stage's records, and remove what the folder had of this stage.
 
@@ -88,14 +93,27 @@ def write(
         All its old rows are removed, even those of methods without a new record.
     records : iterable of Record
     flight : Flight, optional
-        Of which they are; every object of the summary names it, by its content.
+        Of which they are; every object of the summary names it, by its content. The folder then
+        becomes, or must be, that of its results, as `runs.written` has it; without a flight only
+        the tables are replaced.
+    calibration : mapping, optional
+        That of an earlier flight which is validated, as `provenance.stamp` takes it.
+
+    Raises
+    ------
+    FlightError, OutputError
+        As `runs.written`.
     """
     records = list(records)
     named = {} if flight is None else {"flight": provenance.identity(flight)}
     names = {name for record in records for name in record.tables}
     tables = {name: [r.tables[name] for r in records if name in r.tables] for name in names}
     summary = {key: {**said, **named} for r in records for key, said in r.summary.items()}
-    results.replace(folder, [stage], tables=tables, summary=summary)
+    if flight is None:
+        results.replace(folder, [stage], tables=tables, summary=summary)
+        return
+    with runs.written(folder, stage, flight, calibration=calibration) as at:
+        results.replace(at, [stage], tables=tables, summary=summary)
 
 
 # --- bundles ---------------------------------------------------------------------------------

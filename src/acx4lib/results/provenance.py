@@ -23,7 +23,7 @@ from acx4lib.flight.text.document import read_toml
 from acx4lib.results import agreement
 from acx4lib.results import folder as results
 from acx4lib.results.files.inside import is_there
-from acx4lib.results.files.schemas import STAGES
+from acx4lib.results.files.schemas import NOTEBOOKS, STAGES
 from acx4lib.results.files.summary_entries import Wrong, problem_of, read_object
 from acx4lib.results.own_folder import claims
 from acx4lib.results.own_folder.claims import OwnFolder
@@ -153,17 +153,18 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
     Raises
     ------
     FlightError
-        Where there is no such folder, with what is to be run first, or it has results of another
-        flight, with both flights.
+        Where the results of a stage are not there, with what is to be run first, or the folder has
+        results of another flight, with both flights.
     """
     at = Path(folder)
     if not stages:
         at.mkdir(parents=True, exist_ok=True)
     elif not at.is_dir():
-        command = f"acx4 run {flight.path} --results {at} --stages {','.join(stages)}"
-        problem = f"{at}: no results of stage {' and '.join(stages)}; run first: {command}"
-        raise FlightError([problem])
+        raise FlightError([_not_run(at, stages, flight)])
     found, mine = results.read(at), identity(flight)
+    lacking = [stage for stage in stages if not results.has(found, stage)]
+    if lacking:
+        raise FlightError([_not_run(at, lacking, flight)])
     last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
     for stage in STAGES[: last + 1]:  # a run of all stages has not yet replaced those after it
         other = _named(found.summary, stage, of=mine)
@@ -174,6 +175,16 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
             raise FlightError([_of_another(at, [stage], other, flight, cure=cure)])
     agreement.check(found, flight, stages=stages)
     return found
+
+
+def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
+    """Return a line on stages without results, with the notebooks or the command to run first."""
+    notebooks = " and ".join(NOTEBOOKS[stage] for stage in stages)
+    command = f"acx4 run {flight.pictures} --results {folder} --stages {','.join(stages)}"
+    return (
+        f"{folder}: no results of stage {' and '.join(stages)}; run first: "
+        f"notebook {notebooks}, or {command}"
+    )
 
 
 def check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from acx4lib.flight.reader import Flight
-
-PART_OF: Mapping[str, str] = {"rig": "mounting"}
-"""The stage of the results folder that a stage belongs to, where it is not one of its own."""
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""

@@ -239,9 +239,11 @@ def _write(
     before: Earlier | folder.Results | None,
 ) -> None:
     """Write the records; the first one says whose calibrations they are."""
+    told = None
     if isinstance(before, Earlier):
+        told = before.told
         first, *others = records
         notes = [f"validation: {before.sentence}"]
         records = [earlier.named(first, before, notes=notes)]
         records += [earlier.named(record, before) for record in others]
-    adjustments.write(results_path, "validation", records, flight=flight)
+    adjustments.write(results_path, "validation", records, flight=flight, calibration=told)

@@ -16,6 +16,7 @@ from acx4book.command import many
 from acx4book.command.batch import runs, table
 from acx4book.command.batch.work import Outcome
 from acx4book.notebooks import runner
+from acx4lib.results.runs import EXECUTED
 from support.flights import sized
 from support.helpers import ROOT, hears_interrupts, write_notebook
 
@@ -139,7 +140,7 @@ def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
     folder = tmp_path / "all"
     given = (flights[0], "--results", folder, "--jobs", 1, "--notebooks", tmp_path / "own")
     assert acx4(*given)[0] == 0
-    executed = folder / "flight1" / runner.EXECUTED
+    executed = folder / "flight1" / EXECUTED
     assert {path.stem for path in executed.iterdir()} == {
         runner.NOTEBOOKS["flight"],
         runner.NOTEBOOKS["mounting"],

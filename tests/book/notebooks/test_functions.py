@@ -16,6 +16,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import claims
+from acx4lib.results.runs import EXECUTED
 from acx4lib.stages import mounting
 from support.flights import written
 
@@ -40,7 +41,7 @@ def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
     executed = tables(tmp_path / "results")
     runner.run(flight_path, tmp_path / "results", way=Functions())
     assert tables(tmp_path / "results") == executed
-    assert not (tmp_path / "results" / runner.EXECUTED).exists()
+    assert not (tmp_path / "results" / EXECUTED).exists()
     claims.verify(tmp_path / "results", cure="")
 
 

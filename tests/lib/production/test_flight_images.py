@@ -202,7 +202,7 @@ def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     with pytest.raises(FlightError, match="no results of stage heads; run first"):
         rendered(of=(flight, tmp_path / "nothing"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(FlightError, match="has no orientation of the heads; run stage heads first"):
+    with pytest.raises(FlightError, match="no results of stage heads; run first"):
         rendered(of=(flight, tmp_path / "empty"))
     (results / MARK).unlink()  # else the change would be refused
     said = {"heads/relative_orientation": {"left_out": ["RIGHT is not determined"]}}

@@ -42,7 +42,7 @@ def test_results_of_the_mounting_are_what_the_validation_takes(flight, tmp_path)
 
 
 def test_a_validation_without_a_calibration_says_what_to_run(flight, tmp_path):
-    with pytest.raises(FlightError, match="run stage mounting first"):
+    with pytest.raises(FlightError, match="no results of stage mounting; run first"):
         validation.run(flight, tmp_path)
 
 
@@ -136,7 +136,7 @@ def test_without_one_of_its_heads_a_rig_is_not_validated(flown, gone_through):
 
 
 def test_points_are_carried_before_the_mounting_is_calibrated(flown, tmp_path):
-    with pytest.raises(FlightError, match="run stage synthetic first"):
+    with pytest.raises(FlightError, match="no results of stage synthetic; run first"):
         mounting.run(flown, tmp_path)
     assert not order.is_end(flown, "synthetic")
 

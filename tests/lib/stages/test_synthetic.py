@@ -23,7 +23,7 @@ def refinement(refined):
 
 
 def test_results_of_the_heads_are_asked_for(flight, tmp_path):
-    with pytest.raises(FlightError, match="run stage heads first"):
+    with pytest.raises(FlightError, match="no results of stage heads; run first"):
         synthetic.read_heads(flight, tmp_path)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ import acx4sim
 from acx4lib import flight
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as relative_orientation
+from acx4lib.flight.from_tables import PLACE
 from acx4lib.georeferencing import validation
 from acx4lib.tie_points import ties as tie_points
 from acx4sim.files.writer import truth_path
@@ -65,11 +66,12 @@ def fly(design, *, seed, blocks=MOUNTED, exact=False):
 
 
 def read_back(simulated):
-    """Write a flight to disk and read it as any other."""
+    """Write a flight to disk and read it as any other; afterwards it has no files."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight"
         acx4sim.write(simulated, path)
-        return Flown(flight=flight.read(path), truth=json.loads(truth_path(path).read_text()))
+        read, truth = flight.read(path), json.loads(truth_path(path).read_text())
+    return Flown(flight=replace(read, path=PLACE, pictures=PLACE), truth=truth)
 
 
 def shift_image_points(table, sizes_px, *, size):

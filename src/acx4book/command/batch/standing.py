@@ -10,7 +10,8 @@ from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.text.files import text_of
-from acx4lib.results import earlier, folder, provenance
+from acx4lib.results import earlier, folder, provenance, runs
+from acx4lib.results.files.schemas import NOTEBOOKS, PART_OF
 from acx4lib.results.own_folder import marks
 from acx4lib.stages import order
 
@@ -38,7 +39,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     settings : Settings
     """
     try:
-        if marks.read_mark(results)[0] != runner.COMMAND or marks.changes(results):
+        if marks.read_mark(results)[0] != runs.COMMAND or marks.changes(results):
             return False
         found = provenance.read(results)
         told = earlier.read(settings.calibration, flight).told if settings.calibration else None
@@ -49,7 +50,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     parts = [s for s in runner.parts_of(settings.stages) if not order.missing(flight, s)]
     return (
         dict(found.files) == provenance.checksums(flight)
-        and all(found.stages.get(order.PART_OF.get(part, part)) == run for part in parts)
+        and all(found.stages.get(PART_OF.get(part, part)) == run for part in parts)
         and ("rig" not in parts or "mounting/rig" in folder.entries(results))
         and all(_is_executed(settings.notebooks, results, part) for part in ("flight", *parts))
     )
@@ -59,8 +60,8 @@ def _is_executed(notebooks: Path | None, results: Path, part: str) -> bool:
     """Tell whether the results have a part's notebook with the cells that it has now."""
     if notebooks is None:
         return True
-    name = f"{runner.NOTEBOOKS[part]}.ipynb"
-    executed = results / runner.EXECUTED / name
+    name = f"{NOTEBOOKS[part]}.ipynb"
+    executed = results / runs.EXECUTED / name
     return executed.is_file() and _cells(executed) == _cells(notebooks / name)
 
 

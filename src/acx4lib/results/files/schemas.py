@@ -11,6 +11,20 @@ from acx4lib.geometry.parameters import REPORTED
 STAGES = ("heads", "synthetic", "mounting", "validation")
 """The stages in the order of the paper, and of the rows of every table."""
 
+PART_OF: Mapping[str, str] = {"rig": "mounting"}
+"""The stage of the results folder that a stage belongs to, where it is not one of its own."""
+
+NOTEBOOKS: Mapping[str, str] = {
+    "flight": "00-flight",
+    "heads": "01-head-calibration",
+    "synthetic": "02-synthetic-image",
+    "mounting": "03-mounting-calibration",
+    "rig": "08-rig",
+    "validation": "04-validation",
+}
+"""The notebook of every stage, in the order in which they are run. ``flight`` only shows the data.
+``rig`` is the part of the stage mounting that uses the block heads."""
+
 COMPONENTS = {
     "image_point": ("col_px", "row_px"),
     "control_point": ("east_m", "north_m", "height_m"),

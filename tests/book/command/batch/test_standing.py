@@ -11,6 +11,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader
 from acx4lib.results import provenance
+from acx4lib.results.runs import EXECUTED
 from support.flights import written
 from support.helpers import write_notebook
 
@@ -77,7 +78,7 @@ def files(folder):
 def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
     flight, left, settings, tmp_path
 ):
-    for folder, more in ((tmp_path / "notebooks", ""), (left / runner.EXECUTED, "seed = 2")):
+    for folder, more in ((tmp_path / "notebooks", ""), (left / EXECUTED, "seed = 2")):
         for part in ("flight", "mounting"):
             write_notebook(folder / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
     wanted = replace(settings, notebooks=tmp_path / "notebooks")
@@ -86,6 +87,6 @@ def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
         tmp_path / "notebooks" / f"{runner.NOTEBOOKS['mounting']}.ipynb", "seed = 1", "seed + 1"
     )
     assert not standing.is_whole(flight, left, wanted)
-    (left / runner.EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
+    (left / EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
     assert not standing.is_whole(flight, left, wanted)
     assert standing.is_whole(flight, left, settings)
