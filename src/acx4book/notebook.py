@@ -12,6 +12,7 @@ from typing import Any
 
 from IPython.core.getipython import get_ipython
 from IPython.display import display
+from threadpoolctl import threadpool_limits
 
 from acx4book.typesetting import tables
 from acx4book.typesetting.sentences import say
@@ -32,6 +33,8 @@ class End(Exception):
 def begin() -> None:
     """Begin a notebook: check the parameters that it was given, and let tables show themselves.
 
+    Linear algebra then has one thread, as in ``acx4 run``, so that results are equal byte by byte.
+
     Raises
     ------
     ValueError
@@ -43,6 +46,7 @@ def begin() -> None:
         return
     _check_parameters(shell.user_ns.get("In", []))
     tables.register(shell)
+    threadpool_limits(1, user_api="blas")
 
 
 def _check_parameters(cells: Sequence[str]) -> None:

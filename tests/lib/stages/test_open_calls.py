@@ -96,7 +96,7 @@ def validation_by_hand(flight, results):
 
 
 def written(path):
-    return {file.name: file.read_bytes() for file in sorted(path.iterdir())}
+    return {file.name: file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
 def test_open_calls_leave_the_bytes_of_a_run_of_a_flight_of_heads(flown, tmp_path):
