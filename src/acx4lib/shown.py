@@ -151,23 +151,19 @@ def side_by_side(values: Mapping[str, Tabled]) -> pd.DataFrame:
     return pd.concat({name: value.table() for name, value in values.items()}, axis=1)
 
 
-def below(*tables: pd.DataFrame, **level: Sequence[str]) -> pd.DataFrame:
-    """Return tables with the same columns below each other.
+def below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
+    """Return the tables of values below each other.
 
     Parameters
     ----------
-    *tables : DataFrame
-    **level : sequence of str
-        A level of the index before the others, and what each table has there.
+    name : str
+        What the keys are, which stand before the rows.
+    values : mapping
     """
     import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
 
-    if not tables:
-        return pd.DataFrame()
-    if not level:
-        return pd.concat(tables)
-    ((name, keys),) = level.items()
-    return pd.concat(tables, keys=keys, names=[name])
+    tables = {key: value.table() for key, value in values.items()}
+    return pd.concat(tables, names=[name]) if tables else pd.DataFrame()
 
 
 class ByName(dict[str, T]):

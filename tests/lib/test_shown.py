@@ -186,6 +186,14 @@ def test_what_is_held_has_no_sigma_and_zeros_of_the_lens_are_left_out(alone):
     assert "k1" not in table.index.get_level_values("parameter")
 
 
+def test_a_camera_has_the_table_of_a_calibration_that_estimated_nothing(alone):
+    camera = alone.calibration.cameras[0]
+    assert camera.table().equals(given([camera]).table())
+    assert camera.table()["sigma"].isna().all()
+    n = sum(value != 0 for value in camera.interior.to_array())
+    assert camera.interior.table().equals(camera.table()[:n])
+
+
 def test_what_is_left_open_has_an_infinite_sigma(noisy_block):
     trajectory = noisy_block.trajectory
     never = replace(trajectory, sigma_position=np.full((len(trajectory), 3), np.inf))

@@ -13,8 +13,9 @@ from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.trust.needs import needed
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.camera import parameter_rows as camera_rows
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk
-from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED, SHOWN
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, REPORTED
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 
 if TYPE_CHECKING:
@@ -98,15 +99,11 @@ def _size(calibration: Calibration) -> tuple[str, str]:
 
 def parameter_rows(calibration: Calibration) -> Iterator[shown.Row]:
     """Yield the parameters of a calibration as its table has them."""
-    sigma = {(p.camera, p.key): p.sigma for p in parameters(calibration)}
+    listed = parameters(calibration)
     mounted = bool(np.any(calibration.layout.mount >= 0)) or not calibration.n_columns
     for camera in calibration.cameras:
-        values = reported_values(camera)
-        for key, (name, _) in REPORTED.items():
-            is_held_and_used = mounted if key in MOUNT else values[name] != 0
-            if (camera.name, key) in sigma or is_held_and_used:
-                own = sigma.get((camera.name, key), np.nan)
-                yield shown.Row(camera.name, *SHOWN[key], values[name], own)
+        sigma = {p.key: p.sigma for p in listed if p.camera == camera.name}
+        yield from camera_rows(camera, sigma, mounted=mounted)
 
 
 @dataclass(frozen=True, kw_only=True)

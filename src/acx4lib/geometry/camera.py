@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
@@ -64,12 +64,7 @@ class Interior:
 
     def table(self) -> pd.DataFrame:
         """Return the values that are not zero with their units."""
-        values = self.to_array()
-        return shown.parameter_table(
-            shown.Row("", *SHOWN[name], values[i], np.nan)
-            for i, name in enumerate(INTERIOR)
-            if values[i] != 0
-        )
+        return shown.parameter_table(_interior_rows("", self, {}))
 
     def to_array(self) -> Array:
         """Return the nine values in the order of `INTERIOR`."""
@@ -150,13 +145,7 @@ class Camera:
 
     def table(self) -> pd.DataFrame:
         """Return interior orientation and mounting with their units."""
-        mounting = np.concatenate([self.T_b_c.r, np.degrees(self.T_b_c.opk)])
-        mounted = (
-            shown.Row("", *SHOWN[name], value, np.nan)
-            for name, value in zip(MOUNT, mounting, strict=True)
-        )
-        own = self.interior.table()
-        return shown.below(own, shown.parameter_table(mounted))
+        return shown.parameter_table(parameter_rows(self, {}))
 
     @property
     def diagonal_px(self) -> float:
@@ -169,6 +158,35 @@ class Camera:
         camera = copy(self)  # its other fields were checked before
         object.__setattr__(camera, "interior", interior)
         return camera
+
+
+def parameter_rows(
+    camera: Camera, sigma: Mapping[str, float], *, mounted: bool = True
+) -> Iterator[shown.Row]:
+    """Yield the parameters of a camera as tables show them.
+
+    Parameters
+    ----------
+    camera : Camera
+    sigma : mapping of str to float
+        Of those that are estimated, by their names, in the units that are shown; the others are
+        held, and those of the interior orientation are left out where they are zero.
+    mounted : bool
+        Whether the mounting is shown.
+    """
+    yield from _interior_rows(camera.name, camera.interior, sigma)
+    values = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)]).tolist()
+    for key, value in zip(MOUNT, values, strict=True):
+        if mounted:
+            yield shown.Row(camera.name, *SHOWN[key], value, sigma.get(key, np.nan))
+
+
+def _interior_rows(
+    name: str, interior: Interior, sigma: Mapping[str, float]
+) -> Iterator[shown.Row]:
+    for key, value in zip(INTERIOR, interior.to_array().tolist(), strict=True):
+        if key in sigma or value != 0:
+            yield shown.Row(name, *SHOWN[key], value, sigma.get(key, np.nan))
 
 
 def mountings(cameras: Sequence[Camera]) -> Pose:

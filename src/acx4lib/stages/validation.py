@@ -59,8 +59,8 @@ class ValidationStage:
 
     def table(self) -> pd.DataFrame:
         """Return the differences of all methods."""
-        found = {one.method: one.table() for one in (*self.validations, *self.in_heads)}
-        return shown.below(*found.values(), method=list(found))
+        found = {one.method: one for one in (*self.validations, *self.in_heads)}
+        return shown.below_each_other("method", found)
 
 
 def run(
